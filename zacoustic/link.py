@@ -1,0 +1,126 @@
+"""The link contract: what a driver of an acoustic modem implements, and what it may call.
+
+A link turns a `Transmission` into sound and sound into `ReceivedFrame`; it knows its device and nothing about streams.
+Rules, all proven by the conformance battery (`zacoustic.testing.conformance`):
+
+- Everything runs on one asyncio loop. The receiver is called on that loop only, never from `transmit` itself.
+- `transmit` returns at once. One transmission is outstanding at most. Exactly one `TransmitReport` follows each, also
+  when the frame is too large, when the link is down, and when it is closed meanwhile (ABORTED).
+- A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
+- After `close` has returned no callback is made; `close` may be called again.
+- `received_at` is stamped where the bytes are read, and never decreases.
+- Bytes from the device never raise; what cannot be understood is ignored and counted in `diagnostics`.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Final, Protocol, Self
+
+import msgspec
+
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    Transmission,
+    TransmitReport,
+)
+from zacoustic.errors import ConfigError
+
+LINK_API: Final = 1
+"""Version of this contract; the registry refuses a link that was written for another."""
+
+
+class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Settings that a link takes from the `#key=value&…` part of its locator; each link extends it."""
+
+
+class LinkReceiver(Protocol):
+    """Who hears from a link; called on the loop only. The runtime implements it."""
+
+    def frame_received(self, frame: ReceivedFrame) -> None:
+        """A frame, or a piece of the byte stream, arrived."""
+        ...
+
+    def transmit_finished(self, report: TransmitReport) -> None:
+        """A transmission has ended."""
+        ...
+
+    def state_changed(self, state: LinkState, detail: str = "") -> None:
+        """The link went up or down; `detail` says what it waits for."""
+        ...
+
+    def carrier_changed(self, busy: bool) -> None:
+        """Somebody else's transmission began or ended; only where `senses_carrier`."""
+        ...
+
+
+class Link(ABC):
+    """One acoustic modem, or something that behaves like one.
+
+    Must implement: `config_type`, `capabilities`, `from_locator`, `open`, `close`, `transmit`.
+    May override: `diagnostics`. Everything else has its default here.
+    """
+
+    link_api: ClassVar[int] = LINK_API
+    config_type: ClassVar[type[LinkConfig]] = LinkConfig
+    """What the settings in the locator are converted to."""
+
+    capabilities: LinkCapabilities
+    """Valid after `open` has returned."""
+
+    @classmethod
+    @abstractmethod
+    def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
+        """Build a link that is not open yet.
+
+        Args:
+            address: The part of the locator between `NAME/` and `#`.
+            config: The settings behind `#`, as `config_type`.
+            node_address: Acoustic address of this node, 1…254.
+
+        Raises:
+            ConfigError: The address cannot be one of this link.
+        """
+
+    @abstractmethod
+    async def open(self, receiver: LinkReceiver) -> None:
+        """Open the device; returns when the link is UP or keeps trying in the background.
+
+        Raises:
+            LinkOpenError: The device cannot be opened and waiting will not help.
+        """
+
+    @abstractmethod
+    async def close(self) -> None:
+        """Release everything; after it no callback is made. May be called again."""
+
+    @abstractmethod
+    def transmit(self, transmission: Transmission) -> None:
+        """Start a transmission; does not block; exactly one report follows.
+
+        Raises:
+            LinkClosedError: The link has not been opened, or has been closed.
+        """
+
+    def diagnostics(self) -> dict[str, int | float | str]:
+        """Counters and readings of the device for the health report, by name."""
+        return {}
+
+
+def convert_config(config_type: type[LinkConfig], settings: dict[str, str], *, source: str) -> LinkConfig:
+    """Convert the settings of a locator to the config of its link.
+
+    Args:
+        config_type: The link's `config_type`.
+        settings: Key and text of each setting.
+        source: The locator, for the message.
+
+    Raises:
+        ConfigError: Unknown key or a value of the wrong kind; names both and what is allowed.
+    """
+    values: dict[str, Any] = dict(settings)
+    try:
+        return msgspec.convert(values, config_type, strict=False)
+    except msgspec.ValidationError as error:
+        allowed = ", ".join(config_type.__struct_fields__) or "none"
+        raise ConfigError(f"{source}: {error}; allowed settings: {allowed}") from error
