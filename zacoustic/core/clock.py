@@ -1,12 +1,13 @@
 """Instants and durations: integer nanoseconds inside, float seconds at the public surface.
 
-An *instant* is an ``int``, nanoseconds on the node's own monotonic clock; arguments are called ``now``, fields end in
-``_at``. A *duration* that a user writes is a ``float`` in seconds and its name ends in ``_s``; it is converted here, once.
-Integers, because slot arithmetic on float seconds puts one boundary in twenty into the neighbouring slot, where a timer
-finds itself early and re-arms for the same instant for ever.
+An *instant* is an ``int``, nanoseconds on the node's own monotonic clock; arguments are called
+``now``, fields end in ``_at``. A *duration* that a user writes is a ``float`` in seconds and its
+name ends in ``_s``; it is converted here, once. Integers, because slot arithmetic on float
+seconds puts one boundary in twenty into the neighbouring slot, where a timer finds itself early
+and re-arms for the same instant for ever.
 
-The core never asks for the time. A shell passes it in: the runtime from ``time.monotonic_ns``, the virtual network from
-its event heap.
+The core never asks for the time. A shell passes it in: the runtime from ``time.monotonic_ns``,
+the virtual network from its event heap.
 """
 
 from typing import Final, Protocol

@@ -1,8 +1,8 @@
-"""What crosses the boundary between an engine and a link: capabilities, frames, transmissions, reports, states.
+"""What crosses between an engine and a link: capabilities, frames, transmissions, reports.
 
-A link tells the truth about itself in `LinkCapabilities`; the core adds exactly what is missing (addresses, check,
-delimiting, medium access) and never asks which link it is. All records here are frozen; instants are ns on the node's
-monotonic clock.
+A link tells the truth about itself in `LinkCapabilities`; the core adds exactly what is missing
+(addresses, check, delimiting, medium access) and never asks which link it is. All records here
+are frozen; instants are ns on the node's monotonic clock.
 """
 
 import enum
@@ -39,7 +39,8 @@ class TransmitOutcome(enum.Enum):
     REJECTED = "rejected"
     """Never on the air: too large, bad address, refused by the modem."""
     ABORTED = "aborted"
-    """Cut short by a reset, a closed port or a loss of the connection; may or may not have been on the air."""
+    """Cut short by a reset, a closed port or a loss of the connection; may or may not have been
+    on the air."""
 
 
 class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
@@ -54,7 +55,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     gap_s: float = 0.0
     """Pause that the device needs after each frame before it can send the next, s, ≥ 0."""
     propagation_s: float = 1.0
-    """Propagation delay to reckon with, one way, s, ≥ 0: what time-outs are derived from before one is measured."""
+    """Propagation delay to reckon with, one way, s, ≥ 0: what time-outs are derived from before
+    one is measured."""
     half_duplex: bool = True
     """The device cannot receive while it transmits."""
     addressed: bool = True
@@ -62,7 +64,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     checked: bool = True
     """Damaged frames do not arrive; otherwise the core adds a CRC."""
     framed: bool = True
-    """One `transmit` arrives as one frame or not at all; otherwise a byte stream, which the core delimits."""
+    """One `transmit` arrives as one frame or not at all; otherwise a byte stream, which the core
+    delimits."""
     acknowledges: bool = False
     """Reports DELIVERED or NOT_DELIVERED for a unicast transmission that asks for it."""
     controls_access: bool = False

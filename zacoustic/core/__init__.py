@@ -1,0 +1,32 @@
+"""The protocol of one node, without any input or output: a function of what it is told.
+
+No clock, no thread, no socket, no file and no randomness of its own: instants are arguments called
+``now``, randomness is a `random.Random`. The same inputs give the same bytes and the same trace.
+It imports with nothing but msgspec and cbor2 installed.
+
+Map, in reading order:
+
+==================================  ================================================================
+`clock`, `linktypes`, `events`      what goes in and comes out
+`frame`, `envelope`, `age`          the wire (docs/wire.md is normative)
+`engine`                            the wiring, and the contract for whoever drives it
+`queue`, `qos`, `composer`          what waits, what it is worth, how it becomes a frame
+`receiver`, `topics`, `services`,   what arrives, and what becomes of it
+`calls`
+`handshake`                         HELLO: do both ends hold the same table?
+`port`, `access`                    the link, and when a frame may start
+`streams`, `keys`                   names ⇄ bytes, and the digest of the table
+`types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application
+`journal`, `stats`, `trace`         what is to be written down, counted, traced
+==================================  ================================================================
+
+Rooms that are left for later versions: `arq` and `objects` beside `topics`, `actions` beside
+`services`, `dense` beside `payload`, further policies in `access`.
+
+Invariants:
+
+- What comes off the water never raises and costs bounded memory.
+- A sample is decoded only when both ends are known to define its stream in the same way.
+- An idle engine has no timer and transmits nothing.
+- Every byte given to the link is in the ledger, under a stream and a cause.
+"""

@@ -1,0 +1,138 @@
+"""What an engine tells the application: frozen records, polled one by one."""
+
+import enum
+from typing import Any
+
+import msgspec
+
+from zacoustic.core.keys import Instance
+from zacoustic.core.linktypes import LinkMetrics, LinkState
+
+
+class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample of a topic arrived."""
+
+    stream_id: int
+    """The topic's stream."""
+    source: int
+    """Address of the node that published it."""
+    instance: Instance
+    """Which of the topic's keys; see `zacoustic.core.keys`."""
+    value: Any
+    """The sample as its type says, bytes for an opaque stream, None for a delete."""
+    deleted: bool = False
+    """The key was deleted; there is no value."""
+    encoding: str
+    """Zenoh encoding that the publisher used."""
+    age_s: float | None = None
+    """How old the sample was when its frame was composed, s; infinity: over an hour; None: the
+    stream has no stamp."""
+    received_at: int
+    """Instant at which the frame had arrived, ns."""
+    metrics: LinkMetrics
+    """What the modem measured on the frame."""
+
+
+class CallKey(msgspec.Struct, frozen=True):
+    """Identifies a call at its server: who called, in which life, on which stream, which number."""
+
+    client: int
+    epoch: int
+    stream_id: int
+    number: int
+
+
+class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A client calls a service of this node: answer by `Engine.reply` or `Engine.reply_error`."""
+
+    call: CallKey
+    """Names the call in the answer."""
+    value: Any
+    """The request."""
+    deadline_at: int
+    """Instant after which an answer is worthless, ns."""
+
+
+class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A call of this node was answered."""
+
+    call_id: int
+    """What `Engine.call` returned."""
+    stream_id: int
+    """The service's stream."""
+    value: Any
+    """The response."""
+
+
+class CallFailure(enum.IntEnum):
+    """Why a call has no response; the numbers are on the wire."""
+
+    HANDLER = 1
+    """The handler of the service failed; the text is its own."""
+    NO_SERVER = 2
+    """The server's node has nobody who serves."""
+    BAD_REQUEST = 3
+    """The request could not be decoded by the server's node."""
+    TABLE_MISMATCH = 4
+    """The two nodes hold different definitions of this stream."""
+    BAD_RESPONSE = 5
+    """The response could not be decoded here."""
+    TIMED_OUT = 6
+    """No answer before the deadline. Whether the service ran is unknown."""
+    CANCELLED = 7
+    """Given up by the caller."""
+
+
+class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
+    """A call of this node has no response."""
+
+    call_id: int
+    """What `Engine.call` returned."""
+    stream_id: int
+    """The service's stream."""
+    failure: CallFailure
+    """Why."""
+    text: str
+    """One line for people."""
+
+
+class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """The link went up or down."""
+
+    state: LinkState
+    """The new state."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A node told its epoch for the first time, or it restarted."""
+
+    address: int
+    """The node."""
+    epoch: int
+    """Its boot epoch."""
+    same_table: bool
+    """Its table has the digest of ours."""
+    wire_version: int
+    """The version it speaks; another than ours is not understood."""
+
+
+class StreamsDiffer(msgspec.Struct, frozen=True, kw_only=True):
+    """A node defines a stream in another way: it is stopped between the two, the others go on."""
+
+    address: int
+    """The node."""
+    stream_id: int
+    """The stream that differs, or that one of the two does not have."""
+
+
+Event = (
+    SampleReceived
+    | RequestReceived
+    | ResponseReceived
+    | CallFailed
+    | LinkStateChanged
+    | PeerSeen
+    | StreamsDiffer
+)

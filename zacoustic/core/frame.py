@@ -1,0 +1,249 @@
+"""The records inside a frame, native profile: docs/wire.md is the normative text, with vectors.
+
+A frame is a sequence of *records*. The first byte says which kind::
+
+    0x00         padding
+    0x01…0xAF    stream id: content of that stream follows
+    0xB0…0xBF    control, below
+    0xC0…0xFF    dense frame (a later version)
+
+What follows a stream id is fixed by the stream, which both ends have in their tables: a
+best-effort sample costs its id and nothing else. Nothing in a record says how long it is, unless
+its payload delimits itself or the sender wrote the control ``LEN`` before it. So a frame ends its
+own last record; a receiver that meets an id it cannot measure takes the rest of the frame as that
+record.
+
+Two frozen controls never change, in any version: ``HELLO`` and ``TAG``. They let two ends find
+out that they speak different versions or hold different tables.
+"""
+
+import enum
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.encoding import decode_prefix
+
+WIRE_VERSION: Final = 1
+"""Version of this wire format, in every HELLO."""
+
+LAST_STREAM_ID: Final = 0xAF
+LONGEST_DELIMITED_BYTES: Final = 255
+"""Longest record that LEN can delimit."""
+
+
+class Control(enum.IntEnum):
+    """Control codes; what is not named here is reserved."""
+
+    HELLO = 0xB0
+    """Version, boot epoch (2), table digest (4): who sends, and with which table. Frozen for
+    ever."""
+    TAG = 0xB1
+    """Boot epoch (2): the sender of this frame does not know that its hearers know its table.
+    Frozen for ever."""
+    LEN = 0xB2
+    """Length (1) of the record that follows, with its prefixes and its id."""
+    DELETE = 0xB3
+    """Prefix: the record deletes its key; it has no payload."""
+    ENCODING = 0xB4
+    """Prefix: encoding of the sample (`zacoustic.core.encoding`), where it is not the stream's."""
+    CONFIRM = 0xB5
+    """Address (1), epoch (2): the sender knows the table of that node's epoch, and has the same."""
+    ASK = 0xB6
+    """Address (1), stream id or 0 (1): that node is asked for a HELLO, or for the digest of the
+    stream."""
+    TABLE = 0xB7
+    """Epoch (2), stream id (1), digest (4): one row of the sender's table."""
+    RELAY = 0xBF
+    """Reserved: origin, destination, hops, sequence."""
+
+
+class Hello(msgspec.Struct, frozen=True):
+    """Who sends, and with which table."""
+
+    version: int
+    epoch: int
+    digest: bytes
+
+    def encode(self) -> bytes:
+        """Return the 8 bytes of the control."""
+        return bytes((Control.HELLO, self.version)) + self.epoch.to_bytes(2, "big") + self.digest
+
+
+class Tag(msgspec.Struct, frozen=True):
+    """The sender's epoch, where its table may be unknown."""
+
+    epoch: int
+
+    def encode(self) -> bytes:
+        """Return the 3 bytes of the control."""
+        return bytes((Control.TAG,)) + self.epoch.to_bytes(2, "big")
+
+
+class Confirm(msgspec.Struct, frozen=True):
+    """The sender knows and shares the table of a node's epoch."""
+
+    address: int
+    epoch: int
+
+    def encode(self) -> bytes:
+        """Return the 4 bytes of the control."""
+        return bytes((Control.CONFIRM, self.address)) + self.epoch.to_bytes(2, "big")
+
+
+class Ask(msgspec.Struct, frozen=True):
+    """A node is asked for its HELLO (stream id 0) or for one row of its table."""
+
+    address: int
+    stream_id: int
+
+    def encode(self) -> bytes:
+        """Return the 3 bytes of the control."""
+        return bytes((Control.ASK, self.address, self.stream_id))
+
+
+class TableRow(msgspec.Struct, frozen=True):
+    """The digest of one stream in the sender's table; four zero bytes when it has none."""
+
+    epoch: int
+    stream_id: int
+    digest: bytes
+
+    def encode(self) -> bytes:
+        """Return the 8 bytes of the control."""
+        return (
+            bytes((Control.TABLE,))
+            + self.epoch.to_bytes(2, "big")
+            + bytes((self.stream_id,))
+            + self.digest
+        )
+
+
+class Record(msgspec.Struct, frozen=True):
+    """What one stream has in a frame."""
+
+    stream_id: int
+    content: bytes
+    """What follows the id."""
+    delete: bool = False
+    encoding: str | None = None
+    """Zenoh encoding where it is not the stream's."""
+
+
+class Stray(msgspec.Struct, frozen=True):
+    """The rest of a frame, or of a delimited record, that cannot be read."""
+
+    reason: str
+    """One word for the statistics: ``truncated``, ``reserved``, ``unknown_stream``."""
+    size_bytes: int
+
+
+Item = Hello | Tag | Confirm | Ask | TableRow | Record | Stray
+
+Measure = Callable[[int, bytes, int, bool], int | None]
+"""``(stream_id, buffer, offset, delete)`` → end of the content there; None: it shows none.
+Raises KeyError for a stream that the table does not have."""
+
+ABSENT_DIGEST: Final = bytes(4)
+"""Digest in a `TableRow` of a stream that the sender's table does not have."""
+
+_CONTROL_SIZES: Final = {
+    Control.HELLO: 8,
+    Control.TAG: 3,
+    Control.CONFIRM: 4,
+    Control.ASK: 3,
+    Control.TABLE: 8,
+}
+HELLO_BYTES: Final = _CONTROL_SIZES[Control.HELLO]
+TAG_BYTES: Final = _CONTROL_SIZES[Control.TAG]
+DELIMITER_BYTES: Final = 2
+"""What LEN and its length byte cost."""
+
+
+def parse_frame(frame: bytes, measure: Measure) -> Iterator[Item]:
+    """Take a frame apart; never raises, whatever the bytes.
+
+    Args:
+        frame: The records of one frame, without envelope.
+        measure: Finds where the content of a stream ends.
+
+    Yields:
+        Controls and records in the order of the frame; at most one `Stray` for what cannot be
+        read, after which only records that `LEN` delimits are still found.
+    """
+    offset = 0
+    while offset < len(frame):
+        code = frame[offset]
+        if code in (Control.HELLO, Control.TAG):
+            # The tables may differ: only what LEN delimits can be trusted to end where it seems to.
+            measure = _measure_nothing
+        if code == 0:
+            offset += 1
+        elif code == Control.LEN:
+            start = offset + DELIMITER_BYTES
+            if start > len(frame) or start + frame[offset + 1] > len(frame):
+                yield Stray("truncated", len(frame) - offset)
+                return
+            offset = start + frame[offset + 1]
+            if offset > start:
+                yield _parse_delimited(frame[start:offset])
+        elif code in _CONTROL_SIZES:
+            size = _CONTROL_SIZES[Control(code)]
+            if offset + size > len(frame):
+                yield Stray("truncated", len(frame) - offset)
+                return
+            yield _parse_control(frame, offset)
+            offset += size
+        else:
+            item, offset = _parse_record(frame, offset, measure)
+            yield item
+
+
+def _parse_control(frame: bytes, offset: int) -> Item:
+    code = frame[offset]
+    body = frame[offset + 1 : offset + _CONTROL_SIZES[Control(code)]]
+    if code == Control.HELLO:
+        return Hello(body[0], int.from_bytes(body[1:3], "big"), body[3:7])
+    if code == Control.TAG:
+        return Tag(int.from_bytes(body, "big"))
+    if code == Control.CONFIRM:
+        return Confirm(body[0], int.from_bytes(body[1:3], "big"))
+    if code == Control.ASK:
+        return Ask(body[0], body[1])
+    return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
+
+
+def _parse_delimited(piece: bytes) -> Item:
+    """Parse the one record that LEN delimits: its content reaches to the end."""
+    item, _ = _parse_record(piece, 0, _measure_nothing)
+    return item
+
+
+def _measure_nothing(stream_id: int, buffer: bytes, offset: int, delete: bool) -> None:
+    """Measure no content: it reaches to the end."""
+
+
+def _parse_record(frame: bytes, offset: int, measure: Measure) -> tuple[Item, int]:
+    start, end = offset, len(frame)
+    delete, encoding = False, None
+    while offset < end and frame[offset] in (Control.DELETE, Control.ENCODING):
+        if frame[offset] == Control.DELETE:
+            delete, offset = True, offset + 1
+        else:
+            prefix = decode_prefix(frame, offset + 1)
+            if prefix is None:
+                return Stray("truncated", end - start), end
+            encoding, offset = prefix
+    if offset >= end:
+        return Stray("truncated", end - start), end
+    stream_id = frame[offset]
+    if not 1 <= stream_id <= LAST_STREAM_ID:
+        return Stray("reserved", end - start), end
+    offset += 1
+    try:
+        measured = measure(stream_id, frame, offset, delete)
+    except KeyError:
+        return Stray("unknown_stream", end - start), end
+    content_end = end if measured is None else min(measured, end)
+    return Record(stream_id, frame[offset:content_end], delete, encoding), content_end

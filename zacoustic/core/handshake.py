@@ -1,0 +1,396 @@
+"""HELLO: two ends find out whether a stream id means the same to both, before anything is decoded.
+
+The problem: an id is one byte, and its meaning is in the tables of both ends. A node may restart
+with another table at any time, and any frame may be lost, the first one after the restart
+included. A sample decoded by the wrong table is worse than a lost one.
+
+The idea, from the sender's side. Each life of a node has a *boot epoch*. As long as one of the
+nodes that a frame is for has not confirmed the current epoch, the frame begins with a HELLO
+(epoch and digest of the table, 8 bytes) or with a TAG (the epoch alone, 3 bytes). Unicast frames
+carry the HELLO wherever it fits, broadcast ones in one frame of eight. When
+all have confirmed, frames begin with nothing: that is the state in which a sample costs one byte.
+
+From the receiver's side, three rules:
+
+1. A frame *without* HELLO or TAG is decoded only if the source's table is known to equal ours. A
+   node confirms only what it knows to be equal, so a source that omits the TAG has been told so
+   by us in its present life.
+2. A frame *with* one is decoded only if its epoch is the one whose HELLO we have heard: all of it
+   if the tables are equal, else those streams whose digests (TABLE rows) are known and equal.
+3. Everything else is dropped as ``unconfirmed``, and the source is asked (ASK) for what is missing.
+
+So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
+and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Both rules
+need no clock. Tables contain the list of nodes, so "all have confirmed" means the same to both.
+
+Silence: what is owed to a peer (a confirmation, an answer, a question) rides on frames that go
+anyway; only after a random pause does it get a frame of its own, and each repetition doubles the
+pause. Nothing of this happens unless a frame was received, so an idle system stays silent.
+"""
+
+import random
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.events import PeerSeen, StreamsDiffer
+from zacoustic.core.frame import (
+    ABSENT_DIGEST,
+    HELLO_BYTES,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+    Tag,
+)
+from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.stats import Cause
+from zacoustic.core.streams import StreamTable
+
+HELLO_EVERY: Final = 8
+"""On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
+on average."""
+
+_FIRST_PAUSE_UNITS: Final = 2
+_LONGEST_PAUSE_UNITS: Final = 256
+_ASK_HELLO: Final = 0
+
+
+class Pause:
+    """Doubles with each use: no question is repeated faster than answers can come."""
+
+    __slots__ = ("_units", "not_before")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Allow the next use at once."""
+        self._units = _FIRST_PAUSE_UNITS
+        self.not_before = 0
+
+    def use(self, now: int, unit_ns: int) -> None:
+        """Note a use; the next one is allowed after the pause."""
+        self.not_before = now + self._units * unit_ns
+        self._units = min(2 * self._units, _LONGEST_PAUSE_UNITS)
+
+
+class Peer:
+    """What is known of another node, and what is owed to it."""
+
+    def __init__(self) -> None:
+        self.epoch: int | None = None
+        self.digest = b""
+        self.rows: dict[int, bytes] = {}
+        self.confirmed_us = False
+        self.told_differing: set[int] = set()
+        self.owes_confirm = False
+        self.owes_hello = False
+        self.owed_rows: dict[int, None] = {}
+        self.questions: dict[int, None] = {}
+        self.speak_at: int | None = None
+        self.ask_pause = Pause()
+        self.answer_pause = Pause()
+
+    @property
+    def is_owed(self) -> bool:
+        """Something is to be said to it."""
+        return self.owes_confirm or self.owes_hello or bool(self.owed_rows or self.questions)
+
+
+class Handshake:
+    """Introduces this node to its peers, and decides what of theirs may be decoded.
+
+    Args:
+        address: Address of this node.
+        epoch: Its boot epoch, 0…65535.
+        table: Its stream table.
+        rng: Draws the pauses before frames of its own.
+    """
+
+    def __init__(self, address: int, epoch: int, table: StreamTable, rng: random.Random) -> None:
+        self._address = address
+        self._table = table
+        self._rng = rng
+        self._peers: dict[int, Peer] = {}
+        self._since_hello: dict[int, int] = {}
+        self._unit_ns = seconds_to_ns(1)
+        self.epoch = epoch
+        self._digest = table.digest
+        self.news: list[PeerSeen | StreamsDiffer] = []
+        """What happened, for the engine to pass on."""
+
+    def use_link(self, capabilities: LinkCapabilities) -> None:
+        """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
+        propagation_ns = seconds_to_ns(capabilities.propagation_s)
+        self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+
+    def table_changed(self) -> None:
+        """Begin a new epoch, because the table is not what peers have confirmed."""
+        self.epoch = (self.epoch + 1) & 0xFFFF
+        self._digest = self._table.digest
+        self._since_hello.clear()
+        for peer in self._peers.values():
+            peer.confirmed_us = False
+            peer.rows.clear()
+            peer.told_differing.clear()
+
+    # What this node says
+
+    def introduction(self, destination: int, room_bytes: int, *, urgent: bool = False) -> bytes:
+        """Return the HELLO, the TAG or nothing that a frame to `destination` begins with.
+
+        Args:
+            destination: Address, or `BROADCAST`.
+            room_bytes: What the frame has left beside its first record; a HELLO that does not fit
+                is sent without it.
+            urgent: The record must be in this frame: never displace it by a HELLO.
+        """
+        audience = self._audience(destination)
+        silent = [peer for peer in audience if not peer.confirmed_us]
+        asked = self.introduces(destination)
+        if not silent and audience and not asked:
+            return b""
+        tag = Tag(self.epoch).encode()
+        fits = room_bytes >= HELLO_BYTES
+        if asked:
+            wanted = fits or not urgent
+        elif audience and all(self._knows_difference(peer) for peer in silent):
+            wanted = False
+        else:
+            turn = self._since_hello.get(destination, 0) % HELLO_EVERY == 0
+            wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
+        if not wanted:
+            self._since_hello[destination] = self._since_hello.get(destination, 0) + 1
+            return tag
+        self._since_hello[destination] = 1
+        for peer in self._peers.values() if destination == BROADCAST else audience:
+            peer.owes_hello = False
+        return Hello(WIRE_VERSION, self.epoch, self._digest).encode()
+
+    def introduces(self, destination: int) -> bool:
+        """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
+        if destination == BROADCAST:
+            return any(peer.owes_hello for peer in self._peers.values())
+        return self._peer(destination).owes_hello
+
+    def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
+        """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
+        taken: list[tuple[Cause, bytes]] = []
+        hearers = sorted(self._peers) if destination == BROADCAST else [destination]
+        for address in hearers:
+            peer = self._peers.get(address)
+            if peer is not None and peer.is_owed:
+                for cause, control in self._controls(address, peer, now):
+                    if len(control) > room_bytes:
+                        break
+                    room_bytes -= len(control)
+                    taken.append((cause, control))
+                    self._said(peer, cause, now)
+                if not peer.is_owed:
+                    peer.speak_at = None
+        return taken
+
+    def speak_next(self) -> tuple[int, int] | None:
+        """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
+        waiting = [
+            (peer.speak_at, address)
+            for address, peer in self._peers.items()
+            if peer.speak_at is not None and peer.is_owed
+        ]
+        return min(waiting, default=None)
+
+    def spoken(self, address: int, now: int) -> None:
+        """Note that a frame went to a peer; what did not fit is said in a next one."""
+        peer = self._peers.get(address)
+        if peer is not None:
+            peer.speak_at = now if peer.is_owed else None
+
+    # What this node hears
+
+    def heard_hello(self, source: int, hello: Hello, now: int) -> None:
+        """A HELLO arrived: remember it, and that it is to be confirmed."""
+        peer = self._peer(source)
+        # What another version calls a digest means nothing to us.
+        digest = hello.digest if hello.version == WIRE_VERSION else b""
+        if (peer.epoch, peer.digest) != (hello.epoch, digest):
+            self._forget(peer)
+            peer.epoch, peer.digest = hello.epoch, digest
+            same = digest == self._digest
+            self.news.append(
+                PeerSeen(
+                    address=source,
+                    epoch=hello.epoch,
+                    same_table=same,
+                    wire_version=hello.version,
+                )
+            )
+        peer.questions.pop(_ASK_HELLO, None)
+        self._answer_introduction(peer, now)
+
+    def heard_tag(self, source: int, epoch: int, now: int) -> None:
+        """A TAG arrived: its sender does not know that we know it."""
+        peer = self._peer(source)
+        if peer.epoch != epoch:
+            self._ask(peer, _ASK_HELLO, now)
+        else:
+            self._answer_introduction(peer, now)
+
+    def heard_confirm(self, source: int, confirm: Confirm) -> None:
+        """A peer says that it knows and shares our table."""
+        if confirm.address == self._address and confirm.epoch == self.epoch:
+            self._peer(source).confirmed_us = True
+
+    def heard_ask(self, source: int, ask: Ask, now: int) -> None:
+        """A peer wants our HELLO, or one row of our table."""
+        if ask.address != self._address:
+            return
+        peer = self._peer(source)
+        peer.confirmed_us = False
+        if ask.stream_id == _ASK_HELLO:
+            peer.owes_hello = True
+        else:
+            peer.owed_rows[ask.stream_id] = None
+        self._speak_soon(peer, peer.answer_pause, now)
+
+    def heard_row(self, source: int, row: TableRow, now: int) -> None:
+        """A row of a peer's table arrived."""
+        peer = self._peer(source)
+        if peer.epoch != row.epoch:
+            self._ask(peer, _ASK_HELLO, now)
+            return
+        known = row.stream_id in peer.rows
+        peer.rows[row.stream_id] = row.digest
+        peer.questions.pop(row.stream_id, None)
+        peer.ask_pause.reset()
+        if row.digest != self._row(row.stream_id):
+            self._tell_difference(source, peer, row.stream_id)
+            if not known:
+                peer.owed_rows[row.stream_id] = None
+                self._speak_soon(peer, peer.answer_pause, now)
+
+    def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
+        """Decide whether a record may be decoded.
+
+        Args:
+            source: Who sent the frame.
+            epoch: From the frame's HELLO or TAG; None for a frame without.
+            stream_id: The record's stream.
+            now: The instant.
+
+        Returns:
+            None when it may, else the reason for the statistics: ``unconfirmed`` or ``differs``.
+        """
+        peer = self._peer(source)
+        if peer.epoch is not None and peer.digest == self._digest:
+            if epoch is None or epoch == peer.epoch:
+                return None
+        elif peer.epoch is not None and epoch == peer.epoch:
+            row = peer.rows.get(stream_id)
+            if row is not None and row == self._row(stream_id):
+                return None
+            if row is not None:
+                return "differs"
+            self._ask(peer, stream_id, now)
+            return "unconfirmed"
+        if peer.epoch is None or epoch is not None:
+            self._ask(peer, _ASK_HELLO, now)
+        else:
+            # The source takes us for confirmed, from a life of ours that is over.
+            peer.owes_hello = True
+            self._speak_soon(peer, peer.answer_pause, now)
+        return "unconfirmed"
+
+    def differs(self, address: int, stream_id: int) -> bool:
+        """Tell whether a node is known to define a stream in another way."""
+        peer = self._peers.get(address)
+        row = peer.rows.get(stream_id) if peer else None
+        return row is not None and row != self._row(stream_id)
+
+    def epoch_of(self, address: int) -> int:
+        """Return the epoch of a peer whose record was just allowed."""
+        epoch = self._peer(address).epoch
+        assert epoch is not None
+        return epoch
+
+    def peers(self) -> dict[int, Peer]:
+        """Return what is known of each node heard so far, by address."""
+        return dict(self._peers)
+
+    # Below the methods above
+
+    def _peer(self, address: int) -> Peer:
+        peer = self._peers.get(address)
+        if peer is None:
+            peer = self._peers[address] = Peer()
+        return peer
+
+    def _audience(self, destination: int) -> list[Peer]:
+        if destination != BROADCAST:
+            return [self._peer(destination)]
+        return [self._peer(address) for address in self._table.nodes if address != self._address]
+
+    def _row(self, stream_id: int) -> bytes:
+        stream = self._table.get(stream_id)
+        return stream.digest if stream else ABSENT_DIGEST
+
+    def _knows_difference(self, peer: Peer) -> bool:
+        return peer.epoch is not None and peer.digest != self._digest
+
+    @staticmethod
+    def _forget(peer: Peer) -> None:
+        """A peer has begun a new life: it knows nothing of us, and we nothing of its table."""
+        peer.confirmed_us = False
+        peer.rows.clear()
+        peer.told_differing.clear()
+        peer.owed_rows.clear()
+        peer.questions.clear()
+        peer.ask_pause.reset()
+        peer.answer_pause.reset()
+
+    def _answer_introduction(self, peer: Peer, now: int) -> None:
+        if peer.digest == self._digest:
+            peer.owes_confirm = True
+        else:
+            peer.owes_hello = True
+        self._speak_soon(peer, peer.answer_pause, now)
+
+    def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
+        peer.questions[stream_id] = None
+        self._speak_soon(peer, peer.ask_pause, now)
+
+    def _speak_soon(self, peer: Peer, pause: Pause, now: int) -> None:
+        """Give what is owed a frame of its own, unless one goes anyway before."""
+        earliest = max(now, pause.not_before)
+        at = earliest + self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
+        if peer.speak_at is None or at < peer.speak_at:
+            peer.speak_at = at
+
+    def _controls(self, address: int, peer: Peer, now: int) -> list[tuple[Cause, bytes]]:
+        controls: list[tuple[Cause, bytes]] = []
+        if peer.owes_confirm and peer.epoch is not None:
+            controls.append((Cause.CONFIRM, Confirm(address, peer.epoch).encode()))
+        if peer.ask_pause.not_before <= now:
+            controls += [
+                (Cause.ASK, Ask(address, stream_id).encode()) for stream_id in peer.questions
+            ]
+        for stream_id in peer.owed_rows:
+            row = TableRow(self.epoch, stream_id, self._row(stream_id))
+            controls.append((Cause.TABLE, row.encode()))
+        return controls
+
+    def _said(self, peer: Peer, cause: Cause, now: int) -> None:
+        if cause is Cause.CONFIRM:
+            peer.owes_confirm = False
+            peer.answer_pause.use(now, self._unit_ns)
+        elif cause is Cause.TABLE:
+            peer.owed_rows.pop(next(iter(peer.owed_rows)))
+        else:
+            peer.questions.pop(next(iter(peer.questions)))
+            if not peer.questions:
+                peer.ask_pause.use(now, self._unit_ns)
+
+    def _tell_difference(self, source: int, peer: Peer, stream_id: int) -> None:
+        if stream_id not in peer.told_differing:
+            peer.told_differing.add(stream_id)
+            self.news.append(StreamsDiffer(address=source, stream_id=stream_id))

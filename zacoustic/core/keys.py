@@ -1,0 +1,181 @@
+"""Names of streams with placeholders, and the keys that they stand for.
+
+A name is a key expression without Zenoh's wildcards. A chunk may hold ``{node}``, the name of the
+node that a frame came from, which costs nothing because the source of a frame is known; or a
+wildcard of the stream's own with its values listed, which costs one byte. A name with its
+placeholders filled in is a *key*; the tuple of value numbers that fills its wildcards is its
+*instance*.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ConfigError, UnknownStreamError
+
+NODE_PLACEHOLDER: Final = "node"
+"""Name of the placeholder that stands for the source of the frame."""
+
+MOST_VALUES: Final = 255
+"""Values that a wildcard can have: its number is one byte."""
+
+_PLACEHOLDER: Final = re.compile(r"\{([^{}]*)\}")
+
+Instance = tuple[int, ...]
+"""Which value each wildcard of a name takes, in the order of the name; ``()`` for a name without
+any."""
+
+
+class Wildcard(msgspec.Struct, frozen=True, kw_only=True):
+    """A placeholder of a topic's name and the values it can take."""
+
+    name: str
+    """As it stands between the braces."""
+    values: tuple[str, ...]
+    """Key chunks; the position, 0…254, is what crosses the water."""
+
+
+class KeyPattern:
+    """A name, its wildcards, and the nodes that ``{node}`` can stand for.
+
+    Args:
+        name: The name.
+        wildcards: Its placeholders, `{node}` excepted, in any order.
+        node_names: Name of each node by address.
+
+    Raises:
+        ConfigError: The name is no key expression, or its placeholders and wildcards do not fit.
+    """
+
+    def __init__(
+        self, name: str, wildcards: tuple[Wildcard, ...], node_names: Mapping[int, str]
+    ) -> None:
+        check_name(name, wildcards)
+        self.name = name
+        self.node_names = dict(node_names)
+        self.is_named_by_node = f"{{{NODE_PLACEHOLDER}}}" in name
+        """The name holds ``{node}``."""
+        by_name = {wildcard.name: wildcard for wildcard in wildcards}
+        found = [part for part in _PLACEHOLDER.findall(name) if part != NODE_PLACEHOLDER]
+        self.wildcards: tuple[Wildcard, ...] = tuple(by_name[part] for part in found)
+        """The wildcards in the order of the name."""
+        self._numbers = [
+            {value: number for number, value in enumerate(wildcard.values)}
+            for wildcard in self.wildcards
+        ]
+        self._parts = _PLACEHOLDER.split(name)
+
+    def key(self, source: int, instance: Instance) -> str:
+        """Fill in the placeholders.
+
+        Raises:
+            UnknownStreamError: The node has no name, or a number is beyond the listed values.
+        """
+        if len(self._parts) == 1 and not instance:
+            return self.name
+        try:
+            values = [
+                wildcard.values[number]
+                for wildcard, number in zip(self.wildcards, instance, strict=True)
+            ]
+            node = self.node_names[source] if self.is_named_by_node else ""
+        except (KeyError, IndexError, ValueError) as error:
+            raise UnknownStreamError(
+                f"{self.name}: no key for node {source} and values {instance}"
+            ) from error
+        remaining = iter(values)
+        return _PLACEHOLDER.sub(
+            lambda found: node if found[1] == NODE_PLACEHOLDER else next(remaining), self.name
+        )
+
+    def match(self, key: str, source: int) -> Instance | None:
+        """Find the instance of a key that `source` publishes under; None: not one of this name."""
+        pattern = re.escape(self._parts[0])
+        for placeholder, text in zip(self._parts[1::2], self._parts[2::2], strict=True):
+            if placeholder == NODE_PLACEHOLDER:
+                pattern += re.escape(self.node_names.get(source, ""))
+            else:
+                pattern += f"(?P<{placeholder}>[^/]+)"
+            pattern += re.escape(text)
+        found = re.fullmatch(pattern, key)
+        if found is None:
+            return None
+        numbers = [
+            known.get(found[wildcard.name])
+            for wildcard, known in zip(self.wildcards, self._numbers, strict=True)
+        ]
+        return (
+            None if None in numbers else tuple(number for number in numbers if number is not None)
+        )
+
+    def expression(self, source: int | None) -> str:
+        """Return the Zenoh key expression of the keys of `source`, or of any node where None.
+
+        It may cover more: Zenoh's wildcards know no lists of values, so what arrives is still to
+            be matched.
+        """
+        node = self.node_names.get(source, "*") if source is not None else "*"
+        chunks = []
+        for chunk in self.name.split("/"):
+            filled = chunk.replace(f"{{{NODE_PLACEHOLDER}}}", node)
+            chunks.append("*" if "*" in filled or _PLACEHOLDER.search(filled) else filled)
+        return "/".join(chunks)
+
+
+def check_name(name: str, wildcards: tuple[Wildcard, ...]) -> None:
+    """Check a name and its wildcards.
+
+    Raises:
+        ConfigError: Names the key that is wrong, its value and what is allowed.
+    """
+    wrong = fault_of_name(name)
+    if wrong:
+        raise ConfigError(f'name: "{name}" {wrong}')
+    placeholders = _PLACEHOLDER.findall(name)
+    if len(placeholders) != len(set(placeholders)):
+        raise ConfigError(f'name: "{name}" uses a placeholder twice; allowed: once each')
+    listed = {NODE_PLACEHOLDER, *(wildcard.name for wildcard in wildcards)}
+    for placeholder in placeholders:
+        if placeholder not in listed:
+            raise ConfigError(
+                f'name: "{name}" has {{{placeholder}}}, which is not listed; '
+                f"allowed: {', '.join(sorted(listed))}",
+                hint=f'add wildcards: [{{ name: "{placeholder}", values: […] }}]',
+            )
+    for index, wildcard in enumerate(wildcards):
+        _check_wildcard(f"wildcards[{index}]", wildcard, placeholders)
+
+
+def fault_of_name(name: str) -> str | None:
+    """Tell what is wrong with a name as a key expression of Zenoh without wildcards, or None."""
+    if not name:
+        return "is empty; allowed: a key expression"
+    if name.startswith("/"):
+        return f'starts with "/"; allowed: Zenoh keys, which do not: "{name.lstrip("/")}"'
+    if name.endswith("/") or "//" in name:
+        return 'has an empty chunk; allowed: chunks separated by single "/"'
+    for mark in "*#?$":
+        if mark in name:
+            return f'contains "{mark}"; allowed: no wildcards, or {{name}} with its values listed'
+    if name.startswith("@"):
+        return 'starts with "@", which Zenoh and zacoustic keep for themselves'
+    if set("{}") & set(_PLACEHOLDER.sub("", name)):
+        return "has a brace without its partner; allowed: {name}"
+    return None
+
+
+def _check_wildcard(where: str, wildcard: Wildcard, placeholders: list[str]) -> None:
+    name, values = wildcard.name, wildcard.values
+    if not name.isidentifier() or name == NODE_PLACEHOLDER:
+        raise ConfigError(f'{where}.name: "{name}"; allowed: letters, digits and _, not "node"')
+    if name not in placeholders:
+        raise ConfigError(f'{where}.name: "{name}" does not occur in the name of the stream')
+    if not 1 <= len(values) <= MOST_VALUES or len(set(values)) != len(values):
+        raise ConfigError(
+            f"{where}.values: {len(values)} values; allowed: 1..{MOST_VALUES}, all different"
+        )
+    for value in values:
+        if fault_of_name(value) or "/" in value or "{" in value:
+            raise ConfigError(f'{where}.values: "{value}"; allowed: one chunk of a key')

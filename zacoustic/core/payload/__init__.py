@@ -1,0 +1,15 @@
+"""Codecs of the payloads that cross the water.
+
+A stream has one codec, made once from what both ends know of the stream. `OpaqueCodec` carries
+bytes as they are; `CborCodec` carries the values of a type as CBOR by position. The frame layer
+needs three facts of a codec: whether a payload says itself where it ends, how small and how large
+it can be.
+
+An application's mistake on the way out is a `PayloadInvalidError` for the application. Damage on
+the way in is a `PayloadError`, internal to the core: it is counted, traced, dropped.
+"""
+
+from zacoustic.core.payload.cbor import CborCodec
+from zacoustic.core.payload.codec import OpaqueCodec, PayloadCodec, PayloadError
+
+__all__ = ["CborCodec", "OpaqueCodec", "PayloadCodec", "PayloadError"]

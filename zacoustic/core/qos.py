@@ -1,0 +1,90 @@
+"""Quality of service of a stream: the words of ROS 2 and Zenoh, and what the queue makes of them.
+
+Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame,
+whatever waits. Among the
+other six, waiting raises value: a payload is ranked by the instant at which it was queued plus
+the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a fresh slow
+one by the difference of their patience, and no
+payload starves: after at most that difference nothing new can get in front of it.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.clock import seconds_to_ns
+
+
+class Priority(enum.IntEnum):
+    """Zenoh's priorities, with Zenoh's numbers: the smaller, the sooner."""
+
+    REAL_TIME = 1
+    INTERACTIVE_HIGH = 2
+    INTERACTIVE_LOW = 3
+    DATA_HIGH = 4
+    DATA = 5
+    DATA_LOW = 6
+    BACKGROUND = 7
+
+
+PRIORITY_NAMES: Final = {priority.name.lower(): priority for priority in Priority}
+"""The names that a config uses: Zenoh's, in lower case."""
+
+# On a scale of frames that last about a second: an operator's command overtakes a minute of
+# telemetry, and a background sample is never held back for more than a quarter of an hour.
+PATIENCE_NS: Final = {
+    Priority.INTERACTIVE_HIGH: 0,
+    Priority.INTERACTIVE_LOW: seconds_to_ns(10),
+    Priority.DATA_HIGH: seconds_to_ns(30),
+    Priority.DATA: seconds_to_ns(60),
+    Priority.DATA_LOW: seconds_to_ns(180),
+    Priority.BACKGROUND: seconds_to_ns(900),
+}
+"""How much longer than an INTERACTIVE_HIGH payload one of this priority waits, ns."""
+
+
+class Stamp(enum.Enum):
+    """What tells the far side how old a sample is."""
+
+    NONE = "none"
+    """Nothing."""
+    AGE = "age"
+    """One byte, written when the frame is composed; see `zacoustic.core.age`."""
+
+
+class Qos(msgspec.Struct, frozen=True, kw_only=True):
+    """How a stream's payloads wait, and for how long they are worth sending."""
+
+    priority: Priority = Priority.DATA
+    """Zenoh's priority."""
+    depth: int = 1
+    """Samples kept per key while they wait, ≥ 1; a newer one pushes out the oldest."""
+    lifespan_s: float | None = None
+    """A sample older than this is not sent any more, s, > 0; None: never too old."""
+    min_interval_s: float = 0.0
+    """Least time between two samples of one key on the water, s, ≥ 0; the newest wins."""
+    linger_s: float = 0.0
+    """How long a sample may wait for company in its frame, s, ≥ 0; REAL_TIME never lingers."""
+    stamp: Stamp = Stamp.NONE
+    """What tells the far side the age."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: Names field, value and what is allowed.
+        """
+        if not 1 <= self.depth <= 65535:
+            raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
+        if self.lifespan_s is not None and not 0 < self.lifespan_s < float("inf"):
+            raise ValueError(f"lifespan_s is {self.lifespan_s}; allowed: above 0")
+        for name in ("min_interval_s", "linger_s"):
+            value = getattr(self, name)
+            if not 0 <= value < float("inf"):
+                raise ValueError(f"{name} is {value}; allowed: 0 or more")
+
+    @property
+    def linger_ns(self) -> int:
+        """How long a sample may wait for company, ns; 0 for REAL_TIME."""
+        return 0 if self.priority is Priority.REAL_TIME else seconds_to_ns(self.linger_s)

@@ -1,0 +1,234 @@
+"""What waits for the channel, and which of it is worth most at the moment when a frame can go.
+
+Nothing is decided when a payload is published: it waits in a *lane* (one per key of a topic, one
+per stream of calls and direction and peer), and is chosen when the link is ready. Lanes are first
+in, first out, bounded by the stream's depth, and forget what is older than its lifespan. Between
+lanes the rank of `zacoustic.core.qos` decides: REAL_TIME first, then the smallest sum of the
+instant of queueing and the patience of its priority.
+
+A payload is *due* when it alone is a reason to send a frame: its linger is over and its lane's
+minimum interval has passed. A payload that only lingers may ride in a frame that goes anyway; one
+whose minimum interval has not passed may not.
+
+Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
+"""
+
+import heapq
+from collections import deque
+from collections.abc import Iterator
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.errors import PayloadTooLargeError
+
+LaneKey = tuple[int, ...]
+"""Identifies a lane: stream id first, then whatever tells its lanes apart."""
+
+_BEFORE_ALL: Final = -(1 << 62)
+
+
+class Waiting:
+    """A payload that waits, and what its record will need.
+
+    Args:
+        stream_id: Its stream.
+        destination: Address of the one node that needs it, or `BROADCAST`.
+        prefix: Control prefixes of the record.
+        head: What stands between stream id (and wildcards) and payload, the age byte excepted.
+        payload: The encoded payload.
+        stamped: An age byte goes before the payload.
+        delimits_itself: The payload shows where it ends.
+        for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
+        queued_at: Instant of publication, ns.
+        expires_at: Instant after which it is worthless, ns, or None.
+    """
+
+    __slots__ = (
+        "delimits_itself",
+        "destination",
+        "expires_at",
+        "for_one_node",
+        "head",
+        "payload",
+        "prefix",
+        "queued_at",
+        "size_bytes",
+        "stamped",
+        "stream_id",
+    )
+
+    def __init__(
+        self,
+        *,
+        stream_id: int,
+        destination: int,
+        payload: bytes,
+        queued_at: int,
+        prefix: bytes = b"",
+        head: bytes = b"",
+        stamped: bool = False,
+        delimits_itself: bool = False,
+        for_one_node: bool = False,
+        expires_at: int | None = None,
+    ) -> None:
+        self.stream_id = stream_id
+        self.destination = destination
+        self.prefix = prefix
+        self.head = head
+        self.payload = payload
+        self.stamped = stamped
+        self.delimits_itself = delimits_itself
+        self.for_one_node = for_one_node
+        self.queued_at = queued_at
+        self.expires_at = expires_at
+        self.size_bytes: int = len(prefix) + 1 + len(head) + stamped + len(payload)
+        """Bytes of the record, from its first prefix to its last."""
+
+
+class Lane:
+    """Payloads of one key in the order of publication."""
+
+    __slots__ = ("items", "key", "linger_ns", "min_interval_ns", "next_at", "patience_ns", "qos")
+
+    def __init__(self, key: LaneKey, qos: Qos) -> None:
+        self.key = key
+        self.qos = qos
+        self.items: deque[Waiting] = deque()
+        self.next_at = 0
+        self.min_interval_ns = seconds_to_ns(qos.min_interval_s)
+        self.linger_ns = qos.linger_ns
+        self.patience_ns: int = (
+            _BEFORE_ALL if qos.priority is Priority.REAL_TIME else PATIENCE_NS[qos.priority]
+        )
+
+    @property
+    def rank(self) -> int:
+        """Rank of the first payload: the smaller, the sooner."""
+        return self.items[0].queued_at + self.patience_ns
+
+    @property
+    def due_at(self) -> int:
+        """Instant at which the first payload is a reason to send, ns."""
+        return max(self.items[0].queued_at + self.linger_ns, self.next_at)
+
+
+class TransmitQueue:
+    """All lanes of one engine."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[LaneKey, Lane] = {}
+        self._busy: dict[LaneKey, Lane] = {}
+        self.largest_bytes: int | None = None
+        """Largest record that fits a frame of the link; None before a link is up."""
+        self.superseded: dict[int, int] = {}
+        """Payloads pushed out by newer ones, by stream."""
+        self.expired: dict[int, int] = {}
+        """Payloads that became too old, by stream."""
+
+    def __len__(self) -> int:
+        return sum(len(lane.items) for lane in self._busy.values())
+
+    def pending(self, stream_id: int) -> int:
+        """Count what waits for one stream."""
+        return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)
+
+    def check_size(self, name: str, record_bytes: int) -> None:
+        """Refuse a record that fits no frame.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how much fits.
+        """
+        if self.largest_bytes is not None and record_bytes > self.largest_bytes:
+            raise PayloadTooLargeError(
+                f"{name}: the record is {record_bytes} bytes; a frame of this link has room for "
+                f"{self.largest_bytes}",
+                hint="publish less, or give the stream a type",
+            )
+
+    def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+        """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`."""
+        lane = self._lanes.get(key)
+        if lane is None:
+            lane = self._lanes[key] = Lane(key, qos)
+        self._busy[key] = lane
+        lane.items.append(item)
+        if len(lane.items) > qos.depth:
+            lane.items.popleft()
+            self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
+
+    def remove(self, key: LaneKey, head: bytes) -> bool:
+        """Take back the payload of a lane that has this head; False when it is not waiting."""
+        lane = self._busy.get(key)
+        if lane is None:
+            return False
+        found = next((item for item in lane.items if item.head == head), None)
+        if found is None:
+            return False
+        lane.items.remove(found)
+        self._settle(lane)
+        return True
+
+    def limit(self, largest_bytes: int) -> int:
+        """Set the largest record and drop what is larger; returns how many payloads were."""
+        self.largest_bytes = largest_bytes
+        dropped = 0
+        for lane in list(self._busy.values()):
+            kept = [item for item in lane.items if item.size_bytes <= largest_bytes]
+            dropped += len(lane.items) - len(kept)
+            lane.items = deque(kept)
+            self._settle(lane)
+        return dropped
+
+    def candidates(self, now: int) -> Iterator[tuple[Lane, Waiting]]:
+        """Yield what may go in a frame now, most valuable first.
+
+        The consumer takes a payload by `take` before asking for the next; one that it does not
+        take holds back the rest of its lane, so that the order within a key is kept.
+        """
+        heap = [
+            (lane.rank, lane.key)
+            for lane in list(self._busy.values())
+            if self._drop_expired(lane, now) and lane.next_at <= now
+        ]
+        heapq.heapify(heap)
+        while heap:
+            _, key = heapq.heappop(heap)
+            lane = self._lanes[key]
+            item = lane.items[0]
+            yield lane, item
+            taken = not lane.items or lane.items[0] is not item
+            if taken and lane.items and lane.next_at <= now:
+                heapq.heappush(heap, (lane.rank, key))
+
+    def take(self, lane: Lane, now: int) -> Waiting:
+        """Remove the first payload of a lane for transmission."""
+        item = lane.items.popleft()
+        lane.next_at = now + lane.min_interval_ns
+        self._settle(lane)
+        return item
+
+    def due_at(self, now: int) -> int | None:
+        """Return the earliest instant at which a payload is a reason to send, ns, or None."""
+        earliest: int | None = None
+        for lane in list(self._busy.values()):
+            if self._drop_expired(lane, now):
+                due_at = lane.due_at
+                if earliest is None or due_at < earliest:
+                    earliest = due_at
+        return earliest
+
+    def _drop_expired(self, lane: Lane, now: int) -> bool:
+        """Forget what is too old; True when something is left."""
+        while lane.items:
+            expires_at = lane.items[0].expires_at
+            if expires_at is None or expires_at > now:
+                return True
+            lane.items.popleft()
+            self.expired[lane.key[0]] = self.expired.get(lane.key[0], 0) + 1
+        self._settle(lane)
+        return False
+
+    def _settle(self, lane: Lane) -> None:
+        if not lane.items:
+            self._busy.pop(lane.key, None)

@@ -1,0 +1,261 @@
+"""The stream table: which name is which byte, and what both ends must agree on.
+
+A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service, or (in a
+later version) an action. Its id is the first byte of each of its records, so a name costs one
+byte whatever its length. That only works
+while both ends hold the same table, so everything that changes the meaning of bytes goes into a
+digest: of each stream, and of the whole table with its nodes. What only changes *when* something
+is sent (priority, depth, lifespan, intervals) is left out; each end may tune it alone.
+"""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.encoding import CBOR, OPAQUE
+from zacoustic.core.keys import Instance, KeyPattern, Wildcard
+from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
+from zacoustic.core.qos import Qos
+from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.errors import ConfigError, UnknownStreamError
+
+FIRST_STREAM_ID: Final = 1
+LAST_STREAM_ID: Final = 175
+"""Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
+
+DIGEST_BYTES: Final = 4
+"""Size of the digests of a stream and of a table."""
+
+
+class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
+    """A topic: samples from any publisher to its subscribers."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, with placeholders in braces (`zacoustic.core.keys`)."""
+    type_name: str | None = None
+    """Type of the samples; None: opaque bytes."""
+    publishers: tuple[int, ...] | None = None
+    """Addresses that may publish; None: any."""
+    subscribers: tuple[int, ...] | None = None
+    """Addresses that listen; None: all."""
+    wildcards: tuple[Wildcard, ...] = ()
+    """The placeholders of the name, `{node}` excepted."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
+    ones."""
+    qos: Qos = Qos()
+    """How samples wait."""
+
+
+class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
+    """A service: one server answers requests of any node."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, without placeholders."""
+    server: int
+    """Address of the node that serves."""
+    request_type: str | None = None
+    """Type of a request; None: opaque bytes."""
+    response_type: str | None = None
+    """Type of a response; None: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time from call to answer after which the caller gives up, s, > 0."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
+    ones."""
+    qos: Qos = Qos()
+    """Priority and linger of requests and responses; depth and lifespan do not apply to calls."""
+
+
+StreamSpec = TopicSpec | ServiceSpec
+
+
+class Stream:
+    """One row of the table, with the codecs and keys made from its spec.
+
+    Raises:
+        ConfigError: An unknown type, a bad name, id, address or time; names the key, its value
+            and what is allowed.
+    """
+
+    def __init__(self, spec: StreamSpec, types: TypeTable, node_names: Mapping[int, str]) -> None:
+        _check(spec)
+        self.spec = spec
+        self.stream_id = spec.stream_id
+        self.name = spec.name
+        self.qos = spec.qos
+        wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
+        self.keys = KeyPattern(spec.name, wildcards, node_names)
+        """The keys that the name stands for."""
+        named = (
+            (spec.type_name,)
+            if isinstance(spec, TopicSpec)
+            else (spec.request_type, spec.response_type)
+        )
+        used = [types.by_name(name) if name is not None else None for name in named]
+        codecs: list[PayloadCodec] = [CborCodec(each) if each else OpaqueCodec() for each in used]
+        self.type: TypeSpec | None = used[0]
+        """Type of samples or requests; None: opaque."""
+        self.response_type: TypeSpec | None = used[-1]
+        """Type of responses, of samples for a topic; None: opaque."""
+        self.codec = codecs[0]
+        """Codec of samples or requests."""
+        self.response_codec = codecs[-1]
+        """Codec of responses, of samples for a topic."""
+        self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
+        """Zenoh encoding on the application side."""
+        description = msgspec.json.encode(self._description())
+        self.digest = hashlib.sha256(description).digest()[:DIGEST_BYTES]
+        """Changes with everything both ends must agree on."""
+
+    def may_publish(self, address: int) -> bool:
+        """Tell whether samples of this topic may come from that node; for a service, always."""
+        publishers = self.spec.publishers if isinstance(self.spec, TopicSpec) else None
+        return publishers is None or address in publishers
+
+    def may_subscribe(self, address: int) -> bool:
+        """Tell whether that node listens to this topic; for a service, always."""
+        subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
+        return subscribers is None or address in subscribers
+
+    def _description(self) -> list[object]:
+        spec = self.spec
+        types = [
+            each.canonical().decode() if each else None for each in (self.type, self.response_type)
+        ]
+        head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
+        if isinstance(spec, ServiceSpec):
+            return ["service", *head, spec.server]
+        wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
+        nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
+        audience = [
+            None if part is None else sorted(part) for part in (spec.publishers, spec.subscribers)
+        ]
+        return ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
+
+
+class StreamTable:
+    """All streams of a fleet, by id and by name.
+
+    Args:
+        specs: The streams, in any order.
+        types: The types that they name.
+        nodes: Name of each node by address; empty when the fleet is not listed.
+
+    Raises:
+        ConfigError: A duplicate id or name, or anything `Stream` refuses.
+    """
+
+    def __init__(
+        self,
+        specs: Iterable[StreamSpec] = (),
+        *,
+        types: TypeTable | None = None,
+        nodes: Mapping[int, str] | None = None,
+    ) -> None:
+        self.types = types or TypeTable()
+        self.nodes: dict[int, str] = dict(nodes or {})
+        """Name of each node by address."""
+        self._by_id: dict[int, Stream] = {}
+        self._by_name: dict[str, Stream] = {}
+        self._digest: bytes | None = None
+        for spec in specs:
+            self.declare(spec)
+
+    def declare(self, spec: StreamSpec) -> Stream:
+        """Add a stream; the digest changes.
+
+        Raises:
+            ConfigError: The id or the name is taken, or `Stream` refuses the spec.
+        """
+        stream = Stream(spec, self.types, self.nodes)
+        known = self._by_id.get(stream.stream_id)
+        if known is not None:
+            raise ConfigError(
+                f"id: {stream.stream_id} is taken by {known.name}",
+                hint="give each stream an id of its own",
+            )
+        known = self._by_name.get(stream.name)
+        if known is not None:
+            raise ConfigError(
+                f'name: "{stream.name}" is taken by stream {known.stream_id}',
+                hint="give each stream a name of its own",
+            )
+        self._by_id[stream.stream_id] = stream
+        self._by_name[stream.name] = stream
+        self._digest = None
+        return stream
+
+    @property
+    def digest(self) -> bytes:
+        """Four bytes that change with any stream and with the list of nodes."""
+        if self._digest is None:
+            whole = hashlib.sha256(msgspec.json.encode(sorted(self.nodes.items())))
+            for stream in self:
+                whole.update(stream.digest)
+            self._digest = whole.digest()[:DIGEST_BYTES]
+        return self._digest
+
+    def __iter__(self) -> Iterator[Stream]:
+        return iter(sorted(self._by_id.values(), key=lambda stream: stream.stream_id))
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    def get(self, stream_id: int) -> Stream | None:
+        """Return the stream of that id, or None."""
+        return self._by_id.get(stream_id)
+
+    def by_id(self, stream_id: int) -> Stream:
+        """Return the stream of that id.
+
+        Raises:
+            UnknownStreamError: There is none; lists the ids there are.
+        """
+        stream = self._by_id.get(stream_id)
+        if stream is None:
+            known = ", ".join(str(known) for known in sorted(self._by_id)) or "none"
+            raise UnknownStreamError(f"no stream has id {stream_id}; there are: {known}")
+        return stream
+
+    def by_name(self, name: str) -> Stream:
+        """Return the stream of that name, placeholders included.
+
+        Raises:
+            UnknownStreamError: There is none; lists the names there are.
+        """
+        stream = self._by_name.get(name)
+        if stream is None:
+            known = ", ".join(sorted(self._by_name)) or "none"
+            raise UnknownStreamError(f'no stream is called "{name}"; there are: {known}')
+        return stream
+
+    def find(self, key: str, source: int) -> tuple[Stream, Instance] | None:
+        """Find the stream and the instance that a key of `source` stands for, or None."""
+        stream = self._by_name.get(key)
+        if stream is not None and not stream.keys.is_named_by_node and not stream.keys.wildcards:
+            return stream, ()
+        for stream in self:
+            instance = stream.keys.match(key, source)
+            if instance is not None:
+                return stream, instance
+        return None
+
+
+def _check(spec: StreamSpec) -> None:
+    if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
+        allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
+        raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")
+    if isinstance(spec, ServiceSpec):
+        if not 1 <= spec.server <= 254:
+            raise ConfigError(f"server: {spec.server}; allowed: an address, 1..254")
+        if not 0 < spec.timeout_s < float("inf"):
+            raise ConfigError(f"timeout_s: {spec.timeout_s}; allowed: above 0")
+        if "{" in spec.name:
+            raise ConfigError(f'name: "{spec.name}" has a placeholder; allowed in topics only')

@@ -1,0 +1,82 @@
+"""`Quantiser`: a number with a step as a whole number of steps, and back.
+
+The count is the integer nearest to value / step: nearest, not the floor, so the error is at most
+half a step and has no bias. Decimal steps are not binary fractions (``454 * 0.1`` is
+45.400000000000006), so both ways go through the step as the exact ratio of two integers that its
+decimal text means: 0.1 is 1/10 and 454 steps are 454/10, which is the float that prints as 45.4.
+The text is the shortest that reads back as the same float, hence the same on both ends.
+
+Ends of the range. The count of an end may lie up to half a step outside the range; its value is
+then the end itself. Where the range wraps, the top is the bottom: the count of the top, when it is
+not below the top, is the count of the bottom. Both rules keep two laws: the error is at most half a
+step (measured around the circle where it wraps), and encoding what was decoded gives the same
+count.
+"""
+
+from fractions import Fraction
+from typing import Final
+
+# 2**50: within it neither way loses a count to the 53 bits of a float.
+MAX_COUNT: Final = 1 << 50
+"""Greatest magnitude of a count in a float field."""
+
+_EXACT: Final = 1 << 53
+
+
+class Quantiser:
+    """Numbers of one field as counts of its step.
+
+    Args:
+        step: Distance of neighbouring values, > 0; an `int` makes all values integers.
+        limits: Least and greatest value.
+        wraps: Whether the two limits are the same value.
+    """
+
+    def __init__(
+        self, step: int | float, limits: tuple[int | float, int | float], *, wraps: bool = False
+    ) -> None:
+        self.step = step
+        self._low, self._high = limits
+        self._integers = isinstance(step, int)
+        ratio = Fraction(repr(step))
+        exact = ratio.numerator <= _EXACT and ratio.denominator <= _EXACT
+        self._ratio = (ratio.numerator, ratio.denominator) if exact else None
+        self.low_count = self._nearest(self._low)
+        """Least count that `count` returns."""
+        self.high_count = self._nearest(self._high)
+        """Greatest count that `count` returns."""
+        self._folds_at: int | None = None
+        if wraps and self._multiple(self.high_count) >= self._high:
+            self._folds_at = self.high_count
+            self.high_count -= 1
+
+    @property
+    def closes(self) -> bool:
+        """Whether the circle of a wrapping field closes with an error of at most half a step."""
+        return self._folds_at is None or self._multiple(self.low_count) <= self._low
+
+    def count(self, value: int | float) -> int:
+        """The count nearest to `value`, which must lie within the limits."""
+        count = self._nearest(value)
+        return self.low_count if count == self._folds_at else count
+
+    def value(self, count: int) -> int | float:
+        """The value of a count between `low_count` and `high_count`."""
+        value = self._multiple(count)
+        if value < self._low:
+            return self._low
+        return self._high if value > self._high else value
+
+    def _nearest(self, value: int | float) -> int:
+        if self._integers:
+            return int((2 * value + self.step) // (2 * self.step))
+        if self._ratio is None:
+            return round(value / self.step)
+        numerator, denominator = self._ratio
+        return round(value * denominator / numerator)
+
+    def _multiple(self, count: int) -> int | float:
+        if self._integers or self._ratio is None:
+            return count * self.step
+        numerator, denominator = self._ratio
+        return count * numerator / denominator
