@@ -1,0 +1,82 @@
+# Every target sets up what it needs in .venv: there must be make, a Python >= 3.11 and a package index that pip reaches.
+# Which Python: the newest one found, or `make demo PYTHON=/path/to/python3`.
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help demo test soak bench clean distclean
+.PHONY: venv-run venv-test format lint types contracts unit examples package
+
+# A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
+unexport PYTHONPATH PYTHONHOME
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PYTHONUNBUFFERED := 1
+
+VENV_PYTHON := .venv/bin/python
+PYTEST := ZACOUSTIC_SOAK= $(VENV_PYTHON) -m pytest
+STEP = @echo && echo "== $@:
+
+help:
+	@echo "make demo    show it: two islands joined through simulated water"
+	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
+	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
+	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
+	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
+
+demo: venv-run
+	@.venv/bin/zacoustic demo $(ARGS)
+
+test: format lint types contracts unit examples package
+	@echo
+	@echo "make test: every step passed"
+
+soak: venv-test
+	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 $(ARGS)
+
+bench: venv-test
+	@set -e; for script in tests/benchmarks/bench_*.py; do \
+	    test -f "$$script" || { echo "no benchmarks yet"; break; }; \
+	    echo; echo "== $$script"; $(VENV_PYTHON) "$$script"; \
+	done
+
+clean:
+	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+distclean: clean
+	rm -rf .venv
+
+# The steps of make test, in their order; each can be run alone.
+
+format: venv-test
+	$(STEP) ruff format --check"
+	@$(VENV_PYTHON) -m ruff format --check .
+
+lint: venv-test
+	$(STEP) ruff check"
+	@$(VENV_PYTHON) -m ruff check .
+
+types: venv-test
+	$(STEP) mypy --strict"
+	@$(VENV_PYTHON) -m mypy
+
+contracts: venv-test
+	$(STEP) lint-imports"
+	@.venv/bin/lint-imports --no-logo
+
+unit: venv-test
+	$(STEP) pytest, without the two steps below"
+	@$(PYTEST) --ignore=tests/test_examples.py --ignore=tests/test_packaging.py $(ARGS)
+
+examples: venv-test
+	$(STEP) every example runs and exits 0"
+	@$(PYTEST) tests/test_examples.py
+
+package: venv-test
+	$(STEP) the wheel, built and installed in a clean environment"
+	@$(PYTEST) tests/test_packaging.py
+
+venv-run:
+	@sh .ci/bootstrap terminal
+
+venv-test:
+	@sh .ci/bootstrap test

@@ -1,0 +1,67 @@
+"""One test in two sizes: a hundredth of its count in `make test`, all of it in `make soak`.
+
+Three ways to write such a test; `ZACOUSTIC_SOAK=1` turns on the full size of each:
+
+- a Hypothesis test without a `max_examples` of its own takes the number from the profile;
+- a test that repeats something takes the fixture `count`: `for seed in range(count(10_000)):`;
+- a test that makes sense at full size only carries the mark `soak`, and is deselected otherwise.
+
+`make soak` selects by the mark; the first two kinds get it here. A test with the mark `hardware` is
+skipped unless `ZACOUSTIC_HW` names a modem.
+"""
+
+import os
+from collections.abc import Callable
+from typing import Final
+
+import hypothesis
+import pytest
+
+SOAK: Final = os.environ.get("ZACOUSTIC_SOAK", "") not in ("", "0")
+EXAMPLES: Final = 50
+"""Examples of a Hypothesis test in `make test`."""
+SOAK_FACTOR: Final = 100
+
+# No deadline per example: it would measure how busy the machine is.
+hypothesis.settings.register_profile(
+    "hundredth", max_examples=EXAMPLES, derandomize=True, deadline=None
+)
+hypothesis.settings.register_profile(
+    "soak", max_examples=EXAMPLES * SOAK_FACTOR, print_blob=True, deadline=None
+)
+hypothesis.settings.load_profile("soak" if SOAK else "hundredth")
+
+
+@pytest.fixture(scope="session")
+def count() -> Callable[[int], int]:
+    """Give how often to repeat: a hundredth of the full count, at least once; all in a soak."""
+
+    def share(full: int) -> int:
+        return full if SOAK else max(1, full // SOAK_FACTOR)
+
+    return share
+
+
+# First of all, since `-m soak` selects by the marks that are given here.
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    deselected = [item for item in items if not SOAK and _is_full_size_only(item)]
+    if deselected:
+        config.hook.pytest_deselected(items=deselected)
+        items[:] = [item for item in items if item not in deselected]
+    for item in items:
+        if SOAK and _has_two_sizes(item):
+            item.add_marker("soak")
+        if item.get_closest_marker("hardware") and not os.environ.get("ZACOUSTIC_HW"):
+            item.add_marker(pytest.mark.skip(reason="ZACOUSTIC_HW names no modem"))
+
+
+def _has_two_sizes(item: pytest.Item) -> bool:
+    return (
+        isinstance(item, pytest.Function)
+        and ("count" in item.fixturenames or hypothesis.is_hypothesis_test(item.obj))
+    )  # fmt: skip
+
+
+def _is_full_size_only(item: pytest.Item) -> bool:
+    return item.get_closest_marker("soak") is not None and not _has_two_sizes(item)

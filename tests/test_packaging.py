@@ -1,0 +1,116 @@
+"""The wheel, built from the source distribution and installed where nothing else is.
+
+An editable install forgives what a wheel does not: a data file that is left out, a dependency that
+is not declared.
+"""
+
+import os
+import subprocess
+import sys
+import venv
+import zipfile
+from email import message_from_string
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+ROOT: Final = Path(__file__).parents[1]
+FOLDERS: Final = [ROOT / "zacoustic", *sorted((ROOT / "links").glob("zacoustic_*"))]
+BARE: Final = ("msgspec", "cbor2")
+"""All that `zacoustic.core` may need."""
+
+IMPORT_CORE: Final = """
+import importlib, pkgutil
+import zacoustic.core
+
+for module in pkgutil.walk_packages(zacoustic.core.__path__, "zacoustic.core."):
+    importlib.import_module(module.name)
+print(importlib.util.find_spec("zenoh"), importlib.util.find_spec("serial"))
+"""
+LOAD_ENTRY_POINTS: Final = """
+from importlib.metadata import distribution
+
+for entry_point in distribution("zacoustic").entry_points:
+    entry_point.load()
+    print(entry_point.group, entry_point.name)
+"""
+
+pytestmark = pytest.mark.timeout(900)  # downloads
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("dist")
+    run(sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT))
+    return next(folder.glob("*.whl"))
+
+
+def test_wheel_contains_every_file_of_the_packages(wheel: Path) -> None:
+    expected = {
+        path.relative_to(folder.parent).as_posix()
+        for folder in FOLDERS
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    with zipfile.ZipFile(wheel) as archive:
+        contained = {name for name in archive.namelist() if ".dist-info/" not in name}
+    assert contained == expected
+
+
+def test_wheel_contains_the_licence(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        assert any(name.endswith(".dist-info/licenses/LICENSE") for name in archive.namelist())
+
+
+def test_core_imports_with_zenoh_and_pyserial_absent(wheel: Path, tmp_path: Path) -> None:
+    python = make_environment(tmp_path)
+    needed = [requirement for requirement in requirements(wheel) if requirement.startswith(BARE)]
+    assert len(needed) == len(BARE)
+    install(python, "--no-deps", str(wheel))
+    install(python, *needed)
+    assert run(str(python), "-c", IMPORT_CORE) == "None None\n"
+
+
+def test_installed_wheel_offers_its_command_links_and_verbs(wheel: Path, tmp_path: Path) -> None:
+    python = make_environment(tmp_path)
+    install(python, str(wheel))
+    loaded = run(str(python), "-c", LOAD_ENTRY_POINTS).splitlines()
+    assert {"console_scripts zacoustic", "zacoustic.links sim", "zacoustic.commands medium"} <= {
+        *loaded
+    }
+    assert "usage: zacoustic" in run(str(python.with_name("zacoustic")), "--help")
+
+
+def requirements(wheel: Path) -> list[str]:
+    """Give what the wheel says it needs, without its extras."""
+    with zipfile.ZipFile(wheel) as archive:
+        name = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        metadata = message_from_string(archive.read(name).decode())
+    return [text for text in metadata.get_all("Requires-Dist", []) if "extra ==" not in text]
+
+
+def make_environment(folder: Path) -> Path:
+    """Make an empty environment and give its Python; no pip in it, so no ensurepip is needed."""
+    environment = folder / "environment"
+    venv.create(environment, symlinks=os.name != "nt")
+    return environment / ("Scripts" if os.name == "nt" else "bin") / "python"
+
+
+def install(python: Path, *arguments: str) -> None:
+    run(sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", *arguments)
+
+
+def run(*command: str) -> str:
+    """Run a command away from the checkout, and give what it prints on standard output."""
+    process = subprocess.run(
+        command,
+        cwd=Path(command[0]).parent,
+        env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert process.returncode == 0, f"{command}\n{process.stdout}\n{process.stderr}"
+    return process.stdout
