@@ -13,6 +13,7 @@ the virtual network from its event heap.
 from typing import Final, Protocol
 
 NS_PER_S: Final = 1_000_000_000
+"""Nanoseconds in a second."""
 
 
 class Clock(Protocol):

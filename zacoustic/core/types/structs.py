@@ -63,10 +63,11 @@ def struct_builder(cls: type[msgspec.Struct]) -> BuildStruct:
 def _spec_of(cls: type[msgspec.Struct], name: str, outer: tuple[type, ...]) -> TypeSpec:
     if cls in outer or len(outer) >= MAX_DEPTH:
         raise ConfigError(f"{name}: contains itself, or is nested more than {MAX_DEPTH} deep")
+    hints = annotations(cls)
     defaults = _defaults(cls)
     fields: list[FieldSpec] = []
     nested: dict[str, TypeSpec] = {}
-    for field_name, annotation in annotations(cls).items():
+    for field_name, annotation in hints.items():
         parts = Parts(annotation)
         try:
             fields.append(_field_of(field_name, parts, defaults.get(field_name)))

@@ -1,0 +1,38 @@
+"""The wire vectors: what the engines make today is what docs/wire.md promises."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.golden.vectors import VECTORS, Vector, vectors
+from zacoustic.core.encoding import ENCODINGS
+
+WIRE_PAGE = Path(__file__).parents[2] / "docs" / "wire.md"
+PROMISED = {each["name"]: Vector(**each) for each in json.loads(VECTORS.read_text())}
+MADE = {each.name: each for each in vectors()}
+
+
+@pytest.mark.parametrize("name", sorted(PROMISED))
+def test_vector_is_made_as_promised(name: str) -> None:
+    assert MADE[name] == PROMISED[name]
+
+
+def test_every_vector_is_promised() -> None:
+    assert set(MADE) == set(PROMISED)
+
+
+@pytest.mark.parametrize("name", sorted(PROMISED))
+def test_vector_is_on_the_wire_page(name: str) -> None:
+    vector = PROMISED[name]
+    assert f"| {name} | `{vector.hex}` | {vector.meaning} |" in WIRE_PAGE.read_text()
+
+
+def test_opaque_sample_costs_one_byte_beside_its_payload() -> None:
+    assert bytes.fromhex(PROMISED["sample_opaque"].hex) == b"\x0b" + b"hello"
+
+
+def test_list_of_encodings_is_on_the_wire_page_in_its_order() -> None:
+    page = WIRE_PAGE.read_text()
+    positions = [page.index(f"| {number} | `{each}` |") for number, each in enumerate(ENCODINGS)]
+    assert positions == sorted(positions)

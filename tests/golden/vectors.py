@@ -1,0 +1,208 @@
+"""Makes the wire vectors of docs/wire.md with the real engines.
+
+`test_wire.py` compares them with `wire_native.json`. Vectors are append-only: a changed one is a
+changed wire version. After adding one: ``python -m tests.golden.vectors`` from the project's root.
+"""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.envelope import Envelope
+from zacoustic.core.events import CallFailure, CallKey, RequestReceived
+from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.keys import Wildcard
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.qos import Qos, Stamp
+from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.trace import TraceRecord
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.testing.virtual import VirtualNetwork
+
+VECTORS = Path(__file__).parent / "wire_native.json"
+
+
+class Vector(msgspec.Struct, frozen=True):
+    """One sequence of bytes and what it says."""
+
+    name: str
+    hex: str
+    meaning: str
+
+
+NAV = TypeSpec(
+    name="Nav",
+    fields=(
+        FieldSpec(name="lat", type="float64", range=(-90, 90), step=1e-6),
+        FieldSpec(name="depth", type="float32", range=(0, 1000), step=0.1),
+        FieldSpec(name="heading", type="float32", range=(0, 360), step=0.1, wraps=True),
+        FieldSpec(name="mode", type="enum", values=("idle", "survey", "abort")),
+    ),
+)
+NAV_VALUE = {"lat": 45.4, "depth": 12.3, "heading": 271.5, "mode": "survey"}
+
+
+def table() -> StreamTable:
+    """Return the table of all vectors: node 1 is ``shore``, node 2 is ``auv1``."""
+    aged = Qos(stamp=Stamp.AGE)
+    return StreamTable(
+        [
+            TopicSpec(stream_id=10, name="auv1/nav", type_name="Nav"),
+            TopicSpec(stream_id=11, name="auv1/raw"),
+            TopicSpec(stream_id=12, name="auv1/old", qos=aged),
+            TopicSpec(
+                stream_id=13,
+                name="fleet/{node}/{sensor}",
+                wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
+            ),
+            ServiceSpec(stream_id=20, name="auv1/arm", server=2, timeout_s=30),
+            TopicSpec(stream_id=21, name="auv1/other"),
+        ],
+        types=TypeTable([NAV]),
+        nodes={1: "shore", 2: "auv1"},
+    )
+
+
+def vectors() -> Iterator[Vector]:
+    """Yield all vectors in their order."""
+    yield from _controls()
+    yield from _topics()
+    yield from _calls()
+    yield from _envelopes()
+    yield _vector("digest_of_table", table().digest, "digest of the table of these vectors")
+    for stream in table():
+        name = f"digest_of_stream_{stream.stream_id}"
+        yield _vector(name, stream.digest, f"digest of its stream {stream.stream_id}")
+
+
+def _vector(name: str, frame: bytes, meaning: str) -> Vector:
+    return Vector(name, frame.hex(), meaning)
+
+
+def _controls() -> Iterator[Vector]:
+    digest = bytes.fromhex("a1b2c3d4")
+    hello = Hello(1, 0x1234, digest).encode()
+    yield _vector("hello", hello, "HELLO: version 1, epoch 1234, digest a1b2c3d4")
+    yield _vector("tag", Tag(0x1234).encode(), "TAG: epoch 1234")
+    yield _vector("confirm", Confirm(2, 0x1234).encode(), "CONFIRM: epoch 1234 of node 2")
+    yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
+    yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
+    row = TableRow(0x1234, 10, digest).encode()
+    yield _vector("table_row", row, "TABLE: epoch 1234, stream 10, digest a1b2c3d4")
+
+
+class _Pair:
+    """Two nodes that have confirmed each other, and the frames that they send."""
+
+    def __init__(self, *, confirmed: bool = True) -> None:
+        self.frames: dict[int, list[str]] = {1: [], 2: []}
+        nodes = tuple(NodeSpec(address=each, position=(0.0, 0.0, 0.0)) for each in (1, 2))
+        scenario = Scenario(nodes=nodes, profile="ideal", channel="none")
+        self.network = VirtualNetwork(scenario, table(), trace=self._note)
+        if confirmed:
+            for address in (1, 2, 1, 2):
+                self.network.publish(address, 11, b"")
+                self.network.run()
+
+    def _note(self, record: TraceRecord) -> None:
+        if record.what == "transmit":
+            self.frames[record.node].append(record.frame)
+
+    def frame(self, node: int, *commands: Callable[[Engine, int], object]) -> bytes:
+        """Give commands to a node in one instant; return the frame that it sends."""
+        self.frames[node].clear()
+        self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
+        self.network.run(until_s=self.network.now / NS_PER_S + 1)
+        return bytes.fromhex(self.frames[node][0])
+
+
+def _topics() -> Iterator[Vector]:
+    pair = _Pair()
+    nav = pair.frame(2, lambda engine, now: engine.publish(10, NAV_VALUE, now))
+    yield _vector("sample_typed", nav, "Nav 45.4, 12.3, 271.5, survey: id and CBOR by position")
+    raw = pair.frame(2, lambda engine, now: engine.publish(11, b"hello", now))
+    yield _vector("sample_opaque", raw, "opaque sample of stream 11: id and payload")
+    aged = pair.frame(
+        2, lambda engine, now: engine.publish(12, b"old", now, queued_at=now - 4_200_000_000)
+    )
+    yield _vector("sample_aged", aged, "sample of stream 12 that waited 4.2 s")
+    wild = pair.frame(2, lambda engine, now: engine.publish(13, b"\x01", now, instance=(2,)))
+    yield _vector("sample_wildcard", wild, "fleet/auv1/sonar = 01")
+    gone = pair.frame(
+        2, lambda engine, now: engine.publish(13, None, now, instance=(0,), delete=True)
+    )
+    yield _vector("delete", gone, "fleet/auv1/ctd is deleted")
+    text = pair.frame(2, lambda engine, now: engine.publish(11, b"hi", now, encoding="text/plain"))
+    yield _vector("sample_encoding", text, "sample of stream 11 as text/plain")
+    odd = pair.frame(2, lambda engine, now: engine.publish(11, b"hi", now, encoding="x/y"))
+    yield _vector("sample_encoding_spelled", odd, "sample of stream 11 as x/y")
+    both = pair.frame(
+        2,
+        lambda engine, now: engine.publish(11, b"raw", now),
+        lambda engine, now: engine.publish(10, NAV_VALUE, now),
+    )
+    yield _vector(
+        "two_samples", both, "Nav shows its end, so it needs no LEN before the opaque one"
+    )
+    opaque = pair.frame(
+        2,
+        lambda engine, now: engine.publish(11, b"one", now),
+        lambda engine, now: engine.publish(21, b"two", now),
+    )
+    yield _vector("two_opaque", opaque, "two opaque samples: LEN for the first")
+    new = _Pair(confirmed=False)
+    new.network.set_link(1, up=False)
+    first = new.frame(
+        2,
+        lambda engine, now: engine.publish(10, NAV_VALUE, now),
+        lambda engine, now: engine.publish(11, b"raw", now),
+    )
+    yield _vector("first_frame", first, "HELLO, then LEN before every record but the last")
+    second = new.frame(2, lambda engine, now: engine.publish(11, b"raw", now))
+    yield _vector("second_frame", second, "a broadcast to nodes that have not confirmed: TAG")
+
+
+def _calls() -> Iterator[Vector]:
+    pair = _Pair()
+    request = pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    yield _vector("request", request, "request 01, call 0 of stream 20")
+    response = pair.frame(2, lambda engine, now: engine.reply(_call(pair), b"ok", now))
+    yield _vector("response", response, "response to it: ok")
+    pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    failure = CallFailure.HANDLER
+    error = pair.frame(
+        2, lambda engine, now: engine.reply_error(_call(pair), failure, "no arm", now)
+    )
+    yield _vector("error", error, "call 1 of stream 20 failed: the handler says 'no arm'")
+
+
+def _call(pair: _Pair) -> CallKey:
+    """Return the call that arrived last."""
+    events = (event for _, event in reversed(pair.network.events))
+    return next(event.call for event in events if isinstance(event, RequestReceived))
+
+
+def _envelopes() -> Iterator[Vector]:
+    link = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1000)
+    unaddressed = msgspec.structs.replace(link, addressed=False)
+    unchecked = msgspec.structs.replace(link, checked=False)
+    stream = msgspec.structs.replace(unaddressed, checked=False, framed=False)
+    for name, meaning, capabilities in (
+        ("unaddressed", "record 0b00ff from 2 to 1: destination and source", unaddressed),
+        ("unchecked", "the same on a link that addresses: CRC-32", unchecked),
+        ("byte_stream", "the same on a byte stream: addresses, CRC-32, COBS", stream),
+    ):
+        envelope = Envelope(capabilities, 2)
+        yield _vector(name, envelope.wrap(bytes.fromhex("0b00ff"), 1), meaning)
+
+
+if __name__ == "__main__":
+    known = json.loads(VECTORS.read_text()) if VECTORS.exists() else []
+    names = {each["name"] for each in known}
+    known += [msgspec.to_builtins(each) for each in vectors() if each.name not in names]
+    VECTORS.write_text(json.dumps(known, indent=1) + "\n")
