@@ -1,0 +1,102 @@
+"""What the medium hands to its driver: emissions, the arrivals they cause, and what became of each.
+
+An emission is one frame leaving a node. It arrives at every node whose modem understands it, later
+by the propagation delay; each arrival has a beginning and an end. Only at its end is it known what
+became of it, since anything may overlap it until then: that is a reception. All instants are ns
+since the start of the scenario.
+"""
+
+import enum
+
+import msgspec
+
+
+class Outcome(enum.Enum):
+    """What became of an arrival."""
+
+    RECEIVED = "received"
+    """The receiver has the frame."""
+    NOISE = "noise"
+    """Lost by noise, fading, a named loss of the scenario, or too weak to be noticed."""
+    COLLISION = "collision"
+    """Other arrivals that overlapped it were too strong."""
+    HALF_DUPLEX = "half_duplex"
+    """The receiver was transmitting during a part of it."""
+    DEAF = "deaf"
+    """The receiver had locked on an earlier arrival."""
+
+
+class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """A frame on its way to one node; carries all random draws that will decide about it."""
+
+    node: int
+    """Address of the node that it arrives at."""
+    source: int
+    """Address of the node that sent it."""
+    sequence: int
+    """Counts the emissions of `source`, from 0."""
+    frame_bytes: int
+    """Length of the frame, bytes."""
+    starts_at: int
+    """Instant of the first sound at the node, ns."""
+    ends_at: int
+    """Instant of the last sound at the node, ns; when `Medium.finish` is to be called."""
+    received_level_db: float
+    """Level at the node, fading included, dB re 1 µPa."""
+    snr_db: float
+    """Level over ambient noise in the modem's band, dB."""
+    propagation_s: float
+    """Propagation delay, one way, s."""
+    distance_m: float
+    """Slant distance that the sound covers, m."""
+    range_rate_m_s: float = 0.0
+    """Relative velocity, m/s, positive when the distance grows; 0 between fixed nodes."""
+    effective_snr_db: float
+    """What is left of the SNR after the losses of the channel model and of the receiver, dB."""
+    chance: float
+    """Uniform draw, 0…1: noise destroys the frame when it is below the error rate."""
+    dropped: bool = False
+    """The scenario's `loss` takes this frame, whatever its level."""
+    corrupt_seed: int | None = None
+    """Seed for `faults.corrupt` when the frame arrives damaged without the modem noticing."""
+    duplicates_after_s: tuple[float, ...] = ()
+    """When the modem reports the frame again, s after its first report."""
+
+
+class Emission(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """One frame leaving a node."""
+
+    source: int
+    """Address of the sender."""
+    sequence: int
+    """Counts the emissions of `source`, from 0."""
+    frame_bytes: int
+    """Length of the frame, bytes."""
+    started_at: int
+    """Instant of the first sound, ns."""
+    ends_at: int
+    """Instant of the last sound, ns: `started_at` and the airtime."""
+    ready_at: int
+    """Instant from which the modem takes the next frame, ns: `ends_at` and the gap."""
+    arrivals: tuple[Arrival, ...]
+    """One for each node that could receive it, in the order of the scenario."""
+
+
+class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """What became of an arrival."""
+
+    arrival: Arrival
+    """The arrival that it is about."""
+    outcome: Outcome
+    """What became of it."""
+    sinr_db: float
+    """Level over ambient noise and everything that overlapped, averaged over the frame, dB."""
+    corrupt_seed: int | None = None
+    """If set, the frame is damaged: give it to `faults.corrupt` with a generator of this seed."""
+    duplicates_after_s: tuple[float, ...] = ()
+    """Deliver the frame again after each of these times, s."""
+
+    @property
+    def is_received(self) -> bool:
+        """Whether the receiver has the frame, damaged or not."""
+        return self.outcome is Outcome.RECEIVED

@@ -1,0 +1,134 @@
+"""One direction between two nodes: turns an emission into the arrival that it causes.
+
+A hop knows the geometry (computed once when both ends are fixed), the channel model, the fades, and
+the named losses and faults of its direction. All random draws about a frame are made here, at the
+time it leaves and in the order of its sender, and travel in the `Arrival`; the receiver only judges
+what overlapped it.
+"""
+
+from typing import Final
+
+from zacoustic.channel.arrival import Arrival
+from zacoustic.channel.fading import FadingProcess
+from zacoustic.channel.faults import FaultSpec
+from zacoustic.channel.loss import FrameLoss, LossSpec
+from zacoustic.channel.position import Motion, Path, path_between
+from zacoustic.channel.randomness import direction_random
+from zacoustic.channel.sea import ChannelModel
+
+_NS_PER_S: Final = 1_000_000_000
+_SEEDS: Final = 1 << 53  # what one uniform draw can tell apart
+
+
+class Hop:
+    """The way from one node to another.
+
+    Args:
+        seed: That of the scenario.
+        source: Address of the sender.
+        node: Address of the receiver.
+        channel: What the water does to frames of the sender's modem.
+        sender: Where the sender is.
+        receiver: Where the receiver is.
+        sound_speed_m_s: Speed of sound, m/s.
+        loss: Named loss of this direction.
+        faults: What the receiving modem does to frames.
+    """
+
+    def __init__(
+        self,
+        *,
+        seed: int,
+        source: int,
+        node: int,
+        channel: ChannelModel,
+        sender: Motion,
+        receiver: Motion,
+        sound_speed_m_s: float,
+        loss: LossSpec,
+        faults: FaultSpec,
+    ) -> None:
+        self.source = source
+        self.node = node
+        self._channel = channel
+        self._sender = sender
+        self._receiver = receiver
+        self._sound_speed_m_s = sound_speed_m_s
+        self._is_fixed = sender.is_fixed and receiver.is_fixed
+        self._water_rng = direction_random(seed, source, node, "water")
+        self._fading: FadingProcess | None = None
+        if channel.fading is not None:
+            self._fading = FadingProcess(channel.fading, self._water_rng)
+        self._loss: FrameLoss | None = None
+        if loss.frame > 0.0:
+            self._loss = FrameLoss(loss, direction_random(seed, source, node, "loss"))
+        self._faults: FaultSpec | None = None
+        if faults.corrupt > 0.0 or faults.duplicate > 0.0:
+            self._faults = faults
+            self._fault_rng = direction_random(seed, source, node, "faults")
+        self._measure(0)
+
+    def path(self, now: int) -> Path:
+        """Return the path of sound that leaves at an instant, ns."""
+        if not self._is_fixed:
+            self._measure(now)
+        return self._path
+
+    def arrival(self, sequence: int, frame_bytes: int, now: int, airtime_ns: int) -> Arrival:
+        """Return the arrival that a frame causes, and draw everything about it.
+
+        Args:
+            sequence: Number of the emission, rising.
+            frame_bytes: Length, bytes.
+            now: Instant at which it starts to leave, ns, not before that of the emission before it.
+            airtime_ns: How long it leaves, ns.
+        """
+        if not self._is_fixed:
+            self._measure(now)
+            # A receding node hears the frame stretched.
+            airtime_ns += round(airtime_ns * self._path.range_rate_m_s / self._sound_speed_m_s)
+        path = self._path
+        gain_db = 0.0 if self._fading is None else self._fading.next_gain_db(now)
+        corrupt_seed: int | None = None
+        duplicates_after_s: tuple[float, ...] = ()
+        if self._faults is not None:
+            corrupt_seed, duplicates_after_s = self._draw_faults(self._faults)
+        starts_at = now + self._propagation_ns
+        return Arrival(
+            node=self.node,
+            source=self.source,
+            sequence=sequence,
+            frame_bytes=frame_bytes,
+            starts_at=starts_at,
+            ends_at=starts_at + airtime_ns,
+            received_level_db=self._level_db + gain_db,
+            snr_db=self._snr_db + gain_db,
+            effective_snr_db=self._effective_snr_db + gain_db,
+            propagation_s=path.propagation_s,
+            distance_m=path.distance_m,
+            range_rate_m_s=path.range_rate_m_s,
+            chance=self._water_rng.random(),
+            dropped=False if self._loss is None else self._loss.next_is_lost(),
+            corrupt_seed=corrupt_seed,
+            duplicates_after_s=duplicates_after_s,
+        )
+
+    def _measure(self, now: int) -> None:
+        self._path = path_between(
+            self._sender, self._receiver, now, sound_speed_m_s=self._sound_speed_m_s
+        )
+        distance = self._path.distance_m
+        self._propagation_ns = round(self._path.propagation_s * _NS_PER_S)
+        self._level_db = self._channel.received_level_db(distance)
+        self._snr_db = self._level_db - self._channel.noise_level_db
+        self._effective_snr_db = self._channel.effective_snr_db(distance)
+
+    def _draw_faults(self, faults: FaultSpec) -> tuple[int | None, tuple[float, ...]]:
+        # Three draws always, so that the fate of later frames does not depend on the shares.
+        is_corrupt = self._fault_rng.random() < faults.corrupt
+        corrupt_seed = int(self._fault_rng.random() * _SEEDS)
+        is_duplicate = self._fault_rng.random() < faults.duplicate
+        return (
+            corrupt_seed if is_corrupt else None,
+            (faults.duplicate_after_s,) if is_duplicate else (),
+        )

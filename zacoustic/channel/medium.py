@@ -1,0 +1,192 @@
+"""The water that all nodes of a scenario share: who hears what, when, and what becomes of it.
+
+Pure and seeded: no clock, no queue, no callback. A driver calls two methods, and brings the order::
+
+    emission = medium.transmit(source, frame_bytes, now)    at any instant, never decreasing
+    for arrival in emission.arrivals:                       … put on the driver's agenda …
+        reception = medium.finish(arrival)                  at arrival.ends_at, in order of time
+
+The same calls drive a heap of virtual time and a loop on the wall clock, and give the same
+receptions: every random draw belongs to (seed, source, node, number of the frame), none to the
+order in which a driver happens to call. Arrivals that end at the same instant may be finished in
+any order. An arrival whose node is gone need not be finished; it is forgotten ten minutes later.
+
+All instants are ns since the start of the scenario. `hop` turns an emission into one arrival,
+`receiver` judges it.
+"""
+
+from zacoustic.channel.arrival import Arrival, Emission, Outcome, Reception
+from zacoustic.channel.hop import Hop
+from zacoustic.channel.position import Motion, Path, Position
+from zacoustic.channel.profiles import ModemProfile, profile_named
+from zacoustic.channel.receiver import Receiver
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.channel.sea import ChannelModel, create_channel
+
+# Drivers need the medium and its records together.
+__all__ = ["Arrival", "Emission", "Medium", "Outcome", "Reception"]
+
+_NS_PER_S = 1_000_000_000
+
+
+class Medium:
+    """The shared water of one scenario.
+
+    Args:
+        scenario: Who is where, with which modem, and what goes wrong.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        channels: dict[str, ChannelModel] = {}
+        self._sites: dict[int, _Site] = {}
+        for spec in scenario.nodes:
+            name = scenario.profile_of(spec)
+            if name not in channels:
+                channels[name] = create_channel(
+                    scenario.channel,
+                    profile_named(name),
+                    wind_m_s=scenario.wind_m_s,
+                    shipping=scenario.shipping,
+                )
+            self._sites[spec.address] = _Site(spec, channels[name], scenario.collisions)
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of all nodes, in the order of the scenario."""
+        return tuple(self._sites)
+
+    @property
+    def remembered(self) -> int:
+        """Number of arrivals and emissions kept because something may still overlap them."""
+        return sum(site.receiver.remembered for site in self._sites.values())
+
+    def profile(self, address: int) -> ModemProfile:
+        """Return the modem of a node.
+
+        Raises:
+            ValueError: No such node.
+        """
+        return self._site(address).profile
+
+    def position(self, address: int, now: int) -> Position:
+        """Return where a node is at an instant: x east, y north, z down, m.
+
+        Raises:
+            ValueError: No such node.
+        """
+        return self._site(address).motion.position(now / _NS_PER_S)
+
+    def path(self, source: int, node: int, now: int) -> Path:
+        """Return distance, delay and range rate of sound from `source` to `node` at an instant.
+
+        Raises:
+            ValueError: No such nodes, twice the same, or modems that hear nothing of each other.
+        """
+        for hop in self._hops_of(self._site(source)):
+            if hop.node == node:
+                return hop.path(now)
+        raise ValueError(f"no sound goes from {source} to {node}; nodes: {list(self._sites)}")
+
+    def transmit(self, source: int, frame_bytes: int, now: int) -> Emission:
+        """Let a node transmit a frame.
+
+        Args:
+            source: Address of the sender.
+            frame_bytes: Length of the frame, bytes, 1…MTU of its modem.
+            now: Instant of the first sound, ns, not before that of any call before.
+
+        Returns:
+            The emission, with one arrival for each node with a modem of the same kind; give each to
+            `finish`.
+
+        Raises:
+            ValueError: Unknown node, a frame that the modem does not take, or the node is still
+                transmitting.
+        """
+        site = self._site(source)
+        profile = site.profile
+        if not 1 <= frame_bytes <= profile.mtu_bytes:
+            raise ValueError(
+                f"frame has {frame_bytes} bytes; allowed by {profile.name}: 1..{profile.mtu_bytes}"
+            )
+        if now < site.transmits_until and profile.half_duplex:
+            raise ValueError(
+                f"node {source} transmits until {site.transmits_until} ns; it is {now} ns"
+            )
+        airtime_ns = profile.airtime_ns(frame_bytes)
+        ends_at = now + airtime_ns
+        sequence = site.sequence
+        site.sequence += 1
+        site.transmits_until = ends_at
+        site.receiver.transmits(now, ends_at)
+        arrivals = []
+        for hop in self._hops_of(site):
+            arrival = hop.arrival(sequence, frame_bytes, now, airtime_ns)
+            receiver = self._sites[hop.node].receiver
+            is_decodable = receiver.profile is profile
+            receiver.expect(arrival, now, is_decodable=is_decodable)
+            if is_decodable:
+                arrivals.append(arrival)
+        return Emission(
+            source=source,
+            sequence=sequence,
+            frame_bytes=frame_bytes,
+            started_at=now,
+            ends_at=ends_at,
+            ready_at=ends_at + profile.gap_ns,
+            arrivals=tuple(arrivals),
+        )
+
+    def finish(self, arrival: Arrival) -> Reception:
+        """Return what became of an arrival; to be called once, when it ends.
+
+        Raises:
+            ValueError: Unknown node, or an arrival that was finished before.
+        """
+        return self._site(arrival.node).receiver.judge(arrival)
+
+    def _site(self, address: int) -> "_Site":
+        try:
+            return self._sites[address]
+        except KeyError:
+            raise ValueError(f"node is {address}; nodes: {list(self._sites)}") from None
+
+    def _hops_of(self, site: "_Site") -> "tuple[Hop, ...]":
+        """Hops to all nodes that hear this one."""
+        # Made when first needed: a generator takes 2.5 kB, and most of 254 nodes never transmit.
+        if site.hops is None:
+            site.hops = tuple(
+                self._hop(site, other)
+                for other in self._sites.values()
+                if other is not site and other.profile.overlaps_band_of(site.profile)
+            )
+        return site.hops
+
+    def _hop(self, site: "_Site", other: "_Site") -> Hop:
+        scenario = self.scenario
+        return Hop(
+            seed=scenario.seed,
+            source=site.address,
+            node=other.address,
+            channel=site.channel,
+            sender=site.motion,
+            receiver=other.motion,
+            sound_speed_m_s=scenario.sound_speed_m_s,
+            loss=scenario.loss_between(site.address, other.address),
+            faults=scenario.faults,
+        )
+
+
+class _Site:
+    """What the medium keeps of one node."""
+
+    def __init__(self, spec: NodeSpec, channel: ChannelModel, collisions: str) -> None:
+        self.address = spec.address
+        self.profile = channel.profile
+        self.channel = channel
+        self.motion: Motion = spec.motion()
+        self.receiver = Receiver(channel, collisions)
+        self.sequence = 0
+        self.transmits_until = 0
+        self.hops: tuple[Hop, ...] | None = None

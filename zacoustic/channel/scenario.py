@@ -1,0 +1,257 @@
+"""Scenarios: the water, who is in it, and what goes wrong; frozen, checked, with all defaults.
+
+A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scenario` by
+`scenario_from_mapping`::
+
+    { seed: 7, sound_speed_m_s: 1500, wind_m_s: 5, shipping: 0.5,
+      profile: "evologics_s2c_18_34", channel: "sea", collisions: "capture",
+      nodes: [ { address: 1, name: "shore", position: [0, 0, 10] },
+               { address: 2, track: [ { t: 0, position: [1000, 0, 50] },
+                                      { t: 600, position: [1000, 900, 50] } ] } ],
+      loss: { frame: 0.1, burst_frames: 4 },
+      links: [ { from: 1, to: 2, loss: { frame: 0.3 } } ],
+      faults: { corrupt: 0.001, duplicate: 0.01 } }
+
+`channel` says what the water itself does to a frame (`sea`), `loss` takes frames on top of that,
+independently: with ``channel: "none"`` only `loss` does. A direction in `links` replaces the loss
+of the scenario.
+
+A typo is an error that names the key. Each record checks itself when it is made, also from Python;
+every message begins with the key, says the value and what is allowed.
+"""
+
+from typing import Final, Literal, get_args
+
+import msgspec
+
+from zacoustic.channel.complaint import explain
+from zacoustic.channel.faults import FaultSpec
+from zacoustic.channel.limits import check_range
+from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.position import Motion, Position, Waypoint, distance_m
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.traffic import TrafficSpec
+from zacoustic.errors import ConfigError
+
+ChannelName = Literal["sea", "awgn", "none", "desert"]
+"""What the water does: see `zacoustic.channel.sea`."""
+
+CollisionRule = Literal["capture", "protocol", "sinr"]
+"""What an overlap does: see `zacoustic.channel.receiver`."""
+
+_MAX_WIND_M_S: Final = 60.0  # a hurricane; Wenz's curves end near 20
+_MIN_SOUND_SPEED_M_S: Final = 1000.0
+_MAX_SOUND_SPEED_M_S: Final = 2000.0
+_MAX_COORDINATE_M: Final = 1.0e6  # beyond it the earth is not flat, and no modem reaches
+_MAX_SPEED_M_S: Final = 100.0  # far above any vehicle, far below sound
+_MAX_TIME_S: Final = 1.0e9  # thirty years
+
+
+class LinkSpec(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    rename={"source": "from", "target": "to"},
+):
+    """One direction between two nodes that differs from the others."""
+
+    source: int
+    """Address of the sender; `from` in the file."""
+    target: int
+    """Address of the receiver; `to` in the file."""
+    loss: LossSpec
+    """Replaces the loss of the scenario in this direction."""
+
+
+class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One node: its address, its modem, and where it is."""
+
+    address: int
+    """1…254."""
+    name: str = ""
+    """For people; may be empty."""
+    position: Position | None = None
+    """x east, y north, z down, m; or a track."""
+    track: tuple[Waypoint, ...] | None = None
+    """Way-points, times strictly increasing; or a position."""
+    profile: str | None = None
+    """Modem of this node; None: that of the scenario."""
+
+    def __post_init__(self) -> None:
+        """Check address, place and profile.
+
+        Raises:
+            ValueError: Address outside 1…254, not exactly one of position and track, an empty
+                track, times that do not increase, a coordinate that is no number, or an unknown
+                profile.
+        """
+        if not 1 <= self.address <= 254:
+            raise ValueError(f"address is {self.address}; allowed: 1..254")
+        if self.position is None and self.track is None:
+            raise ValueError("position is missing; allowed: exactly one of position and track")
+        if self.position is not None and self.track is not None:
+            raise ValueError("track is given beside position; allowed: exactly one of the two")
+        if self.position is not None:
+            _check_position("position", self.position)
+        if self.track is not None:
+            _check_track(self.track)
+        if self.profile is not None:
+            profile_named(self.profile)
+
+    def motion(self) -> Motion:
+        """Return where the node is over time."""
+        if self.position is not None:
+            return Motion.fixed(self.position)
+        assert self.track is not None
+        return Motion(self.track)
+
+
+class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The water and who is in it."""
+
+    nodes: tuple[NodeSpec, ...]
+    """At least one; addresses are unique."""
+    seed: int = 1
+    """Every random draw follows from it."""
+    sound_speed_m_s: float = 1500.0
+    """Speed of sound, m/s, 1000…2000."""
+    wind_m_s: float = 5.0
+    """Wind speed, m/s, 0…60: the noise of waves."""
+    shipping: float = 0.5
+    """Activity of distant ships, 0…1."""
+    profile: str = DEFAULT_PROFILE
+    """Modem of the nodes that name none."""
+    channel: ChannelName = "sea"
+    """What the water does to a frame."""
+    collisions: CollisionRule = "capture"
+    """What an overlap does to a frame."""
+    loss: LossSpec = LossSpec()
+    """Frames lost on top of what the channel loses."""
+    links: tuple[LinkSpec, ...] = ()
+    """Directions with a loss of their own."""
+    faults: FaultSpec = FaultSpec()
+    """What modems do to received frames."""
+    config: str = ""
+    """Config of the fleet for `zacoustic sim`, relative to the scenario; empty: opaque topics."""
+    traffic: tuple[TrafficSpec, ...] = ()
+    """Who says what in `zacoustic sim`; a medium ignores it."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges and that addresses fit together.
+
+        Raises:
+            ValueError: A value outside its range, no node, an address twice, or a link of unknown
+                nodes.
+        """
+        check_range(
+            "sound_speed_m_s", self.sound_speed_m_s, _MIN_SOUND_SPEED_M_S, _MAX_SOUND_SPEED_M_S
+        )
+        check_range("wind_m_s", self.wind_m_s, 0.0, _MAX_WIND_M_S)
+        check_range("shipping", self.shipping, 0.0, 1.0)
+        profile_named(self.profile)
+        self._check_nodes()
+        self._check_links()
+
+    def loss_between(self, source: int, target: int) -> LossSpec:
+        """Return the named loss of one direction: its own, or that of the scenario."""
+        for link in self.links:
+            if (link.source, link.target) == (source, target):
+                return link.loss
+        return self.loss
+
+    def profile_of(self, node: NodeSpec) -> str:
+        """Return the name of the profile of a node: its own, or that of the scenario."""
+        return node.profile or self.profile
+
+    def _check_nodes(self) -> None:
+        if not self.nodes:
+            raise ValueError("nodes is empty; allowed: at least one node")
+        seen: dict[int, int] = {}
+        for index, node in enumerate(self.nodes):
+            first = seen.setdefault(node.address, index)
+            if first != index:
+                raise ValueError(
+                    f"nodes[{index}].address is {node.address}; "
+                    f"allowed: an address that nodes[{first}] does not have"
+                )
+
+    def _check_links(self) -> None:
+        addresses = {node.address for node in self.nodes}
+        seen: set[tuple[int, int]] = set()
+        for index, link in enumerate(self.links):
+            for key, address in (("from", link.source), ("to", link.target)):
+                if address not in addresses:
+                    raise ValueError(
+                        f"links[{index}].{key} is {address}; allowed: the address of a node"
+                    )
+            if link.source == link.target:
+                raise ValueError(f"links[{index}].to is {link.target}; allowed: another node")
+            if (link.source, link.target) in seen:
+                raise ValueError(
+                    f"links[{index}].to is {link.target}; "
+                    f"allowed: each direction once, and from {link.source} it is there"
+                )
+            seen.add((link.source, link.target))
+
+
+def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
+    """Convert what a parser made of a scenario file.
+
+    Args:
+        mapping: Nested mappings, arrays, strings and numbers; anything else is an error too.
+        source: What messages call the file.
+
+    Returns:
+        The scenario, checked.
+
+    Raises:
+        ConfigError: One line: file, key path, value, what is allowed.
+    """
+    try:
+        return msgspec.convert(mapping, Scenario)
+    except (msgspec.ValidationError, OverflowError) as error:
+        complaint = explain(str(error), mapping, records=_RECORDS, choices=_CHOICES)
+        raise ConfigError(f"{source}: {complaint}") from None
+
+
+_RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
+    "": Scenario,
+    "nodes[]": NodeSpec,
+    "nodes[].track[]": Waypoint,
+    "links[]": LinkSpec,
+    "links[].loss": LossSpec,
+    "loss": LossSpec,
+    "faults": FaultSpec,
+    "traffic[]": TrafficSpec,
+}
+_CHOICES: Final[dict[str, tuple[str, ...]]] = {
+    "channel": get_args(ChannelName),
+    "collisions": get_args(CollisionRule),
+}
+
+
+def _check_position(key: str, position: Position) -> None:
+    for index, coordinate in enumerate(position):
+        check_range(f"{key}[{index}]", coordinate, -_MAX_COORDINATE_M, _MAX_COORDINATE_M)
+
+
+def _check_track(track: tuple[Waypoint, ...]) -> None:
+    if not track:
+        raise ValueError("track is []; allowed: at least one way-point")
+    for index, waypoint in enumerate(track):
+        _check_position(f"track[{index}].position", waypoint.position)
+        check_range(f"track[{index}].t", waypoint.t, -_MAX_TIME_S, _MAX_TIME_S)
+        if index and not waypoint.t > track[index - 1].t:
+            raise ValueError(
+                f"track[{index}].t is {waypoint.t!r}; "
+                f"allowed: above track[{index - 1}].t, {track[index - 1].t!r}"
+            )
+        if index:
+            before = track[index - 1]
+            speed = distance_m(before.position, waypoint.position) / (waypoint.t - before.t)
+            if speed > _MAX_SPEED_M_S:
+                raise ValueError(
+                    f"track[{index}].t is {waypoint.t!r}, which makes {speed:.0f} m/s; "
+                    f"allowed: at most {_MAX_SPEED_M_S:g} m/s"
+                )
