@@ -20,7 +20,7 @@ import hashlib
 import heapq
 import itertools
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 
 import msgspec
@@ -51,6 +51,10 @@ T = TypeVar("T")
 Deliver = Callable[[int, Event], None]
 """``(address, event)``: takes the events of all engines as they happen."""
 
+Disturb = Callable[[int, int, int], Sequence[float]]
+"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of these
+times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
+
 
 class Modem(msgspec.Struct, frozen=True, kw_only=True):
     """What the modems of a network do by themselves."""
@@ -77,6 +81,7 @@ class VirtualNetwork:
         seed: Replaces the seed of the scenario.
         deliver: Takes each event; without it they are kept in `events`.
         trace: Takes each trace record; the digest is made in any case.
+        disturb: Loses, delays and repeats frames beyond what the scenario says.
 
     Raises:
         ValueError: A table for a node that the scenario does not have.
@@ -91,6 +96,7 @@ class VirtualNetwork:
         seed: int | None = None,
         deliver: Deliver | None = None,
         trace: Callable[[TraceRecord], None] | None = None,
+        disturb: Disturb | None = None,
     ) -> None:
         if seed is not None:
             scenario = msgspec.structs.replace(scenario, seed=seed)
@@ -104,6 +110,7 @@ class VirtualNetwork:
         self._modem = modem or Modem()
         self._deliver = deliver or (lambda address, event: self.events.append((address, event)))
         self._trace = trace
+        self._disturb = disturb
         self._hash = hashlib.sha256()
         self._heap: list[tuple[int, int, Callable[[], None]]] = []
         self._order = itertools.count()
@@ -149,6 +156,11 @@ class VirtualNetwork:
 
     # Nodes
 
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of all engines, in order."""
+        return tuple(self._nodes)
+
     def engine(self, address: int) -> Engine:
         """Return the engine of a node, for its getters; commands go by `apply`."""
         return self._nodes[address].engine
@@ -180,15 +192,19 @@ class VirtualNetwork:
 
     def restart(self, address: int, table: StreamTable | None = None) -> None:
         """Kill a node and start it again with nothing but its next boot epoch, or a new table."""
-        old = self._nodes[address].engine
-        self._start(address, table or old.table, epoch=(old.epoch + 1) & 0xFFFF)
+        old = self._nodes[address]
+        epoch = (old.engine.epoch + 1) & 0xFFFF
+        self._start(address, table or old.engine.table, epoch=epoch, before=old)
 
     def set_link(self, address: int, *, up: bool) -> None:
         """Unplug or plug in the modem of a node."""
         node = self._nodes[address]
         node.is_up = up
-        node.engine.handle_link_state(LinkState.UP if up else LinkState.DOWN, self.now)
-        self._service(node)
+        if up:
+            self._connect(node)
+        else:
+            node.engine.handle_link_state(LinkState.DOWN, self.now)
+            self._service(node)
 
     # Results
 
@@ -199,7 +215,9 @@ class VirtualNetwork:
 
     # Below the methods above
 
-    def _start(self, address: int, table: StreamTable, epoch: int) -> None:
+    def _start(
+        self, address: int, table: StreamTable, epoch: int, *, before: "_Node | None" = None
+    ) -> None:
         engine = Engine(
             address=address,
             table=table,
@@ -208,8 +226,21 @@ class VirtualNetwork:
             trace=self._note,
         )
         node = self._nodes[address] = _Node(address, engine, self._medium.profile(address))
+        if before is not None:
+            # The modem knows nothing of the restart: what it has begun, it sends.
+            node.is_up = before.is_up
+            node.transmits_until = before.transmits_until
+        self._connect(node)
+
+    def _connect(self, node: "_Node") -> None:
+        """Tell an engine that its modem is there, once that is free."""
+        if not self._is_current(node) or not node.is_up:
+            return
+        if node.transmits_until > self.now:
+            self._push(node.transmits_until, lambda: self._connect(node))
+            return
         capabilities = self._capabilities(node.profile)
-        engine.handle_link_state(LinkState.UP, self.now, capabilities)
+        node.engine.handle_link_state(LinkState.UP, self.now, capabilities)
         self._service(node)
 
     def _capabilities(self, profile: ModemProfile) -> LinkCapabilities:
@@ -273,6 +304,7 @@ class VirtualNetwork:
             size_bytes = len(transmission.frame_bytes)
             emission = self._medium.transmit(node.address, size_bytes, started_at)
             outcome, ends_at = TransmitOutcome.SENT, emission.ends_at
+            node.transmits_until = ends_at
             for arrival in emission.arrivals:
                 self._schedule(arrival, transmission)
         report = TransmitReport(
@@ -316,17 +348,25 @@ class VirtualNetwork:
                     frame_bytes = corrupt(frame_bytes, random.Random(reception.corrupt_seed))
                     self._receive(arrival, transmission, frame_bytes)
             else:
-                self._receive(arrival, transmission, frame_bytes)
-                for after_s in reception.duplicates_after_s:
-                    self._push(
-                        self.now + seconds_to_ns(after_s),
-                        lambda: self._receive(arrival, transmission, frame_bytes),
-                    )
+                delays_s: Sequence[float] = (0.0,)
+                if self._disturb is not None:
+                    delays_s = self._disturb(arrival.source, arrival.node, self.now)
+                for after_s in (*delays_s, *reception.duplicates_after_s):
+                    self._hand_over(after_s, arrival, transmission, frame_bytes)
         else:
             outcome = reception.outcome.value
             self.losses[outcome] = self.losses.get(outcome, 0) + 1
         if heard:
             self._carrier(arrival.node, -1)
+
+    def _hand_over(
+        self, after_s: float, arrival: Arrival, transmission: Transmission, frame_bytes: bytes
+    ) -> None:
+        if after_s > 0:
+            at = self.now + seconds_to_ns(after_s)
+            self._push(at, lambda: self._receive(arrival, transmission, frame_bytes))
+        else:
+            self._receive(arrival, transmission, frame_bytes)
 
     def _receive(self, arrival: Arrival, transmission: Transmission, frame_bytes: bytes) -> None:
         node = self._nodes.get(arrival.node)
@@ -364,6 +404,7 @@ class _Node:
         self.engine = engine
         self.profile = profile
         self.is_up = True
+        self.transmits_until = 0
         self.carriers = 0
         self.armed_at: int | None = None
 

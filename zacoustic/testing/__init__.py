@@ -1,0 +1,9 @@
+"""What one needs to test links and applications: shipped, so that third parties can use it.
+
+`virtual` runs many real engines on the simulated channel in virtual time; `conformance` is the
+battery that every link passes.
+"""
+
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+__all__ = ["Modem", "VirtualNetwork"]
