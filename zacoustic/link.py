@@ -1,15 +1,21 @@
 """The link contract: what a driver of an acoustic modem implements, and what it may call.
 
-A link turns a `Transmission` into sound and sound into `ReceivedFrame`; it knows its device and nothing about streams.
-Rules, all proven by the conformance battery (`zacoustic.testing.conformance`):
+A link turns a `Transmission` into sound and sound into `ReceivedFrame`; it knows its device and
+nothing about streams. Rules, all proven by the conformance battery
+(`zacoustic.testing.conformance`):
 
-- Everything runs on one asyncio loop. The receiver is called on that loop only, never from `transmit` itself.
-- `transmit` returns at once. One transmission is outstanding at most. Exactly one `TransmitReport` follows each, also
-  when the frame is too large, when the link is down, and when it is closed meanwhile (ABORTED).
+- Everything runs on one asyncio loop. The receiver is called on that loop only, never from
+  `transmit` itself.
+- `transmit` returns at once. One transmission is outstanding at most. Exactly one `TransmitReport`
+  follows each: also for a frame that is empty, above the MTU, or comes while another is outstanding
+  (REJECTED, with the reason in `detail`), and when the link is lost or closed meanwhile (ABORTED).
+- `capabilities` are set before `state_changed(UP)`, and may be others at a later UP.
+- A lost device is reported as DOWN first, then the ABORTED report of what was under way.
 - A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
 - After `close` has returned no callback is made; `close` may be called again.
 - `received_at` is stamped where the bytes are read, and never decreases.
-- Bytes from the device never raise; what cannot be understood is ignored and counted in `diagnostics`.
+- Bytes from the device never raise; what cannot be understood is ignored and counted in
+  `diagnostics`.
 """
 
 from abc import ABC, abstractmethod
@@ -31,7 +37,7 @@ LINK_API: Final = 1
 
 
 class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings that a link takes from the `#key=value&…` part of its locator; each link extends it."""
+    """Settings from the `#key=value&…` part of a locator; each link extends it."""
 
 
 class LinkReceiver(Protocol):
@@ -87,7 +93,8 @@ class Link(ABC):
         """Open the device; returns when the link is UP or keeps trying in the background.
 
         Raises:
-            LinkOpenError: The device cannot be opened and waiting will not help.
+            LinkOpenError: The device cannot be opened and waiting will not help, or has not come
+                within the time that the link's config allows.
         """
 
     @abstractmethod
@@ -107,7 +114,9 @@ class Link(ABC):
         return {}
 
 
-def convert_config(config_type: type[LinkConfig], settings: dict[str, str], *, source: str) -> LinkConfig:
+def convert_config(
+    config_type: type[LinkConfig], settings: dict[str, str], *, source: str
+) -> LinkConfig:
     """Convert the settings of a locator to the config of its link.
 
     Args:

@@ -1,0 +1,52 @@
+"""What both kinds of connections are and need."""
+
+import asyncio
+import errno
+import os
+import socket
+from collections.abc import Callable
+from typing import Any, Final, Protocol, TypeAlias
+
+WRITE_LIMIT_BYTES: Final = 65_536
+"""Bytes that may wait for the device before `write` refuses: a hundred frames of any modem."""
+FLUSH_LIMIT_S: Final = 1.0
+"""For what is still to be written when a connection is closed, s."""
+
+Receive: TypeAlias = Callable[[bytes, int], None]
+"""Takes what was read, and the instant in ns; called on the loop."""
+
+
+class Connection(Protocol):
+    """One connection, open until `lost` is done."""
+
+    lost: asyncio.Future[str]
+    """Why it has ended; set from outside, it is to be closed."""
+
+    def write(self, data: bytes) -> bool:
+        """Take all of these bytes or none; returns whether."""
+        ...
+
+    async def close(self) -> None:
+        """Release everything; what was written has `FLUSH_LIMIT_S`."""
+        ...
+
+
+def settle(future: asyncio.Future[Any], outcome: object) -> None:
+    """Give a future its result or its exception, unless it has one."""
+    if future.done():
+        return
+    if isinstance(outcome, BaseException):
+        future.set_exception(outcome)
+    else:
+        future.set_result(outcome)
+
+
+def reason_of(error: BaseException) -> str:
+    """One line of what the operating system says."""
+    if isinstance(error, socket.gaierror):
+        return str(error.strerror)
+    if isinstance(error, OSError) and error.errno == errno.EAGAIN:  # the lock on a serial port
+        return "in use by another program"
+    if isinstance(error, OSError) and error.errno:
+        return os.strerror(error.errno)
+    return " ".join(str(error).split()) or type(error).__name__

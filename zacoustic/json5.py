@@ -1,0 +1,144 @@
+"""JSON5 files, read through Zenoh's own parser: one grammar for all files of a user.
+
+Zenoh's parser reads a whole `Config` and keeps one part of it free-form, `metadata`; a text is
+wrapped into that part and read back as JSON. Four of its ways show through: keys come back sorted;
+of duplicate keys only the last survives (so what has order or identity is an array); NaN and
+Infinity, which JSON lacks, come back as None; a character beyond U+FFFF must be written as itself,
+since a pair of escapes becomes another character.
+
+The text is parsed twice. The first pass is over the bare text, so that the line and the column of a
+syntax error are those of the user's file, and so that no text can close the wrapper and write into
+the rest of the config. The parser checks the grammar of everything before it looks at a single
+field: complaints of the first pass about fields mean only that the text is no Zenoh config, and are
+ignored.
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:  # importing it costs 20 ms and its shared library; only what reads a file pays
+    import zenoh
+
+ACOUSTIC_SECTION: Final = "plugins/acoustic"
+"""Where the gateway's part lives in a Zenoh config."""
+DEPTH_LIMIT: Final = 200
+"""Objects and arrays within each other; the parser's stack overflows somewhere above 5000."""
+
+_BRACKET: Final = re.compile(r"[\[\]{}]")
+_SECTION_HINT: Final = (
+    "add plugins: { acoustic: { address: 1, links: [ { locator: ... } ], streams: [ ... ] } }"
+)
+# How the parser words an error of grammar, and one of a field, which has no place when the file is
+# YAML.
+_GRAMMAR: Final = re.compile(r"-->\s*(\d+):(\d+).*=\s*(.*)", re.DOTALL)
+_FIELD: Final = re.compile(
+    r'JSON error: Message \{ msg: "(.*)", location: '
+    r"(?:None|Some\(Location \{ line: (\d+), column: (\d+) \}\))",
+    re.DOTALL,
+)
+_WHERE_IN_ZENOH: Final = re.compile(r" at \S+\.rs:\d+\.?")
+_OS_ERROR: Final = re.compile(r" \(os error \d+\)")
+
+
+def parse_json5(text: str, *, source: str) -> object:
+    """Parse a JSON5 text.
+
+    Args:
+        text: Any JSON5 value, with comments and trailing commas.
+        source: Name of the file or of the argument, for the messages.
+
+    Returns:
+        Plain objects: dict with sorted keys, list, str, int, float, bool, None.
+
+    Raises:
+        ConfigError: The text is not JSON5: names source, line, column and what was expected.
+    """
+    import zenoh
+
+    _check_depth(text, source)
+    try:
+        zenoh.Config.from_json5(text)
+    except zenoh.ZError as error:
+        if _GRAMMAR.search(str(error)):
+            raise _config_error(error, source) from error
+    try:
+        # The line break ends a comment that has none of its own.
+        wrapped = zenoh.Config.from_json5("{metadata:" + text + "\n}")
+        return json.loads(wrapped.get_json("metadata"))
+    except zenoh.ZError as error:
+        raise _config_error(error, source) from error
+
+
+def read_json5(path: str | Path) -> object:
+    """Read and parse a JSON5 file, UTF-8.
+
+    Raises:
+        ConfigError: The file is missing, not readable or not JSON5.
+    """
+    return parse_json5(_read_text(path), source=str(path))
+
+
+def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config, object]":
+    """Read a Zenoh config file that has a section `plugins.acoustic`.
+
+    Args:
+        path: A `.json5`, `.json` or `.yaml` file.
+
+    Returns:
+        The config for `zenoh.open`, and the section as plain objects with sorted keys.
+
+    Raises:
+        ConfigError: The file is missing, not readable, no Zenoh config, or has no such section.
+    """
+    import zenoh
+
+    _check_depth(_read_text(path), str(path))
+    try:
+        config = zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        raise _config_error(error, str(path)) from error
+    try:
+        return config, json.loads(config.get_json(ACOUSTIC_SECTION))
+    except zenoh.ZError as error:
+        raise ConfigError(f"{path}: no section plugins.acoustic", hint=_SECTION_HINT) from error
+
+
+def _read_text(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8") from error
+
+
+def _check_depth(text: str, source: str) -> None:
+    """Refuse what would overflow the parser's stack, which ends the process.
+
+    Brackets in strings and comments count too: files of people do not come near the limit.
+    """
+    depth = 0
+    for bracket in _BRACKET.finditer(text):
+        depth += 1 if bracket.group() in "[{" else -1
+        if depth > DEPTH_LIMIT:
+            line = text.count("\n", 0, bracket.start()) + 1
+            raise ConfigError(f"{source}:{line}: nested {depth} deep; allowed: {DEPTH_LIMIT}")
+
+
+def _config_error(error: Exception, source: str) -> ConfigError:
+    """Turn an error of Zenoh's parser into one line about the user's file."""
+    text = _WHERE_IN_ZENOH.sub("", str(error))
+    if grammar := _GRAMMAR.search(text):
+        line, column, expected = grammar.groups()
+        return ConfigError(f"{source}:{line}:{column}: {expected.strip()}")
+    if field := _FIELD.search(text):
+        message, line, column = field.groups()
+        place = f":{line}:{column}" if line else ""
+        return ConfigError(f"{source}{place}: {' '.join(message.split())}")
+    if "error parsing integer" in text or "error parsing number" in text:
+        return ConfigError(f"{source}: a number is too large; allowed: 64 bits")
+    return ConfigError(f"{source}: {' '.join(_OS_ERROR.sub('', text).split())}")
