@@ -1,0 +1,199 @@
+"""The verb `zacoustic medium`: simulated water that gateways in other processes share."""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final, Self
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.core.clock import ns_to_seconds
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.channel.scenario import Scenario
+    from zacoustic_sim.medium import Observation
+
+LINES_LIMIT: Final = 10_000
+"""Lines that may wait for a reader."""
+
+# How long the last lines may take when the verb ends, s.
+_LAST_LINES_S: Final = 1.0
+
+
+class MediumCommand(Command):
+    """Serves the water of a scenario until it is interrupted."""
+
+    name = "medium"
+    summary = "serve simulated water, for links sim/HOST:PORT"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare scenario, address, seed, time scale and form of the output."""
+        parser.add_argument("scenario", metavar="SCENARIO", help="scenario file, JSON5")
+        parser.add_argument(
+            "--listen", metavar="HOST:PORT", default="127.0.0.1:7000",
+            help="where to listen, port 0 for any that is free (default: %(default)s)",
+        )  # fmt: skip
+        parser.add_argument("--seed", type=int, help="replaces the seed of the scenario")
+        parser.add_argument(
+            "--time-scale", type=float, default=1.0, metavar="X",
+            help="how many times faster than real (default: %(default)s)",
+        )  # fmt: skip
+        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Serve until SIGINT or SIGTERM.
+
+        Raises:
+            ConfigError: The scenario or an argument is wrong.
+            LinkOpenError: The address cannot be listened at.
+        """
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(self._serve(arguments))
+        return EXIT_OK
+
+    async def _serve(self, arguments: argparse.Namespace) -> None:
+        from zacoustic_sim.medium import SimMedium
+        from zacoustic_sim.server import MediumServer
+
+        scenario = _read_scenario(arguments.scenario, arguments.seed)
+        host, port = _parse_listen(arguments.listen)
+        stop = asyncio.Event()
+        # Signals first: whoever reads that we listen may stop us at once.
+        with _stopped_by_signals(stop), _LineWriter(stop) as writer:
+            reporter = _Reporter(writer, as_json=arguments.json)
+            medium = SimMedium(scenario, time_scale=arguments.time_scale, observer=reporter.observe)
+            server = MediumServer(medium, host, port)
+            await server.open()
+            try:
+                reporter.listening(server.address, arguments.scenario, scenario)
+                await stop.wait()
+            finally:
+                await server.close()
+
+
+class _LineWriter:
+    """Writes lines to standard output from a thread: a reader who stops does not stop the water.
+
+    Args:
+        stop: Set when the reader has gone.
+    """
+
+    def __init__(self, stop: asyncio.Event) -> None:
+        self._stop = stop
+        self._loop = asyncio.get_running_loop()
+        self._lines: queue.Queue[str | None] = queue.Queue(LINES_LIMIT)
+        self._dropped = 0
+        # A daemon: a write that the reader blocks cannot be interrupted.
+        self._thread = threading.Thread(target=self._run, name="output", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        with contextlib.suppress(queue.Full):
+            self._lines.put_nowait(None)
+        self._thread.join(_LAST_LINES_S)
+
+    def write(self, line: str) -> None:
+        """Write a line soon; dropped, and counted on standard error, when too many wait."""
+        try:
+            self._lines.put_nowait(line)
+        except queue.Full:
+            if not self._dropped:
+                print("medium: nobody reads the output; lines are dropped", file=sys.stderr)
+            self._dropped += 1
+
+    def _run(self) -> None:
+        try:
+            while (line := self._lines.get()) is not None:
+                sys.stdout.write(line + "\n")
+                sys.stdout.flush()  # whoever reads a pipe wants each line when it happens
+        except BrokenPipeError:
+            self._loop.call_soon_threadsafe(self._stop.set)
+
+
+class _Reporter:
+    """Says what happens, as text or as JSON."""
+
+    def __init__(self, writer: _LineWriter, *, as_json: bool) -> None:
+        self._writer = writer
+        self._as_json = as_json
+
+    def listening(self, address: str, source: str, scenario: "Scenario") -> None:
+        nodes = [node.address for node in scenario.nodes]
+        text = f"listening at {address}, {len(nodes)} nodes of {source}: --link sim/{address}"
+        self._write(
+            {"event": "listening", "address": address, "nodes": nodes, "seed": scenario.seed}, text
+        )
+
+    def observe(self, at: int, observation: "Observation") -> None:
+        from zacoustic.channel.medium import Emission, Reception
+        from zacoustic_sim.medium import Attached
+
+        at_s = ns_to_seconds(at)
+        match observation:
+            case Emission() as emission:
+                record: dict[str, object] = {
+                    "event": "emission", "at_s": at_s, "source": emission.source,
+                    "sequence": emission.sequence, "frame_bytes": emission.frame_bytes,
+                    "airtime_s": ns_to_seconds(emission.ends_at - emission.started_at),
+                }  # fmt: skip
+                text = f"{emission.source} sends {emission.frame_bytes} bytes"
+            case Reception(arrival=arrival) as reception:
+                record = {
+                    "event": "reception", "at_s": at_s, "source": arrival.source,
+                    "sequence": arrival.sequence, "node": arrival.node,
+                    "outcome": reception.outcome.value, "snr_db": round(arrival.snr_db, 2),
+                    "propagation_s": arrival.propagation_s,
+                }  # fmt: skip
+                text = f"{arrival.source} at {arrival.node}: {reception.outcome.value}"
+            case _:
+                event = "attach" if isinstance(observation, Attached) else "detach"
+                record = {"event": event, "at_s": at_s, "address": observation.address}
+                text = f"node {observation.address}: {event}"
+        self._write(record, f"{at_s:10.3f} s  {text}")
+
+    def _write(self, record: dict[str, object], text: str) -> None:
+        self._writer.write(json.dumps(record) if self._as_json else text)
+
+
+def _read_scenario(path: str, seed: int | None) -> "Scenario":
+    import msgspec
+
+    from zacoustic.channel.scenario import scenario_from_mapping
+    from zacoustic.json5 import read_json5
+
+    scenario = scenario_from_mapping(read_json5(path), source=path)
+    return scenario if seed is None else msgspec.structs.replace(scenario, seed=seed)
+
+
+def _parse_listen(listen: str) -> tuple[str, int]:
+    host, colon, port = listen.rpartition(":")
+    if not (colon and host and port.isascii() and port.isdigit() and int(port) <= 65_535):
+        raise ConfigError(f"--listen {listen!r}; allowed: HOST:PORT, port 0..65535")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+@contextlib.contextmanager
+def _stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
+    loop = asyncio.get_running_loop()
+    if sys.platform == "win32":
+        # There SIGINT is a KeyboardInterrupt, and a handler must wake the loop by itself.
+        signal.signal(signal.SIGTERM, lambda *_: loop.call_soon_threadsafe(stop.set))
+        yield
+        return
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    try:
+        yield
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.remove_signal_handler(number)

@@ -1,0 +1,110 @@
+"""How a simulated modem reaches the medium: over TCP here, in the same process in `medium`."""
+
+import time
+from typing import Final, Protocol
+
+from zacoustic.bytestream import ByteStream
+from zacoustic.core.clock import Clock
+from zacoustic_sim.messages import (
+    VERSION,
+    Hello,
+    MalformedMessageError,
+    MessageDecoder,
+    ServerMessage,
+    Transmit,
+    encode_message,
+)
+
+START_HINT: Final = "start it: zacoustic medium SCENARIO --listen {address}"
+"""What to do when nobody listens at `address`."""
+
+
+class ConnectionReceiver(Protocol):
+    """Who hears from a connection; called on the loop only, never from within a call to it."""
+
+    def message_received(self, message: ServerMessage, received_at: int) -> None:
+        """The medium says something; `received_at` is when it was read, ns."""
+        ...
+
+    def connection_lost(self, reason: str) -> None:
+        """The medium is gone or was not reached; the connection keeps trying."""
+        ...
+
+
+class Connection(Protocol):
+    """A way to the medium that says `Hello` by itself, and again after each loss."""
+
+    address: str
+    """Where the medium is, for messages to people."""
+    hint: str
+    """What to do when it is not there."""
+
+    def open(self, receiver: ConnectionReceiver) -> None:
+        """Start; returns at once."""
+        ...
+
+    def send(self, message: Transmit) -> bool:
+        """Say something; returns whether it could be said."""
+        ...
+
+    async def close(self) -> None:
+        """Stop; no callback comes after it. May be called again."""
+        ...
+
+
+class StreamConnection:
+    """The way to a medium in another process.
+
+    Args:
+        address: `HOST:PORT`.
+        node_address: Acoustic address to ask for.
+        clock: Where instants come from.
+
+    Raises:
+        ConfigError: The address is none.
+    """
+
+    def __init__(
+        self, address: str, *, node_address: int, clock: Clock = time.monotonic_ns
+    ) -> None:
+        self.address = address
+        self.hint = START_HINT.format(address=address)
+        self._stream = ByteStream(f"tcp:{address}", clock=clock)
+        self._node_address = node_address
+        self._receiver: ConnectionReceiver | None = None
+        self._decoder = MessageDecoder[ServerMessage](ServerMessage)
+
+    def open(self, receiver: ConnectionReceiver) -> None:
+        """Start to connect."""
+        self._receiver = receiver
+        self._stream.open(self)
+
+    def send(self, message: Transmit) -> bool:
+        """Send a message, if connected."""
+        return self._stream.write(encode_message(message))
+
+    async def close(self) -> None:
+        """Close the stream."""
+        self._receiver = None
+        await self._stream.close()
+
+    def stream_opened(self) -> None:
+        """Ask for a place; called by the stream."""
+        self._decoder = MessageDecoder[ServerMessage](ServerMessage)
+        self._stream.write(encode_message(Hello(VERSION, self._node_address)))
+
+    def bytes_received(self, data: bytes, received_at: int) -> None:
+        """Read messages; called by the stream."""
+        try:
+            messages = self._decoder.feed(data)
+        except MalformedMessageError as error:
+            self._stream.reset(f"this is no medium: {error}")
+            return
+        for message in messages:
+            if self._receiver is not None:
+                self._receiver.message_received(message, received_at)
+
+    def stream_lost(self, reason: str) -> None:
+        """Pass it on; called by the stream."""
+        if self._receiver is not None:
+            self._receiver.connection_lost(reason.removeprefix(f"tcp:{self.address}: "))

@@ -1,0 +1,168 @@
+"""What a simulated modem and the medium say to each other, in one process or over TCP.
+
+A conversation: the modem says `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
+Then the modem says `Transmit`, and the medium `Finished` for each of those, `Heard` for what
+arrives, `Carrier` when somebody else becomes audible or falls silent.
+
+Over TCP each message is a mark of two bytes, two bytes of length, big-endian, and a tagged msgpack
+map. The mark is there so that nonsense is noticed at once, and not when as many bytes have come as
+its first ones seem to announce. Nobody's clock crosses the line: a message says how long ago
+something was, and the reader subtracts that from the instant at which it reads.
+
+All durations are those of the node's clock. At a time scale of 100 this is a modem a hundred times
+as fast, in water in which sound is a hundred times as fast.
+"""
+
+from typing import Final, Generic, TypeAlias, TypeVar
+
+import msgspec
+
+from zacoustic.core.linktypes import LinkCapabilities, LinkMetrics, TransmitOutcome
+
+VERSION: Final = 1
+"""Of this conversation; the medium refuses another one."""
+MESSAGE_LIMIT_BYTES: Final = 65_535
+"""Longest message: a hundred times the largest frame of the modems known."""
+
+_MARK: Final = b"\x5a\x5e"
+_HEAD_BYTES: Final = len(_MARK) + 2
+
+
+class Hello(msgspec.Struct, frozen=True, tag="hello"):
+    """A modem asks for its place in the water."""
+
+    version: int
+    """Of the conversation."""
+    address: int
+    """Acoustic address, one of the scenario's nodes."""
+
+
+class Transmit(msgspec.Struct, frozen=True, tag="transmit"):
+    """A modem wants to send a frame."""
+
+    transmission_id: int
+    """Comes back in `Finished`."""
+    destination: int
+    """Address, or `BROADCAST`."""
+    frame_bytes: bytes
+    """The frame."""
+
+
+class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
+    """The modem has its place."""
+
+    capabilities: LinkCapabilities
+    """What it can do, in the node's clock."""
+    profile: str
+    """Name of the modem's profile."""
+    time_scale: float
+    """How many times faster than real the water is."""
+
+
+class Refused(msgspec.Struct, frozen=True, tag="refused"):
+    """The modem gets no place; the medium hangs up."""
+
+    reason: str
+    """One line."""
+
+
+class Finished(msgspec.Struct, frozen=True, tag="finished"):
+    """A transmission has ended."""
+
+    transmission_id: int
+    """Which one."""
+    outcome: TransmitOutcome
+    """How."""
+    lasted_ns: int = 0
+    """Its airtime, ns; 0 if it was never on the air."""
+    ago_ns: int = 0
+    """How long before this message it ended, ns."""
+    detail: str = ""
+    """Why it was rejected."""
+
+
+class Heard(msgspec.Struct, frozen=True, tag="heard"):
+    """A frame has arrived."""
+
+    source: int
+    """Address of the sender."""
+    destination: int
+    """Address it was sent to, or `BROADCAST`."""
+    frame_bytes: bytes
+    """The frame, damaged if `damaged`."""
+    metrics: LinkMetrics = LinkMetrics()
+    """What the modem measured."""
+    damaged: bool = False
+    """A modem that checks its frames drops it."""
+    ago_ns: int = 0
+    """How long before this message its last bit arrived, ns."""
+
+
+class Carrier(msgspec.Struct, frozen=True, tag="carrier"):
+    """Somebody else became audible, or the last one fell silent."""
+
+    busy: bool
+    """Whether somebody is audible."""
+
+
+ClientMessage: TypeAlias = Hello | Transmit
+"""What a modem says."""
+ServerMessage: TypeAlias = Welcome | Refused | Finished | Heard | Carrier
+"""What the medium says."""
+
+MessageT = TypeVar("MessageT")
+
+
+class MalformedMessageError(Exception):
+    """Not a message of this conversation; whoever reads it hangs up."""
+
+
+class MessageDecoder(Generic[MessageT]):
+    """Cuts a byte stream into messages; keeps less than one message.
+
+    Args:
+        kind: `ClientMessage` or `ServerMessage`.
+    """
+
+    def __init__(self, kind: "type[MessageT] | object") -> None:
+        self._decoder: msgspec.msgpack.Decoder[MessageT] = msgspec.msgpack.Decoder(kind)
+        self._buffer = bytearray()
+
+    def feed(self, data: bytes) -> list[MessageT]:
+        """Take bytes, return the messages that they complete.
+
+        Raises:
+            MalformedMessageError: The stream is of no use any more.
+        """
+        self._buffer += data
+        messages: list[MessageT] = []
+        start = 0
+        while len(self._buffer) - start >= _HEAD_BYTES:
+            body = start + _HEAD_BYTES
+            if not self._buffer.startswith(_MARK, start):
+                raise MalformedMessageError("a message begins with something else than its mark")
+            length = int.from_bytes(self._buffer[start + len(_MARK) : body], "big")
+            if len(self._buffer) - body < length:
+                break
+            try:
+                messages.append(self._decoder.decode(self._buffer[body : body + length]))
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+                raise MalformedMessageError(str(error)) from error
+            start = body + length
+        del self._buffer[:start]
+        return messages
+
+
+_encoder = msgspec.msgpack.Encoder()
+
+
+def encode_message(message: ClientMessage | ServerMessage) -> bytes:
+    """Return a message as bytes, mark and length included.
+
+    Raises:
+        MalformedMessageError: It is longer than `MESSAGE_LIMIT_BYTES`.
+    """
+    body = _encoder.encode(message)
+    if len(body) > MESSAGE_LIMIT_BYTES:
+        raise MalformedMessageError(f"{len(body)} bytes; allowed: {MESSAGE_LIMIT_BYTES}")
+    return _MARK + len(body).to_bytes(2, "big") + body
