@@ -1,0 +1,51 @@
+"""Runs a coroutine of a test on a fresh loop, with a time limit, and sees that nothing is left."""
+
+import asyncio
+import os
+import threading
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+
+def run(main: Coroutine[Any, Any, T], *, limit_s: float = 20.0) -> T:
+    """Run to the end; no task, thread or descriptor may be left, no exception unseen."""
+    unseen: list[dict[str, Any]] = []
+
+    async def limited() -> T:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(lambda _, context: unseen.append(context))
+        async with asyncio.timeout(limit_s):
+            result = await main
+        left = asyncio.all_tasks() - {asyncio.current_task()}
+        assert not left, f"tasks left: {left}"
+        return result
+
+    threads = set(threading.enumerate())
+    descriptors = _descriptors()
+    result = asyncio.run(limited())
+    assert not unseen, unseen
+    assert set(threading.enumerate()) <= threads, "threads left"
+    left = {name: target for name, target in _descriptors().items() if name not in descriptors}
+    assert not left, f"descriptors left: {left}"
+    return result
+
+
+async def until(condition: Callable[[], object], changed: asyncio.Event) -> None:
+    """Wait until a condition holds; `changed` is set whenever it may have changed."""
+    while not condition():
+        changed.clear()
+        await changed.wait()
+
+
+def _descriptors() -> dict[str, str]:
+    if not os.path.isdir("/proc/self/fd"):
+        return {}
+    found = {}
+    for name in os.listdir("/proc/self/fd"):
+        try:
+            found[name] = os.readlink(f"/proc/self/fd/{name}")
+        except FileNotFoundError:  # the one that listed the directory
+            continue
+    return found

@@ -1,0 +1,156 @@
+import argparse
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from zacoustic import registry
+from zacoustic.errors import ConfigError, LinkUnavailableError
+from zacoustic_sim.link import SimLink
+
+MODULE = """
+from zacoustic.link import Link
+from zacoustic.command import Command
+
+class OldLink(Link):
+    '''A link of another time.
+
+    With more text.
+    '''
+    link_api = 0
+
+class NoLink:
+    pass
+
+class Verb(Command):
+    name = "verb"
+    summary = "does it"
+
+    def add_arguments(self, parser):
+        pass
+
+    def run(self, arguments):
+        return 0
+"""
+
+ENTRY_POINTS = """
+[zacoustic.links]
+old = thirdparty_links:OldLink
+absent = thirdparty_links:Absent
+none = thirdparty_links:NoLink
+needy = thirdparty_needy:Link
+
+[zacoustic.commands]
+verb = thirdparty_links:Verb
+broken = thirdparty_needy:Verb
+wrong = thirdparty_links:NoLink
+"""
+
+
+@pytest.fixture
+def third_party(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A distribution of somebody else, with links and verbs in all states."""
+    info = tmp_path / "thirdparty-2.5.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: thirdparty\nVersion: 2.5\n")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS)
+    (tmp_path / "thirdparty_links.py").write_text(MODULE)
+    (tmp_path / "thirdparty_needy.py").write_text("import vendor_driver_that_is_absent\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "thirdparty_links", raising=False)
+
+
+def test_our_own_link_is_found_and_built_by_its_locator() -> None:
+    assert "sim" in registry.names()
+    link = registry.create("sim/127.0.0.1:7000#addressed=false&wait_s=3", 2)
+    assert isinstance(link, SimLink)
+    assert link._config.addressed is False
+    assert link._config.wait_s == 3.0
+
+
+@pytest.mark.parametrize(
+    ("locator", "message"),
+    [
+        ("sim", "locator 'sim' names no link (write NAME/ADDRESS"),
+        ("/x", "locator '/x' names no link"),
+        ("sim/h:1#addressed", "setting 'addressed' is not key=value"),
+        ("sim/h:1#=1", "setting '=1' is not key=value"),
+        ("sim/h:1#framed=true&framed=false", "setting 'framed' is given twice"),
+        ("sim/h:1#speed=9", "sim/h:1#speed=9: Object contains unknown field `speed`"),
+        ("sim/h:1#framed=maybe", "`$.framed`"),
+        ("sim/h:1#wait_s=0", "wait_s is 0.0; allowed: above 0"),
+        ("sim/nowhere", "allowed: tcp:HOST:PORT"),
+    ],
+)
+def test_wrong_locator_is_an_error_of_the_config(locator: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        registry.create(locator, 1)
+
+
+def test_address_of_a_locator_may_contain_what_separates_elsewhere() -> None:
+    parts = registry.parse_locator("evologics/serial:/dev/ttyUSB0#baudrate=19200&note=a=b")
+    assert parts.name == "evologics"
+    assert parts.address == "serial:/dev/ttyUSB0"
+    assert parts.settings == {"baudrate": "19200", "note": "a=b"}
+
+
+@pytest.mark.usefixtures("third_party")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("sonar", "no link 'sonar'; installed: absent, needy, none, old, sim"),
+        ("needy", "link 'needy' needs vendor_driver_that_is_absent "
+                  "(pip install thirdparty[needy])"),
+        ("absent", "link 'absent': thirdparty_links:Absent does not exist"),
+        ("none", "link 'none': thirdparty_links:NoLink is not a subclass of Link"),
+        ("old", "link 'old' was written for link contract 0, this is 1 "
+                "(pip install --upgrade zacoustic thirdparty)"),
+    ],
+)  # fmt: skip
+def test_unusable_link_says_what_to_do(name: str, message: str) -> None:
+    with pytest.raises(LinkUnavailableError) as caught:
+        registry.load(name)
+    assert str(caught.value).startswith(message)
+
+
+@pytest.mark.usefixtures("third_party")
+def test_description_lists_all_links_with_settings_or_error() -> None:
+    described = {link.name: link for link in registry.describe()}
+    assert list(described) == ["absent", "needy", "none", "old", "sim"]
+    assert described["sim"].summary.startswith("A modem in simulated water")
+    assert described["sim"].settings["addressed"] == "true"
+    assert described["sim"].package.startswith("zacoustic ")
+    assert described["needy"].package == "thirdparty 2.5"
+    assert "vendor_driver" in described["needy"].error
+
+
+def test_without_any_link_the_installation_is_at_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "LINK_GROUP", "zacoustic.links.of.nobody")
+    with pytest.raises(LinkUnavailableError, match=r"pip install -e \."):
+        registry.load("sim")
+
+
+@pytest.mark.usefixtures("third_party")
+def test_verbs_are_found_and_a_broken_one_fails_alone() -> None:
+    commands = registry.commands()
+    assert list(commands) == ["broken", "medium", "verb", "wrong"]
+    assert commands["verb"].run(argparse.Namespace()) == 0
+    assert commands["broken"].name == "broken"
+    assert "not available" in commands["broken"].summary
+    parser = argparse.ArgumentParser()
+    commands["broken"].add_arguments(parser)
+    with pytest.raises(LinkUnavailableError, match="vendor_driver"):
+        commands["broken"].run(parser.parse_args(["any", "thing"]))
+    with pytest.raises(LinkUnavailableError, match="is not a Command"):
+        commands["wrong"].run(argparse.Namespace())
+
+
+def test_names_imports_no_link() -> None:
+    code = (
+        "import sys; from zacoustic import registry; registry.names(); "
+        "print([name for name in sys.modules if name.startswith('zacoustic_')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

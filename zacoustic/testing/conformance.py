@@ -1,0 +1,287 @@
+"""The conformance battery: what every link must do, as plain async functions.
+
+An author of a link writes a `LinkHarness`: two links that hear each other, through a simulator, an
+emulator or two modems in a bucket, and the means to disturb them. Then, with pytest or without::
+
+    @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+    def test_conformance(check):
+        asyncio.run(check(MyHarness()))
+
+The water of a harness is quiet and loses nothing: a lost frame fails a check. What a check finds
+wrong is an `AssertionError` that says which rule of `zacoustic.link` is broken. All waits have a
+limit, derived from what the link says of itself.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable, Coroutine
+from typing import Any, Final, TypeAlias
+
+import msgspec
+
+from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.linktypes import LinkMetrics, LinkState, TransmitOutcome
+from zacoustic.errors import LinkClosedError
+from zacoustic.testing.linkpair import (
+    ON_AIR,
+    LinkHarness,
+    RecordingReceiver,
+    Side,
+    pair,
+    require,
+)
+
+GARBAGE: Final = bytes(range(256)) + b"\r\n\x00\xff" * 64
+"""Nonsense for the byte stream of a device."""
+
+Check: TypeAlias = Callable[[LinkHarness], Coroutine[Any, Any, None]]
+"""One rule; raises `AssertionError` when a link breaks it."""
+
+
+async def closes_twice_and_unopened(harness: LinkHarness) -> None:
+    """`close` may be called before `open` and again after itself; `transmit` needs an open link."""
+    async with pair(harness, is_open=False) as (near, far):
+        await near.link.close()
+        _require_closed(near)
+        await near.open()
+        await near.close()
+        await near.close()
+        _require_closed(near)
+        await far.open()
+
+
+async def says_what_it_can_do(harness: LinkHarness) -> None:
+    """Capabilities are in range after `open`, and the same on both sides in what concerns both."""
+    async with pair(harness) as (near, far):
+        for side in (near, far):
+            told = side.link.capabilities
+            msgspec.convert(msgspec.to_builtins(told), type(told))  # runs its own checks
+            low, high = told.address_range
+            require(low <= side.address <= high, f"address {side.address} outside {low}..{high}")
+            unknown = told.reports - set(LinkMetrics.__struct_fields__)
+            require(not unknown, f"reports {sorted(unknown)} are no fields of LinkMetrics")
+            readings = side.link.diagnostics()
+            require(
+                all(isinstance(value, int | float | str) for value in readings.values()),
+                "diagnostics are numbers and texts",
+            )
+            require(
+                (LinkState.OPENING in [state for state, _ in side.receiver.states]) or side.is_up,
+                "a link says that it opens",
+            )
+
+
+async def carries_frames_both_ways(harness: LinkHarness) -> None:
+    """Frames of 1 byte and of all byte values arrive as they were sent, in both directions."""
+    async with pair(harness) as sides:
+        for near, far in (sides, sides[::-1]):
+            limit = near.link.capabilities.mtu_bytes
+            values = bytes(range(256))
+            sent = [b"\x00", b"\xff", *(values[at : at + limit] for at in range(0, 256, limit))]
+            for frame_bytes in sent[:12]:
+                await near.send(frame_bytes)
+            await far.hears(b"".join(sent[:12]))
+            _require_sender(near, far)
+            far.receiver.frames.clear()
+
+
+async def carries_a_frame_of_mtu_bytes(harness: LinkHarness) -> None:
+    """The largest frame arrives, addressed to one and to all, whole where the link has frames."""
+    async with pair(harness) as (near, far):
+        limit = near.link.capabilities.mtu_bytes
+        frame_bytes = bytes(at % 251 for at in range(limit))
+        await near.send(frame_bytes, far.address)
+        await near.send(frame_bytes)
+        await far.hears(2 * frame_bytes)
+        if far.link.capabilities.framed:
+            require(len(far.receiver.frames) == 2, "a frame arrived in pieces")
+        _require_sender(near, far)
+
+
+async def rejects_what_it_cannot_send(harness: LinkHarness) -> None:
+    """A frame above the MTU and an empty one are REJECTED by report, and do no harm."""
+    async with pair(harness) as (near, far):
+        limit = near.link.capabilities.mtu_bytes
+        for frame_bytes in (bytes(limit + 1), b"", bytes(100 * limit)):
+            report = await near.report(near.transmit(frame_bytes))
+            require(
+                report.outcome is TransmitOutcome.REJECTED,
+                f"a frame of {len(frame_bytes)} bytes, MTU {limit}, was {report.outcome.value}",
+            )
+            require(bool(report.detail), "a rejection says why")
+        await near.send(b"present")
+        await far.hears(b"present")
+
+
+async def reports_each_transmission_once(harness: LinkHarness) -> None:
+    """Also one that comes while another is outstanding, which is REJECTED at worst."""
+    async with pair(harness) as (near, _):
+        ids = [near.transmit(b"first"), near.transmit(b"second"), near.transmit(b"third")]
+        reports = [await near.report(transmission_id) for transmission_id in ids]
+        require(reports[0].outcome in ON_AIR, f"the first frame was {reports[0]}")
+        on_air = [report for report in reports if report.outcome in ON_AIR]
+        await near.gap(reports[0])
+        last = await near.send(b"last")
+        require(
+            len(near.receiver.reports) == 4,
+            f"four transmissions have {len(near.receiver.reports)} reports",
+        )
+        instants = [report.started_at for report in (*on_air, last)]
+        require(instants == sorted(instants), "reports are not in the order of transmission")
+
+
+async def lasts_as_long_as_it_says(harness: LinkHarness) -> None:
+    """The time on the air is that of the capabilities, within a quarter and 50 ms."""
+    async with pair(harness) as (near, _):
+        told = near.link.capabilities
+        for size in (1, told.mtu_bytes):
+            called_at = time.monotonic_ns()
+            report = await near.send(bytes(size))
+            expected_s = ns_to_seconds(told.airtime_ns(size))
+            lasted_s = ns_to_seconds(report.finished_at - report.started_at)
+            require(report.started_at >= called_at, "started_at lies before the call")
+            require(
+                abs(lasted_s - expected_s) <= 0.25 * expected_s + 0.05,
+                f"{size} bytes lasted {lasted_s:.3f} s; the capabilities say {expected_s:.3f} s",
+            )
+
+
+async def aborts_what_is_on_the_air_when_closed(harness: LinkHarness) -> None:
+    """A transmission that is outstanding at `close` is reported before `close` returns."""
+    async with pair(harness) as (near, far):
+        transmission_id = near.transmit(bytes(near.link.capabilities.mtu_bytes))
+        await near.close()
+        reports = [report.transmission_id for report in near.receiver.reports]
+        require(reports == [transmission_id], f"reports at close: {near.receiver.reports}")
+        await far.close()
+
+
+async def is_silent_after_close(harness: LinkHarness) -> None:
+    """After `close` has returned no callback is made, also while the other side goes on."""
+    async with pair(harness) as (near, far):
+        await far.close()
+        await near.send(b"nobody")
+        await near.send(b"hears")
+
+
+async def measures_what_it_says(harness: LinkHarness) -> None:
+    """Metrics named in `reports` are filled."""
+    async with pair(harness) as (near, far):
+        await near.send(b"measure")
+        await far.hears(b"measure")
+        for frame in far.receiver.frames:
+            for name in far.link.capabilities.reports:
+                require(getattr(frame.metrics, name) is not None, f"{name} is not filled")
+
+
+async def senses_the_carrier(harness: LinkHarness) -> None:
+    """Where it says so: busy while the other side is heard, free afterwards; else never."""
+    async with pair(harness) as (near, far):
+        await near.send(bytes(near.link.capabilities.mtu_bytes))
+        await far.hears(bytes(near.link.capabilities.mtu_bytes))
+        if far.link.capabilities.senses_carrier:
+            heard = far.receiver.carrier
+            await far.receiver.wait("free carrier", lambda: heard == [True, False], far.limit_s)
+        else:
+            require(not far.receiver.carrier, "carrier_changed without senses_carrier")
+
+
+async def comes_back_after_a_cut(harness: LinkHarness) -> None:
+    """A lost stream leads to DOWN, by itself to UP; what is transmitted meanwhile is ABORTED."""
+    async with pair(harness) as (near, far):
+        if not await harness.cut():
+            return
+        for side in (near, far):
+            await side.receiver.wait("DOWN", _has(side, LinkState.DOWN), side.limit_s)
+        if not near.is_up:
+            report = await near.report(near.transmit(b"lost"))
+            require(
+                report.outcome is TransmitOutcome.ABORTED,
+                f"a frame was {report.outcome.value} while the link was down",
+            )
+        for side in (near, far):
+            await side.receiver.wait("UP", _is_up(side), side.limit_s)
+            require(any(text for state, text in side.receiver.states), "DOWN says why")
+        await near.send(b"back")
+        await far.hears(b"back")
+
+
+async def reports_what_a_cut_interrupts(harness: LinkHarness) -> None:
+    """A transmission that is outstanding when the stream is lost has one report as well."""
+    async with pair(harness) as (near, far):
+        transmission_id = near.transmit(bytes(near.link.capabilities.mtu_bytes))
+        if not await harness.cut():
+            return
+        await near.report(transmission_id)
+        for side in (near, far):
+            await side.receiver.wait("DOWN", _has(side, LinkState.DOWN), side.limit_s)
+            await side.receiver.wait("UP", _is_up(side), side.limit_s)
+        await near.report(transmission_id)
+
+
+async def survives_garbage(harness: LinkHarness) -> None:
+    """Nonsense from the device raises nothing, and frames pass again."""
+    async with pair(harness) as (near, far):
+        if not await harness.inject(GARBAGE):
+            return
+        content = b"after"
+        async with asyncio.timeout(near.limit_s):
+            while content not in far.receiver.received_bytes:
+                # The stream may have been given up and made again, once or more often.
+                await near.receiver.wait("UP", lambda: near.is_up, near.limit_s)
+                await far.receiver.wait("UP", lambda: far.is_up, far.limit_s)
+                await near.report(near.transmit(content))
+                await _turn(far.receiver, near.limit_s / 20)
+
+
+CHECKS: Final[tuple[Check, ...]] = (
+    closes_twice_and_unopened,
+    says_what_it_can_do,
+    carries_frames_both_ways,
+    carries_a_frame_of_mtu_bytes,
+    rejects_what_it_cannot_send,
+    reports_each_transmission_once,
+    lasts_as_long_as_it_says,
+    aborts_what_is_on_the_air_when_closed,
+    is_silent_after_close,
+    measures_what_it_says,
+    senses_the_carrier,
+    comes_back_after_a_cut,
+    reports_what_a_cut_interrupts,
+    survives_garbage,
+)
+"""All of them."""
+
+
+def _require_closed(side: Side) -> None:
+    try:
+        side.transmit(b"x")
+    except LinkClosedError:
+        return
+    raise AssertionError("transmit on a closed link raises no LinkClosedError")
+
+
+def _require_sender(near: Side, far: Side) -> None:
+    """The source is right where the link carries addresses, and 0 where not."""
+    expected = near.address if far.link.capabilities.addressed else 0
+    sources = {frame.source for frame in far.receiver.frames}
+    require(sources == {expected}, f"source is {sources}; the sender was {expected}")
+
+
+def _is_up(side: Side) -> Callable[[], bool]:
+    return lambda: side.is_up
+
+
+def _has(side: Side, state: LinkState) -> Callable[[], bool]:
+    return lambda: any(each is state for each, _ in side.receiver.states)
+
+
+async def _turn(receiver: RecordingReceiver, limit_s: float) -> None:
+    """Wait for anything to happen at a receiver, for some time."""
+    seen = len(receiver.frames) + len(receiver.states)
+    try:
+        await receiver.wait(
+            "news", lambda: len(receiver.frames) + len(receiver.states) > seen, limit_s
+        )
+    except AssertionError:
+        return
