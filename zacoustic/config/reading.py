@@ -1,0 +1,234 @@
+"""From a section to a `Config`: addresses and names, types, streams."""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from zacoustic.config.complaints import Place, unknown_key
+from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.sections import ZENOH_KEYS, LinkEntry, NodeEntry, Section, TypeEntry
+from zacoustic.config.streams import Fleet, read_streams
+from zacoustic.core.keys import fault_of_name
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
+from zacoustic.errors import ConfigError
+from zacoustic.json5 import read_zenoh_config
+
+if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
+    import zenoh
+
+FIRST_ADDRESS: Final = 1
+LAST_ADDRESS: Final = 254
+"""Node addresses are 1…254."""
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True):
+    """What a node is, and what crosses the water: the section, checked and given its meaning."""
+
+    source: str
+    """The file, or what else it was read from."""
+    address: int
+    """Acoustic address of this node, 1…254."""
+    nodes: dict[int, str]
+    """Name of each node by address; empty when the fleet is not listed."""
+    links: tuple[LinkEntry, ...]
+    """The modem, at most one in this version; empty when none is given."""
+    types: TypeTable
+    """The types by name."""
+    python_types: dict[str, type[msgspec.Struct]]
+    """The Python class of each type that names one."""
+    table: StreamTable
+    """The streams."""
+    zenoh_config: "zenoh.Config | None" = None
+    """The whole file for `zenoh.open`; None when it did not come from a file."""
+
+    @property
+    def name(self) -> str | None:
+        """Name of this node, or None when the fleet is not listed."""
+        return self.nodes.get(self.address)
+
+    def address_of(self, name: str) -> int:
+        """Return the address of the node of that name.
+
+        Raises:
+            ConfigError: No node has it; lists the names there are.
+        """
+        for address, known in self.nodes.items():
+            if known == name:
+                return address
+        known_names = ", ".join(self.nodes.values()) or "none, nodes is empty"
+        raise ConfigError(f'{self.source}: no node is called "{name}"; allowed: {known_names}')
+
+
+def read_config(
+    path: str | Path, *, address: int | None = None, locator: str | None = None
+) -> Config:
+    """Read the section `plugins.acoustic` of a Zenoh config file.
+
+    Args:
+        path: A `.json5`, `.json` or `.yaml` file.
+        address: Address of this node, instead of the one in the file.
+        locator: Locator of the modem, instead of those in the file.
+
+    Raises:
+        ConfigError: One line: file, key path, value, what is allowed, what to do.
+    """
+    zenoh_config, section = read_zenoh_config(path)
+    config = config_from_mapping(section, source=str(path), address=address, locator=locator)
+    return msgspec.structs.replace(config, zenoh_config=zenoh_config)
+
+
+def config_from_mapping(
+    section: object, *, source: str, address: int | None = None, locator: str | None = None
+) -> Config:
+    """Read a section from plain objects.
+
+    Args:
+        section: The mapping; anything else is refused.
+        source: What it came from, named in errors.
+        address: Address of this node, instead of the one in the section.
+        locator: Locator of the modem, instead of those in the section.
+
+    Raises:
+        ConfigError: One line: source, key path, value, what is allowed, what to do.
+    """
+    if isinstance(section, Mapping):
+        section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
+    place = Place(source, section)
+    if not isinstance(section, dict):
+        place.complain(allowed="{ address, nodes, links, types, streams }")
+    for key in section:
+        if not isinstance(key, str):
+            unknown_key(place, str(key), Section.__struct_fields__)
+    refuse_later_keys(place, "")
+    for index, _ in enumerate(place.at("links").entries):
+        refuse_later_keys(place.at("links").at(index), "links")
+    written = place.convert(Section)
+    nodes = _read_nodes(place.at("nodes"), written.nodes)
+    own = _own_address(place.at("address"), written.address, address, nodes)
+    links = _read_links(place.at("links"), written.links, locator)
+    types, python_types = _read_types(place.at("types"), written.types)
+    fleet = Fleet(nodes=nodes, types=types)
+    return Config(
+        source=source,
+        address=own,
+        nodes=nodes,
+        links=links,
+        types=types,
+        python_types=python_types,
+        table=read_streams(place.at("streams"), len(written.streams), fleet),
+    )
+
+
+def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:
+    nodes: dict[int, str] = {}
+    for index, entry in enumerate(entries):
+        here = place.at(index)
+        if not FIRST_ADDRESS <= entry.address <= LAST_ADDRESS:
+            here.at("address").complain(allowed=f"{FIRST_ADDRESS}..{LAST_ADDRESS}")
+        if entry.address in nodes:
+            here.at("address").complain(
+                f"{entry.address} is the address of {nodes[entry.address]}",
+                allowed="an address of its own",
+            )
+        if fault_of_name(entry.name) or set("/{}") & set(entry.name):
+            here.at("name").complain(allowed="one chunk of a key, without / * $ ? # { }")
+        if entry.name in nodes.values():
+            here.at("name").complain(f'"{entry.name}" a second time', allowed="a name of its own")
+        nodes[entry.address] = entry.name
+    return nodes
+
+
+def _own_address(
+    place: Place, written: int | None, given: int | None, nodes: Mapping[int, str]
+) -> int:
+    own = written if given is None else given
+    known = ", ".join(f"{address} ({name})" for address, name in nodes.items())
+    allowed = known or f"{FIRST_ADDRESS}..{LAST_ADDRESS}"
+    if own is None:
+        place.complain("is missing", allowed=allowed, hint="add it, or give --address")
+    if not FIRST_ADDRESS <= own <= LAST_ADDRESS or (nodes and own not in nodes):
+        place.complain(
+            f"{own}" if given is None else f"{own}, given beside the file", allowed=allowed
+        )
+    return own
+
+
+def _read_links(
+    place: Place, entries: tuple[LinkEntry, ...], locator: str | None
+) -> tuple[LinkEntry, ...]:
+    for index, entry in enumerate(entries):
+        here = place.at(index)
+        check_word(here.at("wire"), entry.wire, ("native",))
+        if "/" not in entry.locator.partition("#")[0].lstrip("/"):
+            here.at("locator").complain(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
+    if locator is not None:
+        wire = entries[0].wire if entries else "native"
+        return (LinkEntry(locator=locator, wire=wire),)
+    if len(entries) > 1:
+        place.complain(
+            f"{len(entries)} links; more than one is not available yet",
+            allowed="one",
+            hint="a later version will have it",
+        )
+    return entries
+
+
+def _read_types(
+    place: Place, entries: tuple[TypeEntry, ...]
+) -> tuple[TypeTable, dict[str, type[msgspec.Struct]]]:
+    python_types: dict[str, type[msgspec.Struct]] = {}
+    specs: list[TypeSpec] = []
+    for index, entry in enumerate(entries):
+        here = place.at(index)
+        if entry.fields is None and entry.python is None:
+            here.at("fields").complain(
+                "is missing", allowed="a list of { name, type, … }, or python instead"
+            )
+        if entry.python is not None:
+            python_types[entry.name] = _import_class(here.at("python"), entry.python)
+        try:
+            if entry.fields is None:
+                specs.append(type_from_struct(python_types[entry.name], name=entry.name))
+            else:
+                specs.append(TypeSpec(name=entry.name, fields=entry.fields))
+        except ConfigError as error:
+            if entry.fields is None:
+                here.at("python").complain(f'"{entry.python}": {error.args[0]}', hint=error.hint)
+            here.repeat(error)
+    root = Place(place.source, {"types": place.written})
+    try:
+        types = TypeTable(specs)
+        for index, entry in enumerate(entries):
+            if entry.fields is not None and entry.name in python_types:
+                stated = type_from_struct(python_types[entry.name], name=entry.name)
+                check_agreement(types[entry.name], stated, path=f"types[{index}]")
+    except ConfigError as error:
+        root.repeat(error)
+    return types, python_types
+
+
+def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
+    module_name, colon, attribute = reference.partition(":")
+    if not (module_name and colon and attribute) or module_name.startswith("."):
+        place.complain(allowed='"module:Class"')
+    try:
+        found: object = importlib.import_module(module_name)
+    # The module is the user's: whatever it raises while it is imported, the file named it.
+    except Exception as error:
+        reason = " ".join(str(error).split())
+        place.complain(
+            f'"{reference}" cannot be imported: {type(error).__name__}: {reason}',
+            allowed='"module:Class" of an installed module',
+            hint="is its folder on PYTHONPATH?",
+        )
+    for name in attribute.split("."):
+        found = getattr(found, name, None)
+    if not (isinstance(found, type) and issubclass(found, msgspec.Struct)):
+        place.complain(
+            f'"{reference}" is no msgspec.Struct', allowed='"module:Class" of a msgspec.Struct'
+        )
+    return found

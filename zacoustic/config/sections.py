@@ -1,0 +1,191 @@
+"""The section as it is written: one record per table of the file, and what each key allows.
+
+The records hold what was written and nothing else; meaning is given in `reading`. `ALLOWED` says in
+words what each key takes: it stands in the errors, and in docs/config.md.
+"""
+
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.encoding import TYPED_ENCODINGS
+from zacoustic.core.qos import PRIORITY_NAMES, Stamp
+from zacoustic.core.types import SCALAR_TYPES, FieldSpec
+
+ALLOWED: Final = {
+    "address": "an address, 1..254",
+    "id": "a number, 1..175",
+    "name": "a text",
+    "locator": 'a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
+    "wire": '"native"',
+    "nodes": "a list of { address, name }",
+    "links": "a list with one { locator }",
+    "types": "a list of { name, fields } or { name, python }",
+    "fields": "a list of { name, type, … }",
+    "streams": "a list of { id, topic, … } or { id, service, … }",
+    "wildcards": "a list of { name, values }",
+    "values": "a list of texts",
+    "python": 'a text, "module:Class"',
+    "type": "a text, the name of a type",
+    "request": "a text, the name of a type",
+    "response": "a text, the name of a type",
+    "topic": "a text, a key expression",
+    "service": "a text, a key expression",
+    "publishers": "a list of addresses of nodes",
+    "subscribers": "a list of addresses of nodes",
+    "server": "the address of a node",
+    "priority": ", ".join(PRIORITY_NAMES),
+    "depth": "a number, 1..65535",
+    "lifespan_s": "seconds, above 0",
+    "min_interval_s": "seconds, 0 or more",
+    "linger_s": "seconds, 0 or more",
+    "timeout_s": "seconds, above 0",
+    "stamp": ", ".join(stamp.value for stamp in Stamp),
+    "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
+    "reliability": '"best_effort"',
+    "durability": '"volatile"',
+    "codec": '"cbor" for typed streams',
+    "forward": '"always"',
+    "range": "a list of two numbers, [low, high]",
+    "step": "a number above 0",
+    "unit": "a text",
+    "wraps": "true, false",
+    "optional": "true, false",
+    "length": "a number, 1..65535",
+    "max_length": "a number, 1..65535",
+    "default": "a value of the field's type",
+}
+"""What each key takes, in words."""
+
+FIELD_TYPE_ALLOWED: Final = f"{', '.join(SCALAR_TYPES)}, or the name of a type"
+"""What the key `type` of a field takes."""
+
+ZENOH_KEYS: Final = ("__required__", "__path__", "__plugin__")
+"""Keys of the section that are for Zenoh's plugin loader, not for us."""
+
+
+class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file; a key that it does not list is an error."""
+
+
+class NodeEntry(Entry, frozen=True, kw_only=True):
+    """One node of the fleet."""
+
+    address: int
+    """Acoustic address, 1…254."""
+    name: str
+    """Name, one chunk of a key: what `{node}` in a topic stands for."""
+
+
+class LinkEntry(Entry, frozen=True, kw_only=True):
+    """One modem."""
+
+    locator: str
+    """Which link, where, with which settings: ``NAME/ADDRESS#key=value``."""
+    wire: str = "native"
+    """Wire profile."""
+
+
+class TypeEntry(Entry, frozen=True, kw_only=True):
+    """One type, written here, or in Python, or both."""
+
+    name: str
+    """What streams and fields call it."""
+    fields: tuple[FieldSpec, ...] | None = None
+    """The fields in the order in which they travel."""
+    python: str | None = None
+    """``module:Class`` of a `msgspec.Struct`."""
+
+
+class WildcardEntry(Entry, frozen=True, kw_only=True):
+    """A placeholder of a topic and the values it can take."""
+
+    name: str
+    """As it stands between the braces."""
+    values: tuple[str, ...]
+    """Key chunks; the position is what crosses the water."""
+
+
+class StreamEntry(Entry, frozen=True, kw_only=True):
+    """What topics and services have in common."""
+
+    id: int
+    """Stream id, 1…175: the first byte of each record on the water."""
+    priority: str = "data"
+    """Zenoh's priority, in lower case."""
+    linger_s: float = 0.0
+    """How long a payload may wait for company in its frame, s."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side."""
+    codec: str | None = None
+    """Codec on the water."""
+
+
+class TopicEntry(StreamEntry, frozen=True, kw_only=True):
+    """A topic."""
+
+    topic: str
+    """Key expression, with placeholders in braces."""
+    type: str | None = None
+    """Type of the samples; none: opaque bytes."""
+    publishers: tuple[int, ...] | None = None
+    """Addresses that may publish; none: any."""
+    subscribers: tuple[int, ...] | None = None
+    """Addresses that listen; none: all."""
+    wildcards: tuple[WildcardEntry, ...] = ()
+    """The placeholders of the topic, `{node}` excepted."""
+    depth: int = 1
+    """Samples kept per key while they wait."""
+    lifespan_s: float | None = None
+    """A sample older than this is not sent any more, s."""
+    min_interval_s: float = 0.0
+    """Least time between two samples of one key on the water, s."""
+    stamp: str = "none"
+    """What tells the far side how old a sample is."""
+    reliability: str = "best_effort"
+    """ROS's word."""
+    durability: str = "volatile"
+    """ROS's word."""
+    forward: str = "always"
+    """When samples cross the water."""
+
+
+class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
+    """A service."""
+
+    service: str
+    """Key expression."""
+    server: int
+    """Address of the node that serves."""
+    request: str | None = None
+    """Type of a request; none: opaque bytes."""
+    response: str | None = None
+    """Type of a response; none: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time after which a caller gives up, s."""
+
+
+class Section(Entry, frozen=True, kw_only=True):
+    """The section `plugins.acoustic`; streams are told apart later, by their keys."""
+
+    address: int | None = None
+    """Acoustic address of this node; may be given beside the file instead."""
+    nodes: tuple[NodeEntry, ...] = ()
+    """The fleet."""
+    links: tuple[LinkEntry, ...] = ()
+    """The modem; may be given beside the file instead."""
+    types: tuple[TypeEntry, ...] = ()
+    """Types that the streams and each other name."""
+    streams: tuple[dict[str, Any], ...] = ()
+    """What crosses the water."""
+
+
+RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
+    "": Section,
+    "nodes": NodeEntry,
+    "links": LinkEntry,
+    "types": TypeEntry,
+    "fields": FieldSpec,
+    "wildcards": WildcardEntry,
+}
+"""The record of the entries of a list, by the key of the list; "" for the section itself."""
