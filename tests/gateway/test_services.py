@@ -1,0 +1,216 @@
+import asyncio
+from collections.abc import Callable
+from contextlib import AsyncExitStack
+
+import cbor2
+import zenoh
+
+from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, get, island, run
+from zacoustic.gateway import Marker, read_marker
+from zacoustic.gateway.queries import QueryDesk
+from zacoustic.gateway.worker import Worker
+
+Serve = Callable[[zenoh.Query], None]
+
+
+async def shore_and_server(
+    stack: AsyncExitStack, key: str = "", serve: Serve | None = None
+) -> zenoh.Session:
+    """Open two islands, with a server on that of the vehicle; returns a client on the shore."""
+    water = Water()
+    a = await stack.enter_async_context(island(1, water))
+    b = await stack.enter_async_context(island(2, water))
+    auv = stack.enter_context(b.client())
+    if serve is not None:
+        answer = serve
+
+        def on_query(query: zenoh.Query) -> None:
+            with query:
+                answer(query)
+
+        auv.declare_queryable(key, on_query, complete=True)
+        # The island must know the server before the first call arrives.
+        await get(auv, "auv1/unknown")
+    return stack.enter_context(a.client())
+
+
+def asked(query: zenoh.Query) -> bytes:
+    return query.payload.to_bytes() if query.payload is not None else b""
+
+
+def test_typed_call_crosses_and_is_answered_in_the_encoding_of_the_request() -> None:
+    seen: list[tuple[object, str, bytes]] = []
+
+    def serve(query: zenoh.Query) -> None:
+        assert query.attachment is not None
+        seen.append((cbor2.loads(asked(query)), str(query.encoding), query.attachment.to_bytes()))
+        query.reply("auv1/arm", cbor(ok=True), encoding="application/cbor")
+
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(stack, "auv1/arm", serve)
+            replies = await get(shore, "auv1/arm", cbor(arm=True), encoding="application/cbor")
+            reply = replies.good["auv1/arm"]
+            assert cbor2.loads(reply.payload.to_bytes()) == {"ok": True}
+            assert reply.attachment is not None
+            assert read_marker(reply.attachment.to_bytes()) == Marker(acoustic=2)
+            replies = await get(shore, "auv1/arm", b'{"arm": false}', encoding="application/json")
+            assert replies.payload("auv1/arm") == b'{"ok":true}'
+            assert str(replies.good["auv1/arm"].encoding) == "application/json"
+        assert [value for value, _, _ in seen] == [{"arm": True}, {"arm": False}]
+        assert {encoding for _, encoding, _ in seen} == {"application/cbor"}
+        assert read_marker(seen[0][2]) == Marker(acoustic=1)
+
+    run(main())
+
+
+def test_opaque_call_crosses_as_it_is_and_an_empty_one_too() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(
+                stack, "auv1/echo", lambda query: query.reply("auv1/echo", asked(query)[::-1])
+            )
+            assert (await get(shore, "auv1/echo", b"\x01\x02")).payload("auv1/echo") == b"\x02\x01"
+            assert (await get(shore, "auv1/echo")).payload("auv1/echo") == b""
+
+    run(main())
+
+
+def test_error_of_the_server_reaches_the_caller() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(
+                stack, "auv1/arm", lambda query: query.reply_err(b"the hatch is open")
+            )
+            replies = await get(shore, "auv1/arm", cbor(arm=True))
+            assert replies.errors == ["auv1/arm: HANDLER: the hatch is open"]
+
+    run(main())
+
+
+def test_server_that_ends_without_an_answer_is_no_server() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(stack, "auv1/arm", lambda query: None)
+            replies = await get(shore, "auv1/arm", cbor(arm=True))
+            assert len(replies.errors) == 1
+            assert replies.errors[0].startswith("auv1/arm: NO_SERVER: ")
+
+    run(main())
+
+
+def test_bad_answer_of_the_server_is_an_error() -> None:
+    answers = iter([b"\xff", cbor(ok=7)])
+
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(
+                stack, "auv1/arm", lambda query: query.reply("auv1/arm", next(answers))
+            )
+            for _ in range(2):
+                replies = await get(shore, "auv1/arm", cbor(arm=True))
+                assert len(replies.errors) == 1
+                assert replies.errors[0].startswith("auv1/arm: HANDLER: ")
+
+    run(main())
+
+
+def test_bad_request_and_wildcard_are_refused_on_the_spot() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(stack)
+            refusals = [
+                await get(shore, "auv1/arm", b"\xff"),
+                await get(shore, "auv1/arm", cbor(arm="yes")),
+                await get(shore, "auv1/arm"),
+                await get(shore, "auv1/echo", bytes(600)),
+                await get(
+                    shore, "auv1/arm", cbor(arm=True), attachment=Marker(acoustic=2).encode()
+                ),
+                await get(shore, "*/arm", cbor(arm=True)),
+            ]
+            assert [len(replies.errors) for replies in refusals] == [1] * 6
+            texts = [replies.errors[0] for replies in refusals]
+            assert "arm is missing" in texts[2]
+            assert "came off the water" in texts[4]
+            assert "wildcard" in texts[5]
+
+    run(main())
+
+
+def test_call_without_an_answer_ends_at_the_deadline_of_the_stream() -> None:
+    held: list[zenoh.Query] = []
+
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            water = Water()
+            a = await stack.enter_async_context(island(1, water))
+            b = await stack.enter_async_context(island(2, water))
+            auv, shore = stack.enter_context(b.client()), stack.enter_context(a.client())
+            auv.declare_queryable("auv1/hasty", held.append)
+            await get(auv, "auv1/unknown")
+            replies = await get(shore, "auv1/hasty", b"")
+            assert replies.errors == ["auv1/hasty: TIMED_OUT: no answer before the deadline"]
+        for query in held:
+            query.drop()  # type: ignore[no-untyped-call]
+
+    run(main())
+
+
+def test_call_that_waits_when_the_gateway_stops_gets_an_error() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            water = Water()
+            # The gateway is a client of a router that outlives it.
+            router = await stack.enter_async_context(island(3, water, section=UNRELATED))
+            shore = stack.enter_context(router.client())
+            async with island(1, water, join=router.port):
+                waiting = asyncio.ensure_future(get(shore, "auv1/arm", cbor(arm=True)))
+                async with asyncio.timeout(LIMIT_S):
+                    while not water.sent_by(1):
+                        water.changed.clear()
+                        await water.changed.wait()
+            assert (await waiting).errors == ["the gateway is stopping"]
+
+    run(main())
+
+
+def test_too_many_calls_at_once_are_refused_and_none_is_left_silent() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(stack)
+            calls = [get(shore, "auv1/hasty", b"x") for _ in range(400)]
+            everything = await asyncio.gather(*calls)
+            assert [len(replies.errors) for replies in everything] == [1] * 400
+
+    run(main())
+
+
+def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            water = Water()
+            a = await stack.enter_async_context(island(3, water, section=UNRELATED))
+            server, client = stack.enter_context(a.client()), stack.enter_context(a.client())
+            worker, rung = Worker("test"), asyncio.Event()
+            loop = asyncio.get_running_loop()
+
+            def ring() -> None:
+                loop.call_soon_threadsafe(rung.set)
+
+            desk = QueryDesk(worker, ring, limit=1)
+            server.declare_queryable("desk", lambda query: desk.admit(query, lambda held: None))
+            await get(client, "nothing")
+            first = asyncio.ensure_future(get(client, "desk"))
+            await rung.wait()
+            assert (await get(client, "desk")).errors == ["1 queries are held already"]
+            [(held, _)] = desk.take()
+            held.refuse("first")
+            held.refuse("second")
+            assert (await first).errors == ["first"]
+            desk.close()
+            assert (await get(client, "desk")).errors == ["the gateway is stopping"]
+            assert (len(desk), desk.refused) == (0, 1)
+            await worker.close(limit_s=LIMIT_S)
+
+    run(main())

@@ -1,0 +1,224 @@
+"""Two gateways on one island: no loop, no echo, nothing twice; one takes over from the other."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+
+import pytest
+import zenoh
+
+from tests.gateway.islands import (
+    SECTION,
+    Heard,
+    Island,
+    Water,
+    cbor,
+    config_of,
+    get,
+    island,
+    matched,
+    run,
+    until,
+    zenoh_config,
+    zenoh_router,
+)
+from zacoustic.config import config_from_mapping
+from zacoustic.core.streams import Stream
+from zacoustic.errors import SessionError
+from zacoustic.gateway import Gateway
+from zacoustic.gateway.notices import SiblingsChanged, Started
+from zacoustic.gateway.siblings import RETIRED_S, Siblings
+
+TABLE = config_from_mapping(SECTION, source="test").table
+
+
+class Fleet:
+    """Gateways 1 and 3 on the shore, gateway 2 on the vehicle, a router that outlives them."""
+
+    water: Water
+    first: Island
+    second: Island
+    first_stack: AsyncExitStack
+    shore: zenoh.Session
+    auv: zenoh.Session
+
+
+@asynccontextmanager
+async def fleet() -> AsyncIterator[Fleet]:
+    async with AsyncExitStack() as stack:
+        found = Fleet()
+        found.water = Water()
+        router = stack.enter_context(zenoh_router())
+        found.first_stack = AsyncExitStack()
+        found.first = await found.first_stack.enter_async_context(
+            island(1, found.water, join=router)
+        )
+        await stack.enter_async_context(found.first_stack)
+        found.second = await stack.enter_async_context(island(3, found.water, join=router))
+        await until(lambda: alive(found.first) == (1, 3), found.first.changed)
+        vehicle = await stack.enter_async_context(island(2, found.water))
+        found.shore = stack.enter_context(found.first.client())
+        found.auv = stack.enter_context(vehicle.client())
+        await matched(found.shore, "chat")
+        await matched(found.auv, "chat")
+        yield found
+
+
+def alive(of: Island) -> tuple[int, ...]:
+    """Return the gateways on an island as its last notice about them says."""
+    found = [each.addresses for each in of.notices if isinstance(each, SiblingsChanged)]
+    return found[-1] if found else ()
+
+
+def test_one_put_is_one_transmission_and_one_delivery_without_echo() -> None:
+    async def main() -> None:
+        async with fleet() as here:
+            at_shore, at_auv = Heard(here.shore, "chat"), Heard(here.auv, "chat")
+            for number in range(5):
+                payload = f"shore {number}".encode()
+                here.shore.put("chat", payload)
+                assert await at_auv.payload() == payload
+                assert await at_shore.payload() == payload
+            # Behind whatever else is under way, and the other way round.
+            here.auv.put("chat", b"end")
+            assert await at_shore.payload() == b"end"
+            assert await at_auv.payload() == b"end"
+            here.shore.put("chat", b"end")
+            assert await at_auv.payload() == b"end"
+            first, second = [
+                (await get(here.shore, f"@acoustic/{each}/streams")).payload(
+                    f"@acoustic/{each}/streams"
+                )
+                for each in (1, 3)
+            ]
+            assert b'"name":"chat","published":6,"received":1,"transmitted":6' in first
+            assert b'"name":"chat","published":0,"received":7,"transmitted":0' in second
+
+    run(main())
+
+
+def test_standby_takes_over_when_the_active_gateway_is_gone() -> None:
+    async def main() -> None:
+        async with fleet() as here:
+            await here.first_stack.aclose()
+            await until(lambda: alive(here.second) == (3,), here.second.changed)
+            await matched(here.shore, "chat")
+            at_shore, at_auv = Heard(here.shore, "chat"), Heard(here.auv, "chat")
+            here.shore.put("chat", b"through the other one")
+            assert await at_auv.payload() == b"through the other one"
+            assert await at_shore.payload() == b"through the other one"
+            here.auv.put("chat", b"and back")
+            assert await at_shore.payload() == b"and back"
+            replies = await get(here.shore, "auv1/echo", b"nobody serves it")
+            assert len(replies.errors) == 1
+            assert "NO_SERVER" in replies.errors[0]
+
+    run(main())
+
+
+def test_last_value_is_answered_once_and_by_the_one_that_takes_over() -> None:
+    async def main() -> None:
+        async with fleet() as here:
+            at_shore = Heard(here.shore, "auv1/nav")
+            await matched(here.auv, "auv1/nav")
+            here.auv.put("auv1/nav", cbor(depth=1, mode="idle"))
+            await at_shore.next()
+            assert len((await get(here.shore, "auv1/nav")).good) == 1
+            await here.first_stack.aclose()
+            await until(lambda: alive(here.second) == (3,), here.second.changed)
+            # Declared in order: when this is answered, the topics are.
+            await get(here.shore, "@acoustic/3/link")
+            await until_answered(here.shore, "auv1/nav")
+
+    run(main())
+
+
+async def until_answered(session: zenoh.Session, key: str) -> None:
+    """Ask until there is an answer: a declaration is on its way."""
+    async with asyncio.timeout(20):
+        while not (await get(session, key)).good:
+            pass
+
+
+def test_service_whose_server_is_a_sibling_is_left_to_it() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            water = Water()
+            a = await stack.enter_async_context(island(1, water))
+            await stack.enter_async_context(island(2, water, join=a.port))
+            client = stack.enter_context(a.client())
+            await until(lambda: alive(a) == (1, 2), a.changed)
+            await matched(client, "chat")
+            replies = await get(client, "auv1/echo", b"x")
+            assert (replies.good, replies.errors) == ({}, [])
+            assert water.emissions == []
+
+    run(main())
+
+
+def test_second_gateway_with_the_same_address_is_refused() -> None:
+    async def main() -> None:
+        water = Water()
+        async with island(1, water, section=SECTION) as a:
+            config = config_of(1, zenoh_config("client", connect=a.port))
+            with pytest.raises(SessionError, match="has the address 1"):
+                await Gateway(config, link=water.medium.link(3)).start()
+            assert not [each for each in a.notices if isinstance(each, SiblingsChanged)]
+            assert [each.siblings for each in a.notices if isinstance(each, Started)] == [()]
+
+    run(main())
+
+
+# The rule itself
+
+
+def stream(name: str) -> Stream:
+    return TABLE.by_name(name)
+
+
+def test_lowest_that_may_do_it_does_it() -> None:
+    first, third = Siblings(1, lambda: 0), Siblings(3, lambda: 0)
+    first.update(3, is_alive=True)
+    third.update(1, is_alive=True)
+    assert first.forwards(stream("chat"))
+    assert not third.forwards(stream("chat"))
+    assert first.delivers(stream("auv1/nav"))
+    assert not third.delivers(stream("auv1/nav"))
+    assert first.proxies(stream("auv1/arm"))
+    assert not third.proxies(stream("auv1/arm"))
+    third.update(1, is_alive=False)
+    assert third.forwards(stream("chat"))
+    assert third.delivers(stream("auv1/nav"))
+    assert third.proxies(stream("auv1/arm"))
+
+
+def test_each_gateway_forwards_its_own_keys_of_a_stream_with_node_in_its_name() -> None:
+    siblings = Siblings(3, lambda: 0)
+    siblings.update(1, is_alive=True)
+    assert siblings.forwards(stream("fleet/{node}/status"))
+    assert not siblings.delivers(stream("fleet/{node}/status"))
+
+
+def test_what_nobody_beyond_the_water_sends_or_wants_is_no_job() -> None:
+    vehicle = Siblings(2, lambda: 0)
+    assert not vehicle.forwards(stream("auv1/text"))
+    assert not vehicle.delivers(stream("auv1/nav"))
+    assert not vehicle.proxies(stream("auv1/arm"))
+    shore = Siblings(1, lambda: 0)
+    shore.update(3, is_alive=True)
+    assert not shore.delivers(stream("auv1/text"))
+
+
+def test_sibling_that_is_gone_is_of_this_island_for_what_it_had_on_the_air() -> None:
+    now = 0
+    siblings = Siblings(1, lambda: now)
+    assert not siblings.shares_island(3)
+    assert siblings.update(3, is_alive=True)
+    assert not siblings.update(3, is_alive=True)
+    assert siblings.shares_island(3)
+    siblings.update(3, is_alive=False)
+    assert siblings.shares_island(3)
+    now = round(RETIRED_S * 1e9)
+    assert not siblings.shares_island(3)
+    assert not siblings.update(1, is_alive=False)
+    assert siblings.alive == (1,)

@@ -1,0 +1,129 @@
+"""The verb `zacoustic gateway`: joins the Zenoh network here to the others, until interrupted."""
+
+import argparse
+import asyncio
+import contextlib
+import signal
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ZacousticError
+
+if TYPE_CHECKING:
+    from zacoustic.gateway import Gateway, Notice
+
+
+class GatewayCommand(Command):
+    """Runs a gateway from a file; ends cleanly on SIGINT and SIGTERM."""
+
+    name = "gateway"
+    summary = "join the Zenoh network here to the others through an acoustic modem"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare file, address, locator and form of the output."""
+        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
+        parser.add_argument(
+            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
+        )
+        parser.add_argument(
+            "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
+        )
+        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        parser.epilog = (
+            "the file's mode decides what it is: a router of its own, a peer, or a client of a\n"
+            "router that is there; its health is under @acoustic/ADDRESS/** on that network\n\n"
+            "example:\n"
+            "  zacoustic gateway router.json5 --address 2 --link evologics/tcp:192.168.0.209:9200"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Run until SIGINT or SIGTERM.
+
+        Raises:
+            ConfigError: The file or an argument is wrong.
+            SessionError: A port is in use, no router is reached, or the address is taken.
+            LinkError: The modem cannot be used.
+        """
+        asyncio.run(_run(arguments))
+        return EXIT_OK
+
+
+async def _run(arguments: argparse.Namespace) -> None:
+    from zacoustic.gateway import Gateway
+
+    stop = asyncio.Event()
+
+    def notify(notice: "Notice") -> None:
+        try:
+            _print(notice, as_json=arguments.json)
+        except BrokenPipeError:
+            stop.set()
+
+    with _interrupts(stop):
+        gateway = Gateway.from_file(
+            arguments.file, address=arguments.address, locator=arguments.link, notify=notify
+        )
+        try:
+            await _until(stop, asyncio.create_task(gateway.start()))
+            if not stop.is_set():
+                await _until(stop, asyncio.create_task(_failure(gateway)))
+        finally:
+            await gateway.close()
+
+
+async def _failure(gateway: "Gateway") -> None:
+    """Wait until the gateway is stopped by a fault, and say so in one line."""
+    try:
+        await gateway.wait_failed()
+    except ZacousticError:
+        raise
+    except Exception as error:
+        hint = "the traceback is above; please report it"
+        raise ZacousticError(f"stopped by a fault: {error!r}", hint=hint) from error
+
+
+async def _until(stop: asyncio.Event, task: "asyncio.Task[None]") -> None:
+    """Wait for a task, or for the interrupt, which ends it."""
+    interrupted = asyncio.create_task(stop.wait())
+    try:
+        await asyncio.wait({task, interrupted}, return_when=asyncio.FIRST_COMPLETED)
+        if task.done():
+            task.result()
+    finally:
+        for each in (task, interrupted):
+            each.cancel()
+        await asyncio.gather(task, interrupted, return_exceptions=True)
+
+
+@contextlib.contextmanager
+def _interrupts(stop: asyncio.Event) -> Iterator[None]:
+    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
+    loop = asyncio.get_running_loop()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    if sys.platform == "win32":
+        previous = {
+            number: signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
+            for number in numbers
+        }
+    else:
+        for number in numbers:
+            loop.add_signal_handler(number, stop.set)
+    try:
+        yield
+    finally:
+        if sys.platform == "win32":
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+        else:
+            for number in numbers:
+                loop.remove_signal_handler(number)
+
+
+def _print(notice: "Notice", *, as_json: bool) -> None:
+    import msgspec
+
+    lines = [msgspec.json.encode(notice).decode()] if as_json else notice.lines()
+    # Whoever reads a pipe wants each line when it happens.
+    print("\n".join(lines), flush=True)

@@ -1,0 +1,92 @@
+"""The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
+
+from typing import assert_never
+
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    Event,
+    LinkStateChanged,
+    PeerSeen,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+    StreamsDiffer,
+)
+from zacoustic.core.streams import StreamTable
+from zacoustic.gateway.health import Health
+from zacoustic.gateway.notices import LinkChanged, Notify, PeerHeard, StreamDiffers
+from zacoustic.gateway.services import Services
+from zacoustic.gateway.topics import Topics
+
+
+class Exchange:
+    """Between one engine and one island; for the loop.
+
+    Args:
+        table: All streams.
+        topics: Takes samples.
+        services: Takes requests and answers.
+        health: Takes note of the rest.
+        notify: Told what people want to know.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        *,
+        topics: Topics,
+        services: Services,
+        health: Health,
+        notify: Notify,
+    ) -> None:
+        self._table = table
+        self._topics = topics
+        self._services = services
+        self._health = health
+        self._notify = notify
+
+    def deliver(self, event: Event) -> None:
+        """Take an event of the engine."""
+        match event:
+            case SampleReceived():
+                self._health.note_sample(event)
+                self._topics.deliver(event)
+            case RequestReceived():
+                self._services.serve(event)
+            case ResponseReceived():
+                self._services.respond(event)
+            case CallFailed():
+                self._services.fail(event)
+            case LinkStateChanged():
+                self._notify(LinkChanged(state=event.state.value))
+            case PeerSeen():
+                self._health.note_peer(event)
+                self._notify(
+                    PeerHeard(
+                        address=event.address,
+                        name=self._table.nodes.get(event.address, ""),
+                        epoch=event.epoch,
+                        same_table=event.same_table,
+                        wire_version=event.wire_version,
+                    )
+                )
+            case StreamsDiffer():
+                self._health.note_difference(event)
+                stream = self._table.get(event.stream_id)
+                self._notify(
+                    StreamDiffers(
+                        address=event.address,
+                        stream_id=event.stream_id,
+                        stream=stream.name if stream is not None else "",
+                    )
+                )
+            case _:
+                assert_never(event)
+        self._health.touch()
+
+    def drain(self, engine: Engine, now: int) -> None:
+        """Give the engine what the island has sent: samples, answers to calls."""
+        self._topics.drain(engine, now)
+        self._services.drain(engine, now)
+        self._health.touch()

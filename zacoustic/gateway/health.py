@@ -1,0 +1,241 @@
+"""Health as plain Zenoh keys: what the link, the water and the streams are doing.
+
+JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INTERVAL_S`, and
+answered to a `get`:
+
+============  =====================================================================================
+``link``      state, what the device can do and reports, frames, bytes, airtime
+``ledger``    every byte on the link by stream and cause, with its share of the airtime
+``peers``     nodes heard: epoch, table, when, and what the modem measured on the last sample
+``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ
+``dropped``   what came off the water, and what came from the island, and was of no use
+============  =====================================================================================
+
+The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
+cross the water. The one timer is armed by a change and not re-armed: an idle gateway has none.
+"""
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.encoding import JSON
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import PeerSeen, SampleReceived, StreamsDiffer
+from zacoustic.core.linktypes import LinkMetrics
+from zacoustic.core.qos import Priority
+from zacoustic.core.stats import LedgerEntry
+from zacoustic.core.trace import TraceRecord
+from zacoustic.gateway.island import Island
+from zacoustic.gateway.presence import PREFIX
+from zacoustic.gateway.queries import Answer, HeldQuery
+from zacoustic.runtime import LinkRunner
+
+INTERVAL_S: Final = 1.0
+"""Least time between two puts of one document, s."""
+
+Counts = dict[str, dict[str, int]]
+"""How many, by stream and reason."""
+
+
+class Health:
+    """The health report of one gateway; for the loop.
+
+    Args:
+        runner: Whose engine and link.
+        island: Where it is put.
+        jobs: What this gateway does: job and stream id.
+        losses: What the island gave and was of no use.
+        interval_s: Least time between two puts of one document, s.
+    """
+
+    def __init__(
+        self,
+        runner: LinkRunner,
+        island: Island,
+        *,
+        jobs: Callable[[], frozenset[tuple[str, int]]],
+        losses: Callable[[], Counts],
+        interval_s: float = INTERVAL_S,
+    ) -> None:
+        self._runner = runner
+        self._island = island
+        self._jobs = jobs
+        self._losses = losses
+        self._interval_s = interval_s
+        self._loop = asyncio.get_running_loop()
+        self._prefix = f"{PREFIX}/{runner.engine.address}"
+        self._timer: asyncio.TimerHandle | None = None
+        self._is_closed = False
+        self._last_at_s = float("-inf")
+        self._published: dict[str, bytes] = {}
+        self._seen: dict[int, PeerSeen] = {}
+        self._heard_at_unix_s: dict[int, float] = {}
+        self._metrics: dict[int, LinkMetrics] = {}
+        self._differing: dict[int, set[int]] = {}
+
+    @property
+    def expression(self) -> str:
+        """Key expression of all documents."""
+        return f"{self._prefix}/**"
+
+    def trace(self, record: TraceRecord) -> None:
+        """Take notice of whatever the engine does; its trace sink."""
+        if record.what == "receive":
+            self._heard_at_unix_s[record.peer] = time.time()
+        self.touch()
+
+    def note_sample(self, event: SampleReceived) -> None:
+        """Keep what the modem measured."""
+        self._metrics[event.source] = event.metrics
+
+    def note_peer(self, event: PeerSeen) -> None:
+        """Keep what a peer said; streams that differed may agree in its new life."""
+        self._seen[event.address] = event
+        for peers in self._differing.values():
+            peers.discard(event.address)
+
+    def note_difference(self, event: StreamsDiffer) -> None:
+        """Keep that a stream is stopped."""
+        self._differing.setdefault(event.stream_id, set()).add(event.address)
+
+    def touch(self) -> None:
+        """Something has changed: publish soon."""
+        if self._timer is None and not self._is_closed:
+            due_at_s = max(self._loop.time(), self._last_at_s + self._interval_s)
+            self._timer = self._loop.call_at(due_at_s, self._publish)
+
+    def answer(self, held: HeldQuery) -> None:
+        """Answer a `get`."""
+        asked = held.query.key_expr
+        held.answer(
+            [
+                Answer(key=key, payload=payload, encoding=JSON)
+                for key, payload in self._documents().items()
+                if asked.intersects(key)
+            ]
+        )
+
+    def close(self) -> None:
+        """Publish no more."""
+        self._is_closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _publish(self) -> None:
+        self._timer = None
+        self._last_at_s = self._loop.time()
+        for key, payload in self._documents().items():
+            if self._published.get(key) != payload:
+                self._published[key] = payload
+                self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+
+    def _documents(self) -> dict[str, bytes]:
+        documents: dict[str, object] = {
+            "link": self._link(),
+            "ledger": self._ledger(),
+            "peers": self._peers(),
+            "streams": self._streams(),
+            "dropped": self._dropped(),
+        }
+        return {
+            f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
+            for name, document in documents.items()
+        }
+
+    @property
+    def _engine(self) -> Engine:
+        return self._runner.engine
+
+    def _link(self) -> dict[str, object]:
+        stats = self._engine.stats
+        return {
+            "state": self._runner.link_state.value,
+            "detail": self._runner.link_detail,
+            "capabilities": self._engine.capabilities,
+            "diagnostics": self._runner.link.diagnostics(),
+            "frames_transmitted": stats.frames_transmitted,
+            "bytes_transmitted": stats.bytes_transmitted,
+            "airtime_s": ns_to_seconds(stats.airtime_ns),
+            "frames_received": stats.frames_received,
+            "bytes_received": stats.bytes_received,
+            "reports": stats.reports,
+        }
+
+    def _ledger(self) -> dict[str, object]:
+        stats = self._engine.stats
+        airtime_s = ns_to_seconds(stats.airtime_ns)
+        per_byte_s = airtime_s / stats.bytes_transmitted if stats.bytes_transmitted else 0.0
+        return {
+            "bytes": stats.bytes_transmitted,
+            "airtime_s": airtime_s,
+            "entries": [self._entry(entry, per_byte_s) for entry in stats.ledger()],
+        }
+
+    def _entry(self, entry: LedgerEntry, per_byte_s: float) -> dict[str, object]:
+        return {
+            "id": entry.stream_id,
+            "stream": self._name(entry.stream_id),
+            "cause": entry.cause.value,
+            "bytes": entry.transmitted_bytes,
+            "airtime_s": round(entry.transmitted_bytes * per_byte_s, 6),
+        }
+
+    def _peers(self) -> dict[str, object]:
+        confirmed = self._engine.peers()
+        addresses = sorted({*confirmed, *self._seen, *self._heard_at_unix_s})
+        return {str(address): self._peer(address, confirmed) for address in addresses}
+
+    def _peer(self, address: int, confirmed: dict[int, bool]) -> dict[str, object]:
+        seen = self._seen.get(address)
+        return {
+            "name": self._engine.table.nodes.get(address, ""),
+            "epoch": seen.epoch if seen else None,
+            "same_table": seen.same_table if seen else None,
+            "wire_version": seen.wire_version if seen else None,
+            "confirmed_us": confirmed.get(address, False),
+            "heard_at_unix_s": self._heard_at_unix_s.get(address),
+            "metrics": self._metrics.get(address),
+        }
+
+    def _streams(self) -> dict[str, object]:
+        engine, stats = self._engine, self._engine.stats
+        jobs = self._jobs()
+        return {
+            "digest": engine.table.digest.hex(),
+            "streams": [
+                {
+                    "id": stream.stream_id,
+                    "name": stream.name,
+                    "jobs": sorted(job for job, of in jobs if of == stream.stream_id),
+                    "published": stats.published.get(stream.stream_id, 0),
+                    "transmitted": stats.transmitted.get(stream.stream_id, 0),
+                    "received": stats.received.get(stream.stream_id, 0),
+                    "waiting": engine.pending(stream.stream_id),
+                }
+                for stream in engine.table
+            ],
+            "differ": [
+                {"id": stream_id, "name": self._name(stream_id), "peers": sorted(peers)}
+                for stream_id, peers in sorted(self._differing.items())
+                if peers
+            ],
+        }
+
+    def _dropped(self) -> dict[str, object]:
+        engine = self._engine
+        return {
+            "water": engine.stats.dropped,
+            "island": self._losses(),
+            "expired": {self._name(each): count for each, count in engine.expired.items()},
+            "superseded": {self._name(each): count for each, count in engine.superseded.items()},
+        }
+
+    def _name(self, stream_id: int) -> str:
+        stream = self._engine.table.get(stream_id)
+        return stream.name if stream is not None else ""

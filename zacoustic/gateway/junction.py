@@ -1,0 +1,223 @@
+"""The junction: an open session, an engine and its link, joined; what a running gateway is.
+
+Queries that are held get an error before anything is closed, because a session that is closed over
+an unanswered query lets the caller believe that nobody is there. So the end goes: refuse queries,
+engine and link, declarations, session.
+"""
+
+import asyncio
+import contextlib
+import logging
+import random
+from collections.abc import Callable
+from typing import Final
+
+import zenoh
+
+from zacoustic.core.clock import Clock
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import Event
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.trace import TraceRecord
+from zacoustic.errors import LinkClosedError
+from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.exchange import Exchange
+from zacoustic.gateway.health import Counts, Health
+from zacoustic.gateway.island import Island
+from zacoustic.gateway.mailbox import Doorbell
+from zacoustic.gateway.notices import Notice, Notify, SiblingsChanged
+from zacoustic.gateway.presence import Presence
+from zacoustic.gateway.queries import QueryDesk
+from zacoustic.gateway.routes import Routes
+from zacoustic.gateway.services import Services
+from zacoustic.gateway.siblings import Siblings
+from zacoustic.gateway.topics import Topics
+from zacoustic.journal import Journal
+from zacoustic.link import Link
+from zacoustic.runtime import LinkRunner
+
+FAREWELL_LIMIT_S: Final = 3.0
+"""How long the last replies may take at the end, s, and how long undeclaring may."""
+
+_logger = logging.getLogger(__name__)
+
+
+class Junction:
+    """One session, one engine, one link; for the loop.
+
+    Args:
+        address: Acoustic address of this node.
+        table: Its streams.
+        island: Its session, open; closed with the junction.
+        link: Its link, not open yet; closed with the junction.
+        journal: Where the engine's writes go.
+        epoch: Boot epoch of this life.
+        notify: Told what people want to know.
+        clock: Where instants come from.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        island: Island,
+        link: Link,
+        journal: Journal,
+        epoch: int,
+        notify: Notify,
+        clock: Clock,
+    ) -> None:
+        self.failure: Exception | None = None
+        self.siblings = Siblings(address, clock)
+        self.island = island
+        self._notify = notify
+        self._is_closing = False
+        self._ended = asyncio.Event()
+        self._doorbell = Doorbell(asyncio.get_running_loop(), self._attend)
+        ring = self._doorbell.ring
+        seed = random.SystemRandom().getrandbits(64)
+        _logger.info("node %d: epoch %d, seed %d", address, epoch, seed)
+        rng = random.Random(seed)
+        engine = Engine(address=address, table=table, epoch=epoch, rng=rng, trace=self._trace)
+        self.runner = LinkRunner(engine, link, self._deliver, clock=clock, journal=journal)
+        self._complaints = Complaints(clock)
+        self._presence = Presence(address, island, ring)
+        self._desk = QueryDesk(island.worker, ring)
+        self._topics = Topics(
+            table, island, self.siblings, self._complaints, clock=clock, ring=ring
+        )
+        self._services = Services(table, island, self._complaints, clock=clock, ring=ring)
+        self._routes = Routes(
+            table,
+            island,
+            self.siblings,
+            topics=self._topics,
+            services=self._services,
+            desk=self._desk,
+            runner=self.runner,
+        )
+        self._health = Health(
+            self.runner, island, jobs=lambda: self._routes.jobs, losses=self._losses
+        )
+        self._health_queryable: zenoh.Queryable[None] | None = None
+        self._exchange = Exchange(
+            table,
+            topics=self._topics,
+            services=self._services,
+            health=self._health,
+            notify=self._tell,
+        )
+
+    async def open(self) -> None:
+        """Become visible, open the link, declare what is to cross.
+
+        Raises:
+            SessionError: Another gateway has the address.
+            LinkOpenError: The link cannot be opened.
+        """
+        for address in await self._presence.declare():
+            self.siblings.update(address, is_alive=True)
+        await self.runner.start()
+        self._routes.reconcile()
+        await self.island.worker.run(self._declare_health)  # and all that was to be declared
+        self._health.touch()
+        self._doorbell.ring()
+
+    async def close(self) -> None:
+        """Stop in the order that leaves nobody waiting."""
+        self._is_closing = True
+        self._desk.close()
+        self._services.close()
+        self._health.close()
+        try:
+            await self._in_worker(lambda: None)  # all replies are out
+            await self.runner.close()
+        finally:
+            await self._in_worker(self._undeclare)
+            await self.island.close()
+            self._ended.set()
+
+    async def wait_failed(self) -> None:
+        """Wait until it ends.
+
+        Raises:
+            Exception: What has stopped it, if it was not closed.
+        """
+        waits = [
+            asyncio.ensure_future(wait) for wait in (self.runner.wait_failed(), self._ended.wait())
+        ]
+        try:
+            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for wait in waits:
+                wait.cancel()
+            await asyncio.gather(*waits, return_exceptions=True)
+        failure = self.failure or self.runner.failure
+        if failure is not None:
+            raise failure
+
+    def _attend(self) -> None:
+        """Take in what Zenoh's threads have handed over; the answer to the doorbell."""
+        if self._is_closing:
+            return
+        try:
+            self._take_presence()
+            for held, serve in self._desk.take():
+                serve(held)
+            self.runner.apply(self._exchange.drain)
+        except LinkClosedError:
+            return  # the runner has failed, and `wait_failed` says so
+        except Exception as error:
+            _logger.exception("gateway %d: stopped by a fault", self.siblings.address)
+            self.failure = error
+            self._ended.set()
+
+    def _take_presence(self) -> None:
+        changed = [
+            self.siblings.update(address, is_alive=is_alive)
+            for address, is_alive in self._presence.take().items()
+        ]
+        if any(changed):
+            self._routes.reconcile()
+            self._health.touch()
+            self._tell(SiblingsChanged(addresses=self.siblings.alive))
+
+    def _trace(self, record: TraceRecord) -> None:
+        self._health.trace(record)
+
+    def _deliver(self, event: Event) -> None:
+        self._exchange.deliver(event)
+
+    def _tell(self, notice: Notice) -> None:
+        if not self._is_closing:
+            self._notify(notice)
+
+    def _losses(self) -> Counts:
+        """What the island gave and was of no use, by stream and reason."""
+        found = {name: dict(counts) for name, counts in self._complaints.counts.items()}
+        for name, counts in self._topics.losses().items():
+            found.setdefault(name, {}).update(counts)
+        if self._desk.refused:
+            found["queries"] = {"refused": self._desk.refused}
+        if self.island.lost:
+            found["session"] = {"lost": self.island.lost}
+        return found
+
+    def _declare_health(self) -> None:
+        self._health_queryable = self.island.session.declare_queryable(
+            self._health.expression,
+            lambda query: self._desk.admit(query, self._health.answer),
+            complete=True,
+            allowed_origin=zenoh.Locality.REMOTE,
+        )
+
+    def _undeclare(self) -> None:
+        self._routes.undeclare()
+        self._presence.undeclare()
+        if self._health_queryable is not None:
+            self._health_queryable.undeclare()  # type: ignore[no-untyped-call]
+
+    async def _in_worker(self, step: Callable[[], None]) -> None:
+        with contextlib.suppress(TimeoutError, zenoh.ZError):
+            await self.island.worker.run(step, limit_s=FAREWELL_LIMIT_S)

@@ -1,0 +1,129 @@
+"""From Zenoh's threads to the loop: bounded mailboxes, and a bell that rings once.
+
+Zenoh calls a subscriber on a thread of its own and, when that thread is slow, stalls the whole
+session. A loop that is called for each sample collects an unbounded queue of calls. So the callback
+does two things only: `Mailbox.post`, which keeps the newest samples of each key, and
+`Doorbell.ring`, which wakes the loop if no wake-up is under way. The loop empties all mailboxes
+whenever the bell has rung.
+"""
+
+import asyncio
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.encoding import LARGEST_VALUE_BYTES
+
+# A stalled loop costs at most this much for each stream, whatever its depth and number of keys;
+# four times the largest value that is read at all.
+MAILBOX_LIMIT_BYTES: Final = 4 * LARGEST_VALUE_BYTES
+"""What one mailbox holds, bytes, counting each parcel with `PARCEL_OVERHEAD_BYTES`."""
+PARCEL_OVERHEAD_BYTES: Final = 256
+"""Memory of a parcel beside its payload, bytes; estimated high."""
+
+
+class Parcel(msgspec.Struct, frozen=True):
+    """One sample as an application published it."""
+
+    key: str
+    """The concrete key."""
+    payload: bytes
+    """As it was published; empty for a delete."""
+    encoding: str
+    """Zenoh's text."""
+    deleted: bool
+    """The key was deleted."""
+    arrived_at: int
+    """Instant at which Zenoh handed it over, ns."""
+
+
+class Mailbox:
+    """The newest samples of one stream, by key; `post` from any thread, the rest on the loop.
+
+    Args:
+        depth: Samples kept of each key, ≥ 1; the newest ones.
+        limit_bytes: Size of all; beyond it the oldest key makes room.
+    """
+
+    def __init__(self, depth: int, *, limit_bytes: int = MAILBOX_LIMIT_BYTES) -> None:
+        self.superseded = 0
+        """Samples that newer ones pushed out before the loop took them."""
+        self.oversized = 0
+        """Samples with a payload above `LARGEST_VALUE_BYTES`."""
+        self._depth = depth
+        self._limit_bytes = limit_bytes
+        self._guard = threading.Lock()
+        self._by_key: dict[str, deque[Parcel]] = {}
+        self._held_bytes = 0
+
+    def post(self, parcel: Parcel) -> None:
+        """Keep a sample."""
+        with self._guard:
+            if len(parcel.payload) > LARGEST_VALUE_BYTES:
+                self.oversized += 1
+                return
+            kept = self._by_key.setdefault(parcel.key, deque())
+            if len(kept) == self._depth:
+                self._drop_oldest(kept)
+            kept.append(parcel)
+            self._held_bytes += _size_bytes(parcel)
+            while self._held_bytes > self._limit_bytes:
+                key, oldest = next(iter(self._by_key.items()))
+                self._drop_oldest(oldest)
+                if not oldest:
+                    del self._by_key[key]
+
+    def take(self) -> list[Parcel]:
+        """Empty the mailbox; in the order of arrival."""
+        with self._guard:
+            by_key, self._by_key = self._by_key, {}
+            self._held_bytes = 0
+        parcels = [parcel for kept in by_key.values() for parcel in kept]
+        parcels.sort(key=lambda parcel: parcel.arrived_at)
+        return parcels
+
+    def __len__(self) -> int:
+        with self._guard:
+            return sum(len(kept) for kept in self._by_key.values())
+
+    def _drop_oldest(self, kept: deque[Parcel]) -> None:
+        self._held_bytes -= _size_bytes(kept.popleft())
+        self.superseded += 1
+
+
+class Doorbell:
+    """Wakes the loop from any thread, once until it has been answered.
+
+    Args:
+        loop: The loop to wake.
+        answer: What it then does.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, answer: Callable[[], None]) -> None:
+        self._loop = loop
+        self._answer = answer
+        self._guard = threading.Lock()
+        self._has_rung = False
+
+    def ring(self) -> None:
+        """Have `answer` called soon; whatever was handed over before the ring is there by then."""
+        with self._guard:
+            if self._has_rung:
+                return
+            self._has_rung = True
+        try:
+            self._loop.call_soon_threadsafe(self._open)
+        except RuntimeError:  # the loop has ended: nobody is there any more
+            return
+
+    def _open(self) -> None:
+        with self._guard:
+            self._has_rung = False
+        self._answer()
+
+
+def _size_bytes(parcel: Parcel) -> int:
+    return len(parcel.payload) + len(parcel.key) + PARCEL_OVERHEAD_BYTES

@@ -1,0 +1,122 @@
+"""What a gateway says of itself while it runs: one record per fact, as text or as JSON."""
+
+from collections.abc import Callable
+
+import msgspec
+
+
+class Notice(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
+    """A fact; in JSON `event` says which."""
+
+    def lines(self) -> list[str]:
+        """Return it as lines for people."""
+        raise NotImplementedError
+
+
+class Started(Notice, frozen=True, kw_only=True, tag="started"):
+    """The gateway runs."""
+
+    address: int
+    """Its acoustic address."""
+    name: str = ""
+    """Its name in `nodes`."""
+    mode: str
+    """Mode of its Zenoh session."""
+    zid: str
+    """Id of its Zenoh session."""
+    endpoints: tuple[str, ...]
+    """Where the session listens and what it connects to, as the config says."""
+    link: str
+    """Locator of the modem."""
+    link_state: str
+    """State of the link."""
+    streams: tuple[str, ...]
+    """Names of the streams, by id."""
+    digest: str
+    """Digest of the stream table, hexadecimal."""
+    siblings: tuple[int, ...] = ()
+    """Addresses of the other gateways on this island."""
+
+    def lines(self) -> list[str]:
+        """One line per fact."""
+        lines = [
+            f"address   {self.address} {self.name}".rstrip(),
+            f"session   {self.mode} {self.zid}",
+            *(f"endpoint  {endpoint}" for endpoint in self.endpoints),
+            f"link      {self.link} ({self.link_state})",
+            f"streams   {len(self.streams)}: {', '.join(self.streams)}",
+            f"digest    {self.digest}",
+        ]
+        return lines + [f"sibling   gateway {address}" for address in self.siblings]
+
+
+class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
+    """The link went up or down."""
+
+    state: str
+    """The new state."""
+    detail: str = ""
+    """What it waits for."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"link      {self.state} {self.detail}".rstrip()]
+
+
+class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
+    """A node was heard for the first time, or has restarted."""
+
+    address: int
+    """The node."""
+    name: str = ""
+    """Its name in `nodes`."""
+    epoch: int
+    """Its boot epoch."""
+    same_table: bool
+    """Its stream table is ours."""
+    wire_version: int
+    """The version that it speaks."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        table = "the same table" if self.same_table else "another table"
+        return [f"peer      {self.address} {self.name} with {table}, epoch {self.epoch}"]
+
+
+class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
+    """A node defines a stream in another way; it is stopped between the two."""
+
+    address: int
+    """The node."""
+    stream_id: int
+    """The stream."""
+    stream: str = ""
+    """Its name here; empty: only the other one has it."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        what = self.stream or "a stream that is not in this file"
+        return [f"differs   {self.stream_id} ({what}) at node {self.address}: stopped"]
+
+
+class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):
+    """The gateways on this island have changed."""
+
+    addresses: tuple[int, ...]
+    """Those alive, this one included."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"siblings  gateways on this island: {', '.join(map(str, self.addresses))}"]
+
+
+class Stopped(Notice, frozen=True, kw_only=True, tag="stopped"):
+    """The gateway has ended."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return ["stopped"]
+
+
+Notify = Callable[[Notice], None]
+"""Takes notices, on the loop."""

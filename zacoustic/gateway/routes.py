@@ -1,0 +1,137 @@
+"""Routes: what is declared on the island for each stream, as far as this gateway does the job.
+
+=========  =========================  ====================================================
+job        declared                   on
+=========  =========================  ====================================================
+forward    a subscriber               the keys that this node publishes
+deliver    a queryable                the keys that come from beyond the water; it answers
+                                      a `get` from the last value and is not complete: a
+                                      storage on the island may know more
+proxy      a complete queryable       the service's name
+=========  =========================  ====================================================
+
+Each of them costs a thread of Zenoh's. Declaring may block, so it is done in the worker, in order.
+"""
+
+from functools import partial
+from typing import Final, TypeAlias
+
+import zenoh
+
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.gateway.island import Island
+from zacoustic.gateway.queries import HeldQuery, QueryDesk, Serve
+from zacoustic.gateway.services import Services
+from zacoustic.gateway.siblings import Siblings
+from zacoustic.gateway.topics import Topics
+from zacoustic.runtime import LinkRunner
+
+FORWARD: Final = "forward"
+DELIVER: Final = "deliver"
+PROXY: Final = "proxy"
+
+Entity: TypeAlias = "zenoh.Subscriber[None] | zenoh.Queryable[None]"
+"""What is declared for one job on one stream."""
+
+
+class Routes:
+    """The declarations of one gateway; for the loop.
+
+    Args:
+        table: All streams.
+        island: Where they are declared.
+        siblings: Which jobs are ours.
+        topics: Takes samples, answers a `get` on a topic.
+        services: Takes calls.
+        desk: Takes queries from Zenoh's threads.
+        runner: Gives calls to the engine.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        island: Island,
+        siblings: Siblings,
+        *,
+        topics: Topics,
+        services: Services,
+        desk: QueryDesk,
+        runner: LinkRunner,
+    ) -> None:
+        self.jobs: frozenset[tuple[str, int]] = frozenset()
+        """Job and stream id of what is declared, or soon will be."""
+        self._table = table
+        self._island = island
+        self._siblings = siblings
+        self._topics = topics
+        self._services = services
+        self._desk = desk
+        self._runner = runner
+        # Of the worker alone.
+        self._declared: dict[tuple[str, int], Entity] = {}
+
+    def reconcile(self) -> None:
+        """Declare what has become ours, undeclare what is not any more."""
+        wanted = frozenset(
+            (job, stream.stream_id)
+            for stream in self._table
+            for job, is_ours in (
+                (FORWARD, self._siblings.forwards(stream)),
+                (DELIVER, self._siblings.delivers(stream)),
+                (PROXY, self._siblings.proxies(stream)),
+            )
+            if is_ours
+        )
+        gone, new = self.jobs - wanted, wanted - self.jobs
+        self.jobs = wanted
+        for key in sorted(gone):
+            self._island.worker.submit(partial(self._undeclare, key))
+        for job, stream_id in sorted(new):
+            stream = self._table.by_id(stream_id)
+            self._island.worker.submit(partial(self._declare, job, stream))
+
+    def undeclare(self) -> None:
+        """Undeclare everything; in the worker."""
+        for key in list(self._declared):
+            self._undeclare(key)
+
+    def _declare(self, job: str, stream: Stream) -> None:
+        session, stream_id = self._island.session, stream.stream_id
+        entity: Entity
+        if job == FORWARD:
+            entity = session.declare_subscriber(
+                stream.keys.expression(self._siblings.address),
+                lambda sample: self._topics.post(stream_id, sample),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+        else:
+            serve = self._answer(stream_id) if job == DELIVER else self._call(stream_id)
+            entity = session.declare_queryable(
+                self._asked(stream) if job == DELIVER else stream.name,
+                lambda query: self._desk.admit(query, serve),
+                complete=job == PROXY,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+        self._declared[(job, stream_id)] = entity
+
+    def _undeclare(self, key: tuple[str, int]) -> None:
+        entity = self._declared.pop(key, None)
+        if entity is not None:
+            entity.undeclare()  # type: ignore[no-untyped-call]
+
+    def _asked(self, stream: Stream) -> str:
+        """Return the key expression of what comes from beyond the water."""
+        publishers = self._siblings.publishers_beyond(stream)
+        only_one = publishers is not None and len(publishers) == 1
+        return stream.keys.expression(publishers[0] if publishers and only_one else None)
+
+    def _answer(self, stream_id: int) -> Serve:
+        return lambda held: self._topics.answer(held, stream_id)
+
+    def _call(self, stream_id: int) -> Serve:
+        def call(held: HeldQuery) -> None:
+            self._runner.apply(
+                lambda engine, now: self._services.call(held, stream_id, engine, now)
+            )
+
+        return call

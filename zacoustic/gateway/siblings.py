@@ -1,0 +1,102 @@
+"""Several gateways on one island: who does what for which stream.
+
+Two gateways on one island hear the same samples, and each hears on the water what the other one
+sent. Without agreement each sample would cross twice and come back. They agree without a word, by
+one rule that all of them compute from the same list, the addresses of those alive:
+
+==========  =======================================================  ===============================
+job         of                                                       done by
+==========  =======================================================  ===============================
+forward     samples of the island to the water                       the lowest of those that may
+                                                                     publish the stream
+deliver     samples from the water to the island, last values        the lowest of those that may
+                                                                     subscribe to it
+proxy       calls of the island to a server beyond the water         the lowest
+serve       calls from the water                                     the stream's server
+==========  =======================================================  ===============================
+
+Two exceptions. A topic with ``{node}`` in its name has keys of its own for each gateway: each
+forwards its own. And what comes from a sibling through the water is delivered by nobody, since the
+island has it already; this still holds `RETIRED_S` after the sibling is gone, for what it
+had on the air. A service whose server is a sibling is left to that one.
+
+When a token of the list disappears the next lowest takes over; when one appears the higher one
+stands by.
+"""
+
+from typing import Final
+
+from zacoustic.core.clock import Clock, seconds_to_ns
+from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
+
+# The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
+RETIRED_S: Final = 10.0
+"""How long a sibling that is gone still counts as one of this island, s."""
+
+
+class Siblings:
+    """The gateways of one island, as one of them sees them; for the loop.
+
+    Args:
+        address: Acoustic address of this gateway, always alive.
+        clock: Where instants come from.
+    """
+
+    def __init__(self, address: int, clock: Clock) -> None:
+        self.address = address
+        self._clock = clock
+        self._alive = {address}
+        self._retired_until: dict[int, int] = {}
+
+    @property
+    def alive(self) -> tuple[int, ...]:
+        """Addresses of the gateways on this island, this one included, ascending."""
+        return tuple(sorted(self._alive))
+
+    def update(self, address: int, *, is_alive: bool) -> bool:
+        """Note that a gateway appeared or disappeared; tells whether that is news."""
+        if address == self.address or is_alive == (address in self._alive):
+            return False
+        if is_alive:
+            self._alive.add(address)
+        else:
+            self._alive.discard(address)
+            self._retired_until[address] = self._clock() + seconds_to_ns(RETIRED_S)
+        return True
+
+    def shares_island(self, source: int) -> bool:
+        """Tell whether what that node sent through the water is on this island already."""
+        if source in self._alive:
+            return True
+        return self._clock() < self._retired_until.get(source, 0)
+
+    def forwards(self, stream: Stream) -> bool:
+        """Tell whether this gateway brings samples of the stream from the island to the water."""
+        if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
+            return False
+        if stream.spec.subscribers is not None and self._alive.issuperset(stream.spec.subscribers):
+            return False  # all that listen are on this island
+        if stream.keys.is_named_by_node:
+            return self.address in stream.keys.node_names
+        return self.address == min(each for each in self._alive if stream.may_publish(each))
+
+    def delivers(self, stream: Stream) -> bool:
+        """Tell whether this gateway brings samples of the stream from the water to the island."""
+        if not isinstance(stream.spec, TopicSpec) or not stream.may_subscribe(self.address):
+            return False
+        if self.publishers_beyond(stream) == ():
+            return False
+        return self.address == min(each for each in self._alive if stream.may_subscribe(each))
+
+    def proxies(self, stream: Stream) -> bool:
+        """Tell whether this gateway takes calls on the island for a server beyond the water."""
+        if not isinstance(stream.spec, ServiceSpec):
+            return False
+        return stream.spec.server not in self._alive and self.address == min(self._alive)
+
+    def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:
+        """Return the nodes beyond the water that may publish a topic; None: any."""
+        assert isinstance(stream.spec, TopicSpec)
+        if stream.spec.publishers is None:
+            return None
+        return tuple(each for each in stream.spec.publishers if each not in self._alive)

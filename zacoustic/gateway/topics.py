@@ -1,0 +1,216 @@
+"""Topics: samples of the island to the engine, samples from the water to the island.
+
+Payloads on the Zenoh side are CBOR maps or JSON objects for typed streams, as the sample's encoding
+says and the stream's where it says nothing, and bytes as they are for opaque streams. A sample that
+cannot be read or that its type does not allow is counted and complained about; it harms nothing.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+import zenoh
+
+from zacoustic.core.clock import Clock
+from zacoustic.core.encoding import OPAQUE, decode_application, encode_application
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import SampleReceived
+from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.types import TypeSpec
+from zacoustic.errors import PayloadInvalidError, ZacousticError
+from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.island import Island
+from zacoustic.gateway.lastvalues import LastValue, LastValues
+from zacoustic.gateway.mailbox import Mailbox, Parcel
+from zacoustic.gateway.marker import Marker, is_marked
+from zacoustic.gateway.queries import Answer, HeldQuery
+from zacoustic.gateway.siblings import Siblings
+
+_SCHEMA_MARK: Final = ";"
+
+
+class Topics:
+    """The topics of one gateway; for the loop, except for `post`.
+
+    Args:
+        table: All streams.
+        island: Where samples from the water are put.
+        siblings: Who does what on this island.
+        complaints: Takes what is wrong with samples of the island.
+        clock: Where instants come from.
+        ring: Wakes the loop, which then calls `drain`.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        island: Island,
+        siblings: Siblings,
+        complaints: Complaints,
+        *,
+        clock: Clock,
+        ring: Callable[[], None],
+    ) -> None:
+        self.last_values = LastValues()
+        self._table = table
+        self._island = island
+        self._siblings = siblings
+        self._complaints = complaints
+        self._clock = clock
+        self._ring = ring
+        self._mailboxes = {
+            stream.stream_id: Mailbox(stream.qos.depth)
+            for stream in table
+            if isinstance(stream.spec, TopicSpec)
+        }
+
+    def post(self, stream_id: int, sample: zenoh.Sample) -> None:
+        """Keep a sample of the island for the loop; on Zenoh's thread."""
+        attachment = sample.attachment
+        if attachment is not None and is_marked(attachment.to_bytes()):
+            return  # it came off the water
+        self._mailboxes[stream_id].post(
+            Parcel(
+                str(sample.key_expr),
+                sample.payload.to_bytes(),
+                str(sample.encoding),
+                sample.kind == zenoh.SampleKind.DELETE,
+                self._clock(),
+            )
+        )
+        self._ring()
+
+    def drain(self, engine: Engine, now: int) -> None:
+        """Publish what the island has sent."""
+        for stream_id, mailbox in self._mailboxes.items():
+            for parcel in mailbox.take():
+                self._forward(engine, self._table.by_id(stream_id), parcel, now)
+
+    def deliver(self, event: SampleReceived) -> None:
+        """Put a sample from the water on the island, and keep it for `answer`."""
+        if self._siblings.shares_island(event.source):
+            return
+        stream = self._table.by_id(event.stream_id)
+        key = stream.keys.key(event.source, event.instance)
+        marker = Marker(acoustic=event.source, age_s=event.age_s).encode()
+        delivers = self._siblings.delivers(stream)
+        if event.deleted:
+            self.last_values.forget(key)
+            if delivers:
+                self._island.delete(key, priority=stream.qos.priority, attachment=marker)
+            return
+        payload, encoding = write_value(event.value, stream.type, event.encoding, stream.encoding)
+        self.last_values.keep(
+            LastValue(
+                key=key,
+                stream_id=stream.stream_id,
+                payload=payload,
+                encoding=encoding,
+                source=event.source,
+                age_s=event.age_s,
+                received_at=event.received_at,
+            )
+        )
+        if delivers:
+            self._island.put(
+                key,
+                payload,
+                encoding=encoding,
+                priority=stream.qos.priority,
+                attachment=marker,
+            )
+
+    def answer(self, held: HeldQuery, stream_id: int) -> None:
+        """Answer a `get` on a topic with the last values that it asks for."""
+        asked = held.query.key_expr
+        now = self._clock()
+        held.answer(
+            [
+                Answer(
+                    key=last.key,
+                    payload=last.payload,
+                    encoding=last.encoding,
+                    attachment=Marker(acoustic=last.source, age_s=last.age_at(now)).encode(),
+                )
+                for last in self.last_values.of(stream_id)
+                if asked.intersects(last.key)
+            ]
+        )
+
+    def losses(self) -> dict[str, dict[str, int]]:
+        """Return what mailboxes have lost, by stream and reason, where there is any."""
+        found = {}
+        for stream_id, mailbox in self._mailboxes.items():
+            lost = {"superseded": mailbox.superseded, "oversized": mailbox.oversized}
+            if any(lost.values()):
+                name = self._table.by_id(stream_id).name
+                found[name] = {reason: count for reason, count in lost.items() if count}
+        return found
+
+    def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
+        instance = stream.keys.match(parcel.key, engine.address)
+        if instance is None:
+            text = f"the key {parcel.key} is none of this stream's"
+            self._complaints.add(stream.name, "unknown_key", text)
+            return
+        try:
+            value, encoding = (
+                (None, None)
+                if parcel.deleted
+                else read_value(parcel.payload, parcel.encoding, stream.type, stream.encoding)
+            )
+            engine.publish(
+                stream.stream_id,
+                value,
+                now,
+                instance=instance,
+                encoding=encoding,
+                delete=parcel.deleted,
+                queued_at=parcel.arrived_at,
+            )
+        except PayloadInvalidError as error:
+            self._complaints.add(stream.name, "payload", str(error))
+        except ZacousticError as error:
+            self._complaints.add(stream.name, "refused", str(error))
+
+
+def read_value(
+    payload: bytes, encoding: str, type_spec: TypeSpec | None, stream_encoding: str
+) -> tuple[object, str | None]:
+    """Read what an application sent.
+
+    Args:
+        payload: Its bytes.
+        encoding: Its Zenoh encoding; Zenoh's own default says nothing.
+        type_spec: The type; None: opaque.
+        stream_encoding: What holds where `encoding` says nothing.
+
+    Returns:
+        The value for the engine, and its encoding if it is another than the stream's.
+
+    Raises:
+        PayloadInvalidError: It cannot be read.
+    """
+    said = stream_encoding if encoding == OPAQUE else encoding
+    if type_spec is None:
+        return payload, None if said == stream_encoding else said
+    # A schema names what the type says already, and would cost its text on the water.
+    said = said.partition(_SCHEMA_MARK)[0]
+    value = decode_application(payload, said, type_spec=type_spec)
+    return value, None if said == stream_encoding.partition(_SCHEMA_MARK)[0] else said
+
+
+def write_value(
+    value: object, type_spec: TypeSpec | None, encoding: str, stream_encoding: str
+) -> tuple[bytes, str]:
+    """Write a value from the engine for an application; returns the bytes and their encoding.
+
+    A typed value whose encoding cannot carry it, which only another implementation sends, is
+    written in the stream's.
+    """
+    if type_spec is None:
+        assert isinstance(value, bytes | bytearray | memoryview)
+        return bytes(value), encoding
+    try:
+        return encode_application(value, encoding), encoding
+    except PayloadInvalidError:
+        return encode_application(value, stream_encoding), stream_encoding
