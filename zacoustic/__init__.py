@@ -1,0 +1,100 @@
+"""Zenoh over sound: joins islands of Zenoh, ROS 2 or plain Python through acoustic modems.
+
+What a program needs is here; a name is imported when it is first used, so that ``import zacoustic``
+starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without asyncio.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
+from zacoustic.errors import (
+    CallTimeoutError,
+    ConfigError,
+    DeliveryError,
+    LinkClosedError,
+    LinkError,
+    LinkOpenError,
+    LinkUnavailableError,
+    LocalError,
+    PayloadInvalidError,
+    PayloadTooLargeError,
+    QueueFullError,
+    ServiceError,
+    SessionError,
+    UnknownStreamError,
+    ZacousticError,
+)
+
+if TYPE_CHECKING:
+    from zacoustic.config import Config, read_config
+    from zacoustic.core.qos import Priority, Qos, Stamp
+    from zacoustic.core.types import Bounds
+    from zacoustic.node import (
+        CallContext,
+        Client,
+        Node,
+        Publisher,
+        Sample,
+        Service,
+        Subscription,
+        blocking,
+    )
+
+__all__ = [
+    "Bounds",
+    "CallContext",
+    "CallTimeoutError",
+    "Client",
+    "Config",
+    "ConfigError",
+    "DeliveryError",
+    "LinkClosedError",
+    "LinkError",
+    "LinkOpenError",
+    "LinkUnavailableError",
+    "LocalError",
+    "Node",
+    "PayloadInvalidError",
+    "PayloadTooLargeError",
+    "Priority",
+    "Publisher",
+    "Qos",
+    "QueueFullError",
+    "Sample",
+    "Service",
+    "ServiceError",
+    "SessionError",
+    "Stamp",
+    "Subscription",
+    "UnknownStreamError",
+    "ZacousticError",
+    "blocking",
+    "read_config",
+]
+
+_HOMES: Final = {
+    "zacoustic.config": ("Config", "read_config"),
+    "zacoustic.core.qos": ("Priority", "Qos", "Stamp"),
+    "zacoustic.core.types": ("Bounds",),
+    "zacoustic.node": (
+        "CallContext", "Client", "Node", "Publisher", "Sample", "Service", "Subscription",
+    ),
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 (of a module: anything)
+    """Import a public name when it is first used."""
+    if name == "__version__":
+        from importlib import metadata
+
+        return metadata.version("zacoustic")
+    if name == "blocking":
+        return importlib.import_module("zacoustic.node.blocking")
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(importlib.import_module(home), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__, "__version__"])

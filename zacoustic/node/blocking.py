@@ -1,0 +1,416 @@
+"""The Node API without asyncio, for scripts and notebooks: the same names, calls that wait.
+
+A `Node` here runs the asyncio `zacoustic.Node` on a loop in its own thread, which it starts and
+ends; there is no other logic. Callbacks and handlers run in that thread, one at a time: they must
+not block, since the modem waits meanwhile. `Publisher.publish` works in them; every call that waits
+raises `LocalError` there. From other threads everything may be called.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar, overload
+
+from zacoustic.config import Config
+from zacoustic.core.qos import Qos
+from zacoustic.core.stats import EngineStats, LedgerEntry
+from zacoustic.errors import LocalError
+from zacoustic.journal import Journal
+from zacoustic.link import Link
+from zacoustic.node import node as asynchronous
+from zacoustic.node import pubsub, service
+from zacoustic.node.carrier import NodeEvent
+from zacoustic.node.loopthread import LoopThread
+from zacoustic.node.node import Fields, Request, Response, Value
+from zacoustic.node.pubsub import Sample
+from zacoustic.node.service import CallContext, ServiceType
+
+__all__ = ["Client", "Node", "Publisher", "Service", "Subscription"]
+
+T = TypeVar("T")
+Asked = TypeVar("Asked")
+Answered = TypeVar("Answered")
+
+SampleCallback = Callable[[Sample[T]], None]
+"""Takes each sample, in the thread of the loop."""
+Handler = Callable[[Asked], Answered] | Callable[[Asked, CallContext], Answered]
+"""Answers a request, in the thread of the loop; may take the context."""
+
+
+class Publisher(Generic[T]):
+    """Publishes one key; see `zacoustic.Publisher`."""
+
+    def __init__(self, publisher: pubsub.Publisher[T], thread: LoopThread) -> None:
+        self.key = publisher.key
+        """What it publishes under, placeholders filled in."""
+        self._publisher = publisher
+        self._thread = thread
+
+    def publish(self, value: T, *, encoding: str | None = None) -> None:
+        """Publish a value; never waits for the water, and works in callbacks too."""
+        self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
+
+    def delete(self) -> None:
+        """Tell the subscribers that the key is deleted; as `publish`."""
+        self._thread.apply(self._publisher.delete)
+
+    def close(self) -> None:
+        """Withdraw the publisher."""
+        self._thread.apply(self._publisher.close)
+
+
+class Subscription(Generic[T]):
+    """Receives the samples of a topic; see `zacoustic.Subscription`."""
+
+    def __init__(self, subscription: pubsub.Subscription[T], thread: LoopThread) -> None:
+        self.name = subscription.name
+        """The topic."""
+        self._subscription = subscription
+        self._thread = thread
+
+    @property
+    def dropped(self) -> int:
+        """Samples that newer ones pushed out before they were taken."""
+        return self._subscription.dropped
+
+    def __iter__(self) -> Iterator[Sample[T]]:
+        return self
+
+    def __next__(self) -> Sample[T]:
+        sample = self._thread.wait(_next(self._subscription))
+        if sample is None:
+            raise StopIteration
+        return sample
+
+    def receive(self, *, timeout_s: float | None = None) -> Sample[T]:
+        """Wait for the next sample.
+
+        Raises:
+            TimeoutError: None within `timeout_s`, s.
+            LocalError: The subscription is closed, or this is a callback.
+        """
+
+        async def receive() -> Sample[T]:
+            async with asyncio.timeout(timeout_s):
+                return await self._subscription.receive()
+
+        return self._thread.wait(receive())
+
+    def close(self) -> None:
+        """End it."""
+        self._thread.apply(self._subscription.close)
+
+
+class Client(Generic[Asked, Answered]):
+    """Calls one service; see `zacoustic.Client`."""
+
+    def __init__(self, client: service.Client[Asked, Answered], thread: LoopThread) -> None:
+        self.name = client.name
+        """The service."""
+        self._client = client
+        self._thread = thread
+
+    def call(self, request: Asked, *, timeout_s: float | None = None) -> Answered:
+        """Call the service and wait for the answer; raises what `zacoustic.Client.call` does."""
+        return self._thread.wait(self._client.call(request, timeout_s=timeout_s))
+
+    def close(self) -> None:
+        """Withdraw the client."""
+        self._thread.apply(self._client.close)
+
+
+class Service(Generic[Asked, Answered]):
+    """Serves one service; see `zacoustic.Service`."""
+
+    def __init__(self, served: service.Service[Asked, Answered], thread: LoopThread) -> None:
+        self.name = served.name
+        """The service."""
+        self._served = served
+        self._thread = thread
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._thread.apply(self._served.close)
+
+
+class Node:
+    """One participant; arguments and errors are those of `zacoustic.Node`. A context manager."""
+
+    def __init__(
+        self,
+        name_or_address: str | int,
+        *,
+        config: str | Path | Config | None = None,
+        link: str | Link | None = None,
+        connect: str | Sequence[str] | None = None,
+        address: int | None = None,
+        journal: Journal | None = None,
+    ) -> None:
+        self.name = str(name_or_address)
+        """What it is called."""
+        self._thread: LoopThread | None = None
+        self._node = asynchronous.Node(
+            name_or_address,
+            config=config,
+            link=link,
+            connect=connect,
+            address=address,
+            journal=journal,
+        )
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def address(self) -> int | None:
+        """Its acoustic address, known when it is open."""
+        return self._node.address
+
+    def open(self) -> None:
+        """Start the thread, and open the link or the session."""
+        thread = LoopThread(f"node {self.name}")
+        try:
+            thread.wait(self._node.open())
+        except BaseException:
+            thread.stop()
+            raise
+        self._thread = thread
+
+    def close(self) -> None:
+        """Close everything, and end the thread. May be called again."""
+        if self._thread is None:
+            return
+        try:
+            self._thread.wait(self._node.close())
+        finally:
+            if not self._thread.is_current:
+                thread, self._thread = self._thread, None
+                thread.stop()
+
+    def flush(self, *, timeout_s: float | None = None) -> None:
+        """Wait until everything that was published has left this node."""
+        self._running().wait(self._node.flush(timeout_s=timeout_s))
+
+    @overload
+    def create_publisher(
+        self,
+        sample_type: type[Value],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Publisher[Value]: ...
+    @overload
+    def create_publisher(
+        self,
+        sample_type: str,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Publisher[Fields]: ...
+    def create_publisher(
+        self,
+        sample_type: Any,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Publisher[Any]:
+        """Make a publisher."""
+        thread = self._running()
+        made = thread.wait(
+            _made(lambda: self._node.create_publisher(sample_type, name, qos, stream_id=stream_id))
+        )
+        return Publisher(made, thread)
+
+    @overload
+    def create_subscription(
+        self,
+        sample_type: type[Value],
+        name: str,
+        callback: SampleCallback[Value] | None = None,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Value]: ...
+    @overload
+    def create_subscription(
+        self,
+        sample_type: str,
+        name: str,
+        callback: SampleCallback[Fields] | None = None,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Fields]: ...
+    def create_subscription(
+        self,
+        sample_type: Any,
+        name: str,
+        callback: SampleCallback[Any] | None = None,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Any]:
+        """Make a subscription; without a callback it is an iterator."""
+        thread = self._running()
+        made = thread.wait(
+            _made(
+                lambda: self._node.create_subscription(
+                    sample_type, name, callback, qos, stream_id=stream_id
+                )
+            )
+        )
+        return Subscription(made, thread)
+
+    @overload
+    def subscribe(
+        self,
+        sample_type: type[Value],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Value]: ...
+    @overload
+    def subscribe(
+        self,
+        sample_type: str,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Fields]: ...
+    def subscribe(
+        self,
+        sample_type: Any,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Subscription[Any]:
+        """Make a subscription to iterate over: ``for sample in node.subscribe(…)``."""
+        made: Subscription[Any] = self.create_subscription(
+            sample_type, name, None, qos, stream_id=stream_id
+        )
+        return made
+
+    @overload
+    def create_client(
+        self,
+        service_type: ServiceType[Request, Response] | tuple[type[Request], type[Response]],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> Client[Request, Response]: ...
+    @overload
+    def create_client(
+        self,
+        service_type: tuple[type[Any] | str, type[Any] | str],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> Client[Any, Any]: ...
+    def create_client(
+        self,
+        service_type: Any,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> Client[Any, Any]:
+        """Make a client."""
+        thread = self._running()
+        made: service.Client[Any, Any] = thread.wait(
+            _made(
+                lambda: self._node.create_client(
+                    service_type, name, qos, stream_id=stream_id, server=server
+                )
+            )
+        )
+        return Client(made, thread)
+
+    @overload
+    def create_service(
+        self,
+        service_type: ServiceType[Request, Response] | tuple[type[Request], type[Response]],
+        name: str,
+        handler: Handler[Request, Response],
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Service[Request, Response]: ...
+    @overload
+    def create_service(
+        self,
+        service_type: tuple[type[Any] | str, type[Any] | str],
+        name: str,
+        handler: Handler[Any, Any],
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Service[Any, Any]: ...
+    def create_service(
+        self,
+        service_type: Any,
+        name: str,
+        handler: Handler[Any, Any],
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+    ) -> Service[Any, Any]:
+        """Serve a service; the handler runs in the thread of the loop."""
+        thread = self._running()
+        made: service.Service[Any, Any] = thread.wait(
+            _made(
+                lambda: self._node.create_service(
+                    service_type, name, handler, qos, stream_id=stream_id
+                )
+            )
+        )
+        return Service(made, thread)
+
+    def events(self) -> Iterator[NodeEvent]:
+        """Iterate over what happens beside samples and calls; see `zacoustic.Node.events`."""
+        thread, events = self._running(), self._node.events()
+        while (event := thread.wait(_next(events))) is not None:
+            yield event
+
+    @property
+    def stats(self) -> EngineStats:
+        """What was counted; goes on counting while it is read."""
+        return self._node.stats
+
+    def ledger(self) -> list[LedgerEntry]:
+        """Return every byte given to the link, by stream and cause."""
+        return self._running().apply(self._node.ledger)
+
+    def _running(self) -> LoopThread:
+        if self._thread is None:
+            raise LocalError(f"node {self.name} is not open", hint="use it in `with Node(…)`")
+        return self._thread
+
+
+async def _made(make: Callable[[], T]) -> T:
+    """Make an endpoint on the loop, waiting, so that it is refused in callbacks."""
+    return make()
+
+
+async def _next(items: AsyncIterator[T]) -> T | None:
+    return await anext(items, None)

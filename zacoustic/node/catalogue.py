@@ -1,0 +1,334 @@
+"""From what an application names to where it goes: streams, keys, forms.
+
+An endpoint names a topic or a service in one of three ways, tried in this order:
+
+1. as the configuration does (``fleet/{node}/status``), or by one key of it (``fleet/auv1/status``);
+2. on a link, with a stream id: then the stream is added to the table from what the code says;
+3. on Zenoh without a configuration: any key expression.
+
+A publisher always has one key: ``{node}`` is this node, other placeholders are to be filled in.
+"""
+
+from typing import Any
+
+import msgspec
+
+from zacoustic.core.keys import Instance
+from zacoustic.core.qos import Qos, Stamp
+from zacoustic.core.streams import ServiceSpec, Stream, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
+from zacoustic.node.carrier import Carrier
+from zacoustic.node.form import Form, configured_form, free_form
+from zacoustic.node.identity import Identity
+from zacoustic.node.pubsub import DEFAULT_DEPTH
+from zacoustic.node.routes import ServiceRoute, TopicRoute, free_service, free_topic
+
+
+class Catalogue:
+    """The topics and services of one node.
+
+    Args:
+        identity: Who the node is.
+        table: Its streams; on a link that of the engine.
+        carrier: Adds streams to it, where it can.
+    """
+
+    def __init__(self, identity: Identity, table: StreamTable, carrier: Carrier) -> None:
+        self._identity = identity
+        self._table = table
+        self._carrier = carrier
+
+    def publisher(
+        self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
+    ) -> TopicRoute[Any]:
+        """Find where a publisher goes.
+
+        Raises:
+            ConfigError, LocalError: The name, the type or the id do not fit the node's streams.
+        """
+        stream, _ = self._topic(sample_type, name, qos, stream_id)
+        if stream is None:
+            return free_topic(sample_type, name, qos or Qos(), wildcards=False)
+        address = self._own_address(stream)
+        if not stream.may_publish(address):
+            raise LocalError(
+                f"{self._who()} is not a publisher of {stream.name}; "
+                f"publishers: {_addresses(stream.spec, 'publishers')}"
+            )
+        _tune(stream, qos)
+        key, instance = self._own_key(stream, name, address)
+        return TopicRoute(
+            name=name,
+            key=key,
+            expression=key,
+            stream=stream,
+            instance=instance,
+            form=configured_form(sample_type, stream.type, where=stream.name),
+            encoding=stream.encoding,
+            qos=stream.qos,
+        )
+
+    def subscription(
+        self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
+    ) -> TopicRoute[Any]:
+        """Find where a subscription listens.
+
+        Raises:
+            ConfigError, LocalError: The name, the type or the id do not fit the node's streams.
+        """
+        stream, key = self._topic(sample_type, name, qos, stream_id)
+        own = qos or Qos(depth=DEFAULT_DEPTH)
+        if stream is None:
+            return free_topic(sample_type, name, own, wildcards=True)
+        on_link = self._carrier.can_declare
+        if on_link and not stream.may_subscribe(self._own_address(stream)):
+            raise LocalError(
+                f"{self._who()} is not a subscriber of {stream.name}; "
+                f"subscribers: {_addresses(stream.spec, 'subscribers')}"
+            )
+        return TopicRoute(
+            name=name,
+            key=key,
+            expression=key or stream.keys.expression(None),
+            stream=stream,
+            form=configured_form(sample_type, stream.type, where=stream.name),
+            encoding=stream.encoding,
+            qos=own,
+        )
+
+    def client(
+        self,
+        service_type: object,
+        name: str,
+        qos: Qos | None,
+        *,
+        stream_id: int | None,
+        server: int | None,
+    ) -> ServiceRoute[Any, Any]:
+        """Find where a client calls.
+
+        Raises:
+            ConfigError, LocalError: The name, the types or the id do not fit the node's streams.
+        """
+        route = self._service(service_type, name, qos, stream_id=stream_id, server=server)
+        known = _server_of(route.stream)
+        if server is not None and known not in (None, server):
+            raise ConfigError(f"{name}: server: {server}; allowed: {known}, as it is configured")
+        if known is not None and known == self._identity.address and self._carrier.can_declare:
+            raise LocalError(f"{name} is served by this node, {known}: it cannot call itself")
+        return route
+
+    def server(
+        self, service_type: object, name: str, qos: Qos | None, *, stream_id: int | None
+    ) -> ServiceRoute[Any, Any]:
+        """Find which calls a service answers.
+
+        Raises:
+            ConfigError, LocalError: As for `client`, or another node is the server.
+        """
+        own = self._identity.address
+        route = self._service(service_type, name, qos, stream_id=stream_id, server=own)
+        known = _server_of(route.stream)
+        if known not in (None, own):
+            raise LocalError(f"{name} is served by node {known}; this is {self._who()}")
+        return route
+
+    def topics(self) -> list[str]:
+        """Return the names of the topics that this node may listen to."""
+        address = self._identity.address
+        return [
+            stream.name
+            for stream in self._table
+            if isinstance(stream.spec, TopicSpec)
+            and (address is None or stream.may_subscribe(address))
+        ]
+
+    def find(self, name: str) -> Stream | None:
+        """Find the stream of a name or of a key; None: a plain Zenoh key.
+
+        Raises:
+            LocalError: There is none of that name.
+        """
+        found = self._find(name, None)
+        if found is None:
+            self._must_declare(name, None)
+        return None if found is None else found[0]
+
+    # Below the methods above
+
+    def _topic(
+        self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
+    ) -> tuple[Stream | None, str | None]:
+        found = self._find(name, stream_id)
+        if found is not None:
+            if not isinstance(found[0].spec, TopicSpec):
+                raise LocalError(f"{found[0].name} is a service, not a topic")
+            return found
+        if not self._must_declare(name, stream_id):
+            return None, None
+        assert stream_id is not None
+        form = free_form(sample_type, where=name)
+        spec = TopicSpec(
+            stream_id=stream_id, name=name, type_name=self._type_name(form), qos=qos or Qos()
+        )
+        return self._carrier.declare(spec), name
+
+    def _service(
+        self,
+        service_type: object,
+        name: str,
+        qos: Qos | None,
+        *,
+        stream_id: int | None,
+        server: int | None,
+    ) -> ServiceRoute[Any, Any]:
+        request_type, response_type = _pair(service_type, name)
+        found = self._find(name, stream_id)
+        if found is None and self._must_declare(name, stream_id):
+            if server is None:
+                raise ConfigError(f"{name}: no server is given", hint="give server=ADDRESS")
+            assert stream_id is not None
+            request = free_form(request_type, where=f"{name}: request")
+            response = free_form(response_type, where=f"{name}: response")
+            spec = ServiceSpec(
+                stream_id=stream_id,
+                name=name,
+                server=server,
+                request_type=self._type_name(request),
+                response_type=self._type_name(response),
+            )
+            found = self._carrier.declare(spec), None
+        if found is None:
+            return free_service((request_type, response_type), name, qos or Qos())
+        stream = found[0]
+        spec_found = stream.spec
+        if not isinstance(spec_found, ServiceSpec):
+            raise LocalError(f"{stream.name} is a topic, not a service")
+        _tune(stream, qos)
+        return ServiceRoute(
+            name=name,
+            stream=stream,
+            request=configured_form(request_type, stream.type, where=f"{name}: request"),
+            response=configured_form(
+                response_type, stream.response_type, where=f"{name}: response"
+            ),
+            encoding=stream.encoding,
+            timeout_s=spec_found.timeout_s,
+            qos=stream.qos,
+        )
+
+    def _find(self, name: str, stream_id: int | None) -> tuple[Stream, str | None] | None:
+        """Find a stream by its name or by one of its keys, and the key if it is one."""
+        stream = next((each for each in self._table if each.name == name), None)
+        key: str | None = None
+        if stream is None or not _has_placeholders(stream):
+            key = name
+        if stream is None:
+            sources = self._table.nodes or (self._identity.address or 0,)
+            hits = (self._table.find(name, source) for source in sources)
+            stream = next((hit[0] for hit in hits if hit is not None), None)
+        if stream is None:
+            return None
+        if stream_id not in (None, stream.stream_id):
+            raise ConfigError(
+                f"{name}: stream_id: {stream_id}; allowed: {stream.stream_id}, which it has"
+            )
+        return stream, key
+
+    def _must_declare(self, name: str, stream_id: int | None) -> bool:
+        """Whether an unknown name becomes a stream; False: a plain Zenoh key.
+
+        Raises:
+            LocalError: It can be neither.
+        """
+        if stream_id is not None and self._carrier.can_declare:
+            return True
+        if self._identity.config is not None:
+            known = ", ".join(sorted(each.name for each in self._table)) or "none"
+            raise UnknownStreamError(
+                f'{self._identity.config.source}: no stream is called "{name}"; there are: {known}'
+            )
+        if self._carrier.can_declare:
+            raise LocalError(
+                f"{name} has no stream id", hint="give stream_id=1..175, or config=FILE"
+            )
+        return False
+
+    def _own_key(self, stream: Stream, name: str, address: int) -> tuple[str, Instance]:
+        key = name
+        if stream.keys.is_named_by_node:
+            node = self._table.nodes.get(address)
+            if node is None:
+                raise LocalError(
+                    f"{stream.name}: {self._who()} has no name for {{node}}",
+                    hint="list it under nodes in the config",
+                )
+            key = key.replace("{node}", node)
+        instance = stream.keys.match(key, address)
+        if instance is None:
+            raise LocalError(
+                f"{name} is no key that {self._who()} publishes under {stream.name}",
+                hint="give the other placeholders one of their values",
+            )
+        return key, instance
+
+    def _own_address(self, stream: Stream) -> int:
+        if self._identity.address is None:
+            raise LocalError(f"{stream.name}: this node has no address", hint="give address=1..254")
+        return self._identity.address
+
+    def _type_name(self, form: Form[Any]) -> str | None:
+        """Add the type of a form to the table; returns what it is called there."""
+        if form.spec is None:
+            return None
+        known = {each.name: each for each in self._table.types}
+        spec, name, number = form.spec, form.spec.name, 2
+        while name in known and known[name].canonical() != spec.canonical():
+            name = f"{spec.name}_{number}"  # another class of the same name
+            number += 1
+        if name not in known:
+            added: TypeSpec = msgspec.structs.replace(spec, name=name)
+            self._table.types = TypeTable([*known.values(), added])
+        return name
+
+    def _who(self) -> str:
+        identity = self._identity
+        known = identity.address is not None and str(identity.address) != identity.name
+        return f"node {identity.address} ({identity.name})" if known else f"node {identity.name}"
+
+
+def _pair(service_type: object, name: str) -> tuple[object, object]:
+    if isinstance(service_type, tuple) and len(service_type) == 2:
+        return service_type
+    request, response = (getattr(service_type, part, None) for part in ("Request", "Response"))
+    if request is None or response is None:
+        raise ConfigError(
+            f"{name}: {service_type!r}; allowed: a class with Request and Response, or a pair"
+        )
+    return request, response
+
+
+def _tune(stream: Stream, qos: Qos | None) -> None:
+    """Let the code say how this node's payloads wait; what both ends must agree on stays."""
+    if qos is None:
+        return
+    if qos.stamp not in (Stamp.NONE, stream.qos.stamp):
+        raise ConfigError(
+            f"{stream.name}: stamp: {qos.stamp.value}; allowed: {stream.qos.stamp.value}, "
+            "as it is defined: both ends must agree on it"
+        )
+    stream.qos = msgspec.structs.replace(qos, stamp=stream.qos.stamp)
+
+
+def _has_placeholders(stream: Stream) -> bool:
+    return stream.keys.is_named_by_node or bool(stream.keys.wildcards)
+
+
+def _addresses(spec: StreamSpec, which: str) -> str:
+    return ", ".join(str(address) for address in getattr(spec, which) or ()) or "none"
+
+
+def _server_of(stream: Stream | None) -> int | None:
+    spec = stream.spec if stream is not None else None
+    return spec.server if isinstance(spec, ServiceSpec) else None

@@ -1,0 +1,48 @@
+"""What happens to a node beside samples and calls: kept for a while, told to whoever asks."""
+
+from collections import deque
+from collections.abc import AsyncIterator
+from typing import Final
+
+from zacoustic.node.carrier import NodeEvent
+from zacoustic.node.mailbox import Mailbox
+
+EVENTS_KEPT: Final = 64
+"""Events that a reader begins with, and that wait for it."""
+
+
+class EventLog:
+    """The events of one node; for the loop."""
+
+    def __init__(self) -> None:
+        self._recent: deque[NodeEvent] = deque(maxlen=EVENTS_KEPT)
+        self._readers: set[Mailbox[NodeEvent]] = set()
+        self._is_closed = False
+        self._error: Exception | None = None
+
+    def add(self, event: NodeEvent) -> None:
+        """Tell all readers."""
+        self._recent.append(event)
+        for reader in self._readers:
+            reader.put(event)
+
+    async def read(self) -> AsyncIterator[NodeEvent]:
+        """Iterate over the events, those that are kept first; ends when the log is closed."""
+        reader: Mailbox[NodeEvent] = Mailbox(EVENTS_KEPT)
+        for event in self._recent:
+            reader.put(event)
+        if self._is_closed:
+            reader.close(self._error)
+        self._readers.add(reader)
+        try:
+            while (next_event := await reader.get()) is not None:
+                yield next_event
+        finally:
+            self._readers.discard(reader)
+
+    def close(self, error: Exception | None = None) -> None:
+        """End the iterations, with an error if there is one. May be called again."""
+        if not self._is_closed:
+            self._is_closed, self._error = True, error
+        for reader in self._readers:
+            reader.close(error)

@@ -1,0 +1,94 @@
+"""A loop in a thread of its own, and the one way into it that waits."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from zacoustic.errors import LocalError
+
+T = TypeVar("T")
+
+
+class LoopThread:
+    """Runs from the moment it is made until `stop`.
+
+    The thread is a daemon: a script that ends without `stop` ends.
+
+    Args:
+        name: Of the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the caller is on the loop: in a callback or a handler."""
+        return threading.current_thread() is self._thread
+
+    def wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine on the loop and wait for it; an interrupt cancels it.
+
+        Raises:
+            LocalError: On the loop itself, which cannot wait for itself, or after `stop`.
+            Exception: What the coroutine raises.
+        """
+        try:
+            self._check()
+        except LocalError:
+            coroutine.close()
+            raise
+        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        try:
+            return future.result()
+        except BaseException:
+            future.cancel()
+            raise
+
+    def apply(self, function: Callable[[], T]) -> T:
+        """Call a function on the loop and wait for it; from the loop itself call it directly.
+
+        Raises:
+            LocalError: After `stop`.
+            Exception: What the function raises.
+        """
+        if self.is_current:
+            return function()
+
+        async def call() -> T:
+            return function()
+
+        return self.wait(call())
+
+    def stop(self) -> None:
+        """End the loop and the thread. May be called again.
+
+        Raises:
+            LocalError: On the loop itself.
+        """
+        if self._loop.is_closed():
+            return
+        self._check()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+    def _check(self) -> None:
+        if self.is_current:
+            raise LocalError(
+                "a blocking call inside a callback would wait for itself",
+                hint="hand the work to another thread, or use the asyncio Node",
+            )
+        if self._loop.is_closed():
+            raise LocalError("the node is closed")
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_forever()
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._loop.close()

@@ -1,0 +1,333 @@
+"""Endpoints on a link: a node with an engine of its own, and no Zenoh anywhere."""
+
+import asyncio
+import contextlib
+import logging
+import random
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from zacoustic.core.encoding import OPAQUE
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    Event,
+    LinkStateChanged,
+    PeerSeen,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+    StreamsDiffer,
+)
+from zacoustic.core.stats import EngineStats, LedgerEntry
+from zacoustic.core.streams import Stream, StreamSpec, StreamTable
+from zacoustic.core.trace import TraceRecord
+from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
+from zacoustic.journal import Journal, MemoryJournal
+from zacoustic.link import Link
+from zacoustic.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
+from zacoustic.node.routes import ServiceRoute, TopicRoute
+from zacoustic.runtime import LinkRunner
+
+_logger = logging.getLogger(__name__)
+
+
+class LinkCarrier:
+    """An engine on a link.
+
+    Args:
+        link: The link, not open yet.
+        address: Address of the node.
+        table: Its streams.
+        journal: What it keeps from one life to the next; None: nothing.
+        report: Takes the events that concern no stream of the application.
+        fail: Takes the error that has stopped the engine.
+    """
+
+    can_declare = True
+
+    def __init__(
+        self,
+        link: Link,
+        address: int,
+        table: StreamTable,
+        *,
+        journal: Journal | None,
+        report: Callable[[NodeEvent], None],
+        fail: Callable[[Exception], None],
+    ) -> None:
+        self._table = table
+        self._report = report
+        self._fail = fail
+        self._journal: Journal = journal or MemoryJournal()
+        self._engine = Engine(
+            address=address,
+            table=table,
+            epoch=self._journal.recover().boot_epoch,
+            rng=random.Random(random.SystemRandom().getrandbits(64)),
+            trace=self._trace,
+        )
+        self._runner = LinkRunner(self._engine, link, self._deliver, journal=journal)
+        self._thread = threading.get_ident()
+        self._progress = asyncio.Event()
+        self._watch: asyncio.Task[None] | None = None
+        self._listeners: dict[int, dict[object, tuple[str | None, _Deliver]]] = {}
+        self._servers: dict[int, Callable[[IncomingCall], None]] = {}
+        self._calls: dict[int, asyncio.Future[object]] = {}
+
+    @property
+    def stats(self) -> EngineStats:
+        """What the engine has counted."""
+        return self._engine.stats
+
+    def ledger(self) -> list[LedgerEntry]:
+        """Bytes given to the link, by stream and cause."""
+        return self._engine.stats.ledger()
+
+    def declare(self, spec: StreamSpec) -> Stream:
+        """Add a stream; peers learn of it as of a restart."""
+        return self._runner.apply(lambda engine, now: engine.declare(spec, now))
+
+    async def open(self) -> None:
+        """Open the link and run the engine.
+
+        Raises:
+            LinkOpenError: The link cannot be opened.
+        """
+        await self._runner.start()
+        self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
+
+    async def close(self) -> None:
+        """Stop; calls under way fail. May be called again."""
+        await self._runner.close()
+        if self._watch is not None:
+            await asyncio.wait([self._watch])
+        self._end_calls(LinkClosedError("the node was closed"))
+
+    async def flush(self) -> None:
+        """Wait until nothing is queued and no transmission is under way."""
+        while not self._is_flushed():
+            self._progress.clear()
+            await self._progress.wait()
+
+    def advertise(self, route: TopicRoute[Any]) -> Outlet:
+        """Make the way out of a publisher."""
+        return _LinkOutlet(self, route)
+
+    def subscribe(self, route: TopicRoute[Any], deliver: "_Deliver") -> Callable[[], None]:
+        """Deliver the samples of a topic, or of one key of it."""
+        assert route.stream is not None
+        listeners = self._listeners.setdefault(route.stream.stream_id, {})
+        token = object()
+        listeners[token] = (route.key, deliver)
+        return lambda: listeners.pop(token, None) and None
+
+    async def call(
+        self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
+    ) -> object:
+        """Call a service and wait for the answer; cancelling gives the call up."""
+        assert route.stream is not None
+        stream_id = route.stream.stream_id
+        answer: asyncio.Future[object] = asyncio.get_running_loop().create_future()
+
+        def begin(engine: Engine, now: int) -> int:
+            call_id = engine.call(stream_id, value, now, timeout_s=timeout_s)
+            self._calls[call_id] = answer  # before the events of the engine are polled
+            return call_id
+
+        call_id = self._runner.apply(begin)
+        try:
+            return await answer
+        finally:
+            if self._calls.pop(call_id, None) is not None:
+                with contextlib.suppress(LinkClosedError):
+                    self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
+
+    def serve(
+        self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
+    ) -> Callable[[], None]:
+        """Hand over the requests of a service.
+
+        Raises:
+            LocalError: It is served already.
+        """
+        assert route.stream is not None
+        stream_id = route.stream.stream_id
+        if stream_id in self._servers:
+            raise LocalError(f"{route.name} is served by this node already")
+        self._servers[stream_id] = handle
+
+        def stop() -> None:
+            if self._servers.get(stream_id) is handle:
+                del self._servers[stream_id]
+
+        return stop
+
+    # For outlets and calls
+
+    def publish(
+        self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
+    ) -> None:
+        """Queue a sample, from any thread."""
+        assert route.stream is not None
+        stream_id, instance = route.stream.stream_id, route.instance
+        made_at = time.monotonic_ns()
+
+        def put(engine: Engine, now: int) -> None:
+            engine.publish(
+                stream_id,
+                value,
+                now,
+                instance=instance,
+                encoding=encoding,
+                delete=delete,
+                queued_at=made_at,
+            )
+
+        if threading.get_ident() == self._thread:
+            self._runner.apply(put)
+            return
+        if not delete:
+            route.stream.codec.encode(value)  # raises here what the loop could only log
+        if not self._runner.submit(put):
+            raise QueueFullError(f"{route.name}: the loop of the node is far behind, or has ended")
+
+    def reply(self, request: RequestReceived, value: object) -> bool:
+        """Answer a request."""
+        return self._runner.apply(lambda engine, now: engine.reply(request.call, value, now))
+
+    def reply_error(self, request: RequestReceived, failure: CallFailure, text: str) -> bool:
+        """Answer a request with an error."""
+        try:
+            return self._runner.apply(
+                lambda engine, now: engine.reply_error(request.call, failure, text, now)
+            )
+        except LinkClosedError:
+            return False
+
+    # What the engine tells
+
+    def _deliver(self, event: Event) -> None:
+        match event:
+            case SampleReceived():
+                self._deliver_sample(event)
+            case RequestReceived():
+                self._deliver_request(event)
+            case ResponseReceived():
+                self._answer(event.call_id, event.value)
+            case CallFailed():
+                name = self._table.by_id(event.stream_id).name
+                self._answer(event.call_id, call_error(name, event.failure, event.text))
+            case StreamsDiffer():
+                stream = self._table.get(event.stream_id)
+                _logger.warning(
+                    "node %d and node %d define stream %d (%s) in different ways: "
+                    "nothing of it passes between them",
+                    self._engine.address, event.address, event.stream_id,
+                    stream.name if stream else "only there",
+                )  # fmt: skip
+                self._report(event)
+            case LinkStateChanged() | PeerSeen():
+                self._report(event)
+
+    def _deliver_sample(self, event: SampleReceived) -> None:
+        listeners = self._listeners.get(event.stream_id)
+        if not listeners:
+            return
+        key = self._table.by_id(event.stream_id).keys.key(event.source, event.instance)
+        incoming = Incoming(
+            key=key,
+            value=event.value,
+            source=event.source,
+            deleted=event.deleted,
+            encoding=event.encoding or OPAQUE,
+            age_s=event.age_s,
+            received_at=event.received_at,
+            metrics=event.metrics,
+        )
+        for wanted, deliver in tuple(listeners.values()):
+            if wanted in (None, key):
+                deliver(incoming)
+
+    def _deliver_request(self, event: RequestReceived) -> None:
+        call = _LinkCall(self, event)
+        handle = self._servers.get(event.call.stream_id)
+        if handle is None:
+            name = self._table.by_id(event.call.stream_id).name
+            call.fail(CallFailure.NO_SERVER, f"no program serves {name}")
+        else:
+            handle(call)
+
+    def _answer(self, call_id: int, outcome: object) -> None:
+        answer = self._calls.pop(call_id, None)
+        if answer is None or answer.done():
+            return
+        if isinstance(outcome, Exception):
+            answer.set_exception(outcome)
+        else:
+            answer.set_result(outcome)
+
+    def _trace(self, record: TraceRecord) -> None:
+        if record.what == "report":
+            self._progress.set()
+
+    def _is_flushed(self) -> bool:
+        if self._runner.failure is not None:
+            raise LinkClosedError(f"the node has failed: {self._runner.failure}")
+        stats = self._engine.stats
+        waiting = any(self._engine.pending(stream.stream_id) for stream in self._table)
+        return not waiting and stats.frames_transmitted == sum(stats.reports.values())
+
+    async def _wait_failed(self) -> None:
+        try:
+            await self._runner.wait_failed()
+        except Exception as failure:
+            error = LinkClosedError(f"the node has failed: {failure}")
+            error.__cause__ = failure
+            self._end_calls(error)
+            self._progress.set()
+            self._fail(error)
+
+    def _end_calls(self, error: Exception) -> None:
+        for call_id in tuple(self._calls):
+            self._answer(call_id, error)
+
+
+_Deliver = Callable[[Incoming], None]
+
+
+class _LinkOutlet:
+    """Where one publisher puts its samples."""
+
+    def __init__(self, carrier: LinkCarrier, route: TopicRoute[Any]) -> None:
+        self._carrier = carrier
+        self._route = route
+
+    def put(self, value: object, encoding: str | None) -> None:
+        self._carrier.publish(self._route, value, encoding=encoding, delete=False)
+
+    def delete(self) -> None:
+        self._carrier.publish(self._route, None, encoding=None, delete=True)
+
+    def close(self) -> None:
+        """Nothing to withdraw: a link knows no publishers."""
+
+
+class _LinkCall:
+    """A request that came over the link."""
+
+    def __init__(self, carrier: LinkCarrier, event: RequestReceived) -> None:
+        self.value: Any = event.value
+        self.client: int | None = event.call.client
+        self.deadline_at = event.deadline_at
+        self._carrier = carrier
+        self._event = event
+
+    def reply(self, value: object) -> bool:
+        return self._carrier.reply(self._event, value)
+
+    def fail(self, failure: CallFailure, text: str) -> bool:
+        return self._carrier.reply_error(self._event, failure, text)

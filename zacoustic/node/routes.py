@@ -1,0 +1,107 @@
+"""Where endpoints go: a stream of the water, or on Zenoh a key that no configuration maps."""
+
+from typing import Any, Final, Generic, TypeVar
+
+import msgspec
+
+from zacoustic.core.encoding import CBOR, OPAQUE
+from zacoustic.core.keys import Instance, fault_of_name
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import Stream
+from zacoustic.errors import ConfigError
+from zacoustic.node.form import Form, free_form
+
+FREE_TIMEOUT_S: Final = 60.0
+"""Time that a call takes at most which no stream describes, s: as a stream's default."""
+
+T = TypeVar("T")
+Request = TypeVar("Request")
+Response = TypeVar("Response")
+
+
+class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
+    """Where the samples of one endpoint go, or come from."""
+
+    name: str
+    """The topic as the application called it."""
+    key: str | None
+    """The one key; None: every key that the name stands for."""
+    expression: str
+    """Zenoh key expression that covers the keys."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    instance: Instance = ()
+    """Value numbers of `key`; see `zacoustic.core.keys`."""
+    form: Form[T]
+    """The Python side of the values."""
+    encoding: str
+    """Encoding on Zenoh."""
+    qos: Qos
+    """How samples wait."""
+
+
+class ServiceRoute(msgspec.Struct, Generic[Request, Response], frozen=True, kw_only=True):
+    """Where the calls of one endpoint go, or come from."""
+
+    name: str
+    """The service, a key."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    request: Form[Request]
+    """The Python side of requests."""
+    response: Form[Response]
+    """The Python side of responses."""
+    encoding: str
+    """Encoding on Zenoh."""
+    timeout_s: float
+    """Time from call to answer after which the caller gives up, s."""
+    qos: Qos
+    """Priority and linger."""
+
+
+def free_topic(sample_type: object, name: str, qos: Qos, *, wildcards: bool) -> TopicRoute[Any]:
+    """Make the route of a key that no configuration maps.
+
+    Raises:
+        ConfigError: The name is no key expression, or holds wildcards where there are none allowed.
+    """
+    _check_name(name, wildcards=wildcards)
+    form = free_form(sample_type, where=name)
+    return TopicRoute(
+        name=name,
+        key=None if "*" in name or "$" in name else name,
+        expression=name,
+        stream=None,
+        form=form,
+        encoding=OPAQUE if form.spec is None else CBOR,
+        qos=qos,
+    )
+
+
+def free_service(types: tuple[object, object], name: str, qos: Qos) -> ServiceRoute[Any, Any]:
+    """Make the route of a service that no configuration maps; `types` of request and response.
+
+    Raises:
+        ConfigError: The name is no key.
+    """
+    _check_name(name, wildcards=False)
+    request = free_form(types[0], where=f"{name}: request")
+    response = free_form(types[1], where=f"{name}: response")
+    is_typed = request.spec is not None or response.spec is not None
+    return ServiceRoute(
+        name=name,
+        stream=None,
+        request=request,
+        response=response,
+        encoding=CBOR if is_typed else OPAQUE,
+        timeout_s=FREE_TIMEOUT_S,
+        qos=qos,
+    )
+
+
+def _check_name(name: str, *, wildcards: bool) -> None:
+    if "{" in name:
+        raise ConfigError(f'name: "{name}" has placeholders', hint="they need config=FILE")
+    wrong = fault_of_name(name)
+    if wrong and not (wildcards and any(mark in name for mark in "*$@")):
+        raise ConfigError(f'name: "{name}" {wrong}')
