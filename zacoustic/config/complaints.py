@@ -90,8 +90,6 @@ class Place:
             return msgspec.convert(self.written, record)
         except msgspec.ValidationError as error:
             _translate(self, record, error)
-        except (RecursionError, OverflowError) as error:
-            self.complain(allowed=f"what docs/config.md describes ({error})")
 
 
 def shown(value: object) -> str:

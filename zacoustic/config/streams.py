@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.config.complaints import Place, unknown_key
+from zacoustic.config.complaints import Place
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
@@ -48,9 +48,6 @@ def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
 
 
 def _read_stream(place: Place, fleet: Fleet) -> StreamSpec:
-    for key in place.written:
-        if not isinstance(key, str):
-            unknown_key(place, str(key), TopicEntry.__struct_fields__)
     refuse_later_keys(place, "streams")
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:

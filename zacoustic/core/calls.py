@@ -31,6 +31,7 @@ from zacoustic.errors import QueueFullError
 
 CALL_NUMBERS: Final = 64
 """Calls of one client to one service that can be distinguished."""
+_LIVES: Final = 2
 LONGEST_ERROR_TEXT_BYTES: Final = 48
 """An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
 
@@ -71,22 +72,28 @@ def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
 class _Call:
     """An own call that has no answer yet."""
 
-    __slots__ = ("deadline_at", "number", "server", "stream_id", "timeout_ns")
+    __slots__ = ("deadline_at", "number", "served_ns", "server", "stream_id")
 
     def __init__(
-        self, stream_id: int, server: int, number: int, deadline_at: int, timeout_ns: int
+        self, stream_id: int, server: int, number: int, deadline_at: int, served_ns: int
     ) -> None:
         self.stream_id = stream_id
         self.server = server
         self.number = number
         self.deadline_at = deadline_at
-        self.timeout_ns = timeout_ns
+        self.served_ns = served_ns
 
 
 class ClientCalls:
-    """The calls that this node has made."""
+    """The calls that this node has made.
 
-    def __init__(self) -> None:
+    Args:
+        first_number: The call number to begin with, 0…63; another one in each life, so that a late
+            answer to a call of the life before meets no call of this one.
+    """
+
+    def __init__(self, first_number: int = 0) -> None:
+        self._first_number = first_number
         self._calls: dict[int, _Call] = {}
         self._by_number: dict[tuple[int, int, int], int] = {}
         self._free_at: dict[tuple[int, int], list[int]] = {}
@@ -94,16 +101,23 @@ class ClientCalls:
         self._next_call_id = 1
 
     def begin(
-        self, stream_id: int, server: int, *, deadline_at: int, timeout_ns: int, now: int
+        self, stream_id: int, server: int, *, deadline_at: int, served_ns: int, now: int
     ) -> tuple[int, int]:
         """Reserve a number for a call; returns ``(call_id, number)``.
+
+        Args:
+            stream_id: The service's stream.
+            server: Address of its server.
+            deadline_at: Instant at which the caller gives up, ns.
+            served_ns: How long the server may take from the request's arrival on, ns.
+            now: The instant.
 
         Raises:
             QueueFullError: All numbers are in use or too fresh to be used again.
         """
         lane = (server, stream_id)
         free_at = self._free_at.setdefault(lane, [0] * CALL_NUMBERS)
-        first = self._next_number.get(lane, 0)
+        first = self._next_number.get(lane, self._first_number)
         for step in range(CALL_NUMBERS):
             number = (first + step) % CALL_NUMBERS
             if free_at[number] <= now and (server, stream_id, number) not in self._by_number:
@@ -116,7 +130,7 @@ class ClientCalls:
         self._next_number[lane] = (number + 1) % CALL_NUMBERS
         call_id = self._next_call_id
         self._next_call_id += 1
-        self._calls[call_id] = _Call(stream_id, server, number, deadline_at, timeout_ns)
+        self._calls[call_id] = _Call(stream_id, server, number, deadline_at, served_ns)
         self._by_number[(server, stream_id, number)] = call_id
         return call_id, number
 
@@ -137,8 +151,9 @@ class ClientCalls:
         """End a call without one."""
         call = self._calls[call_id]
         answered = failure not in (CallFailure.TIMED_OUT, CallFailure.CANCELLED)
-        reuse_at = now + 2 * settling_ns if answered else call.deadline_at + call.timeout_ns
-        self._end(call_id, reuse_at)
+        # The request may have left at the deadline, and the answer when the server's time was up.
+        late_at = call.deadline_at + call.served_ns
+        self._end(call_id, (now if answered else late_at) + 2 * settling_ns)
         return CallFailed(call_id=call_id, stream_id=call.stream_id, failure=failure, text=text)
 
     def locate(self, call_id: int) -> tuple[int, int, int] | None:
@@ -179,16 +194,17 @@ class Answer(msgspec.Struct, frozen=True):
 class _Served:
     """A request that this node has taken."""
 
-    __slots__ = ("answer", "deadline_at", "forget_at")
+    __slots__ = ("answer", "deadline_at", "forget_at", "is_abandoned")
 
     def __init__(self, deadline_at: int) -> None:
         self.deadline_at = deadline_at
         self.forget_at = deadline_at
         self.answer: Answer | None = None
+        self.is_abandoned = False
 
 
 class ServerCalls:
-    """The calls that this node serves: 64 numbers of each client and service at most."""
+    """The calls that this node serves: those of two lives of each client and service at most."""
 
     def __init__(self) -> None:
         self._served: dict[CallKey, _Served] = {}
@@ -198,12 +214,19 @@ class ServerCalls:
 
         Returns:
             True when it is new and is to be served; an `Answer` when it is a repetition of an
-            answered one, to be sent again; False when it is a repetition of one that still runs.
+            answered one, to be sent again; False when it is a repetition of one that still runs,
+            or that nobody waits for any more.
         """
-        self._forget(now, key)
+        self._forget(now)
         served = self._served.get(key)
         if served is not None:
-            return served.answer or False
+            return (not served.is_abandoned and served.answer) or False
+        rivals = sum(
+            (other.client, other.stream_id) == (key.client, key.stream_id)
+            for other in self._served
+        )
+        if rivals >= _LIVES * CALL_NUMBERS:
+            return False
         self._served[key] = _Served(now + timeout_ns)
         return True
 
@@ -217,16 +240,25 @@ class ServerCalls:
         served = self._served.get(key)
         if served is None or served.answer is not None or served.deadline_at <= now:
             return None
+        if served.is_abandoned:
+            return None
         served.answer = answer
         served.forget_at = now + settling_ns
         return served.deadline_at
 
-    def _forget(self, now: int, arrived: CallKey) -> None:
-        gone = [
-            key
-            for key, served in self._served.items()
-            if served.forget_at <= now
-            or (key.client == arrived.client and key.epoch != arrived.epoch)
-        ]
+    def abandon(self, client: int, epoch: int, *, now: int, settling_ns: int) -> list[CallKey]:
+        """Give up the calls of a client's other lives and return them.
+
+        They stay known until no repetition of their requests can arrive, so that none runs again.
+        """
+        gone = [key for key in self._served if key.client == client and key.epoch != epoch]
         for key in gone:
+            served = self._served[key]
+            if not served.is_abandoned:
+                served.is_abandoned = True
+                served.forget_at = now + settling_ns
+        return gone
+
+    def _forget(self, now: int) -> None:
+        for key in [key for key, served in self._served.items() if served.forget_at <= now]:
             del self._served[key]

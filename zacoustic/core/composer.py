@@ -2,8 +2,8 @@
 
 Order of decisions:
 
-1. The most valuable payload decides the destination. It is in the frame, unless a HELLO has to go
-   first and fills it.
+1. The most valuable payload decides the destination. It is in the frame, unless a HELLO, or what is
+   owed for too long, has to go first and fills it; nothing goes before REAL_TIME.
 2. The introduction that the hearers need (`zacoustic.core.handshake`).
 3. What is owed to the hearers: confirmations, answers, questions.
 4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
@@ -22,7 +22,13 @@ import msgspec
 
 from zacoustic.core.age import encode_age
 from zacoustic.core.envelope import Envelope
-from zacoustic.core.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Control
+from zacoustic.core.frame import (
+    DELIMITER_BYTES,
+    HELLO_BYTES,
+    LONGEST_DELIMITED_BYTES,
+    TAG_BYTES,
+    Control,
+)
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.qos import Priority
@@ -65,32 +71,46 @@ class Composer:
     def compose(self, envelope: Envelope, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None when nothing is to be said."""
         first = next(
-            (item for lane, item in self._queue.candidates(now) if lane.due_at <= now), None
+            ((lane, item) for lane, item in self._queue.candidates(now) if lane.due_at <= now), None
         )
-        if first is not None:
-            destination = first.destination
-        else:
-            speak = self._handshake.speak_next()
-            if speak is None or speak[0] > now:
-                return None
-            destination = speak[1]
-        return self._fill(envelope, destination, now)
+        speak = self._handshake.speak_next()
+        overdue = speak[1] if speak is not None and speak[0] <= now else None
+        if first is None:
+            return None if overdue is None else self._fill(envelope, overdue, now, owed_first=True)
+        destination = first[1].destination
+        if overdue is None or first[0].qos.priority is Priority.REAL_TIME:
+            return self._fill(envelope, destination, now, owed_first=False)
+        # Nothing left room for it in time: it goes before what else waits.
+        destination = destination if destination == BROADCAST else overdue
+        return self._fill(envelope, destination, now, owed_first=True)
 
-    def _fill(self, envelope: Envelope, destination: int, now: int) -> Composed | None:
+    def _fill(
+        self, envelope: Envelope, destination: int, now: int, *, owed_first: bool
+    ) -> Composed | None:
         room_bytes = envelope.room_bytes
-        lane_and_first = next(self._concerning(destination, now), None)
-        first_bytes = lane_and_first[1].size_bytes if lane_and_first else 0
-        urgent = bool(lane_and_first and lane_and_first[0].qos.priority is Priority.REAL_TIME)
+        first = next(self._concerning(destination, now), None)
+        first_bytes = first[1].size_bytes if first else 0
+        urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
-        if lane_and_first or self._handshake.introduces(destination):
+        owed: list[tuple[Cause, bytes]] = []
+        if owed_first and not self._handshake.introduces(destination):
+            owed = self._handshake.owed(destination, room_bytes, now)
+            room_bytes -= _size(owed)
+            if room_bytes < TAG_BYTES + first_bytes:
+                first = None
+            urgent = urgent or room_bytes < HELLO_BYTES
+        if first or self._handshake.introduces(destination):
             introduction = self._handshake.introduction(
-                destination, room_bytes - first_bytes, urgent=urgent
+                destination, room_bytes - first_bytes, now, urgent=urgent
             )
-        room_bytes -= len(introduction)
-        reserved_bytes = first_bytes if first_bytes <= room_bytes else 0
-        owed = self._handshake.owed(destination, room_bytes - reserved_bytes, now)
-        room_bytes -= sum(len(control) for _, control in owed)
-        items = self._choose(destination, room_bytes, now, introduced=bool(introduction))
+            room_bytes -= len(introduction)
+            reserved_bytes = 0 if owed_first or first_bytes > room_bytes else first_bytes
+            late = self._handshake.owed(destination, room_bytes - reserved_bytes, now)
+            room_bytes -= _size(late)
+            owed += late
+        items = []
+        if first:
+            items = self._choose(destination, room_bytes, now, introduced=bool(introduction))
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
         if not introduction and not owed and not items:
@@ -157,6 +177,10 @@ class Composer:
             self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
             count(self._stats.transmitted, item.stream_id)
         return bytes(records)
+
+
+def _size(controls: list[tuple[Cause, bytes]]) -> int:
+    return sum(len(control) for _, control in controls)
 
 
 def _open_end_last(chosen: list[Waiting], *, introduced: bool) -> list[Waiting]:

@@ -190,7 +190,8 @@ def decode_application(
 def _read_cbor(payload: bytes) -> object:
     stream = io.BytesIO(payload)
     try:
-        value: object = cbor2.CBORDecoder(stream).decode()
+        # By single bytes: versions differ in where a stream stands after a read ahead.
+        value: object = cbor2.CBORDecoder(stream, read_size=1).decode()
     except (
         cbor2.CBORDecodeError,
         ValueError,

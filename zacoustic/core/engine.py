@@ -23,7 +23,6 @@ Who does what::
 
 import random
 from collections import deque
-from typing import Final
 
 from zacoustic.core.composer import Composer
 from zacoustic.core.envelope import Opened
@@ -54,9 +53,6 @@ from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.topics import Topics
 from zacoustic.core.trace import TraceRecord, TraceSink
-
-# A duplicate that a modem or the water makes arrives within a few frames; four is generous.
-_SETTLING_FRAMES: Final = 4
 
 
 class Engine:
@@ -344,7 +340,7 @@ class Engine:
     def _use_link(self, capabilities: LinkCapabilities) -> None:
         self._port = LinkPort(capabilities, self.address, self._rng)
         self._handshake.use_link(capabilities)
-        self._services.settling_ns = _SETTLING_FRAMES * self._port.frame_time_ns
+        self._services.settling_ns = self._handshake.settling_ns
         for _ in range(self._queue.limit(self._port.envelope.room_bytes - TAG_BYTES)):
             self.stats.drop("oversized")
 

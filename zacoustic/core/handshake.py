@@ -36,6 +36,7 @@ from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     HELLO_BYTES,
+    LAST_STREAM_ID,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -53,6 +54,10 @@ on average."""
 
 _FIRST_PAUSE_UNITS: Final = 2
 _LONGEST_PAUSE_UNITS: Final = 256
+
+SETTLING_UNITS: Final = 4
+"""A duplicate that a modem or the water makes arrives within this many units. A few is what modems
+do; four is generous."""
 _ASK_HELLO: Final = 0
 
 
@@ -74,6 +79,11 @@ class Pause:
         self.not_before = now + self._units * unit_ns
         self._units = min(2 * self._units, _LONGEST_PAUSE_UNITS)
 
+    @property
+    def is_longest(self) -> bool:
+        """It grows no more."""
+        return self._units == _LONGEST_PAUSE_UNITS
+
 
 class Peer:
     """What is known of another node, and what is owed to it."""
@@ -81,6 +91,7 @@ class Peer:
     def __init__(self) -> None:
         self.epoch: int | None = None
         self.digest = b""
+        self.settled_at = 0
         self.rows: dict[int, bytes] = {}
         self.confirmed_us = False
         self.told_differing: set[int] = set()
@@ -96,6 +107,19 @@ class Peer:
     def is_owed(self) -> bool:
         """Something is to be said to it."""
         return self.owes_confirm or self.owes_hello or bool(self.owed_rows or self.questions)
+
+    @property
+    def confirm_at(self) -> int:
+        """Instant from which it may be confirmed, ns."""
+        return max(self.settled_at, self.answer_pause.not_before)
+
+    @property
+    def sayable_at(self) -> int:
+        """Instant from which a part of what it is owed may be said, ns; it must be owed something."""
+        instants = [self.confirm_at] if self.owes_confirm else []
+        if self.questions:
+            instants.append(self.ask_pause.not_before)
+        return 0 if self.owes_hello or self.owed_rows else min(instants)
 
 
 class Handshake:
@@ -115,6 +139,8 @@ class Handshake:
         self._peers: dict[int, Peer] = {}
         self._since_hello: dict[int, int] = {}
         self._unit_ns = seconds_to_ns(1)
+        self.settling_ns = SETTLING_UNITS * self._unit_ns
+        """Time within which a duplicate of a frame can still arrive, ns."""
         self.epoch = epoch
         self._digest = table.digest
         self.news: list[PeerSeen | StreamsDiffer] = []
@@ -124,6 +150,7 @@ class Handshake:
         """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+        self.settling_ns = SETTLING_UNITS * self._unit_ns
 
     def table_changed(self) -> None:
         """Begin a new epoch, because the table is not what peers have confirmed."""
@@ -132,18 +159,22 @@ class Handshake:
         self._since_hello.clear()
         for peer in self._peers.values():
             peer.confirmed_us = False
+            peer.owes_confirm = False
             peer.rows.clear()
             peer.told_differing.clear()
 
     # What this node says
 
-    def introduction(self, destination: int, room_bytes: int, *, urgent: bool = False) -> bytes:
+    def introduction(
+        self, destination: int, room_bytes: int, now: int, *, urgent: bool = False
+    ) -> bytes:
         """Return the HELLO, the TAG or nothing that a frame to `destination` begins with.
 
         Args:
             destination: Address, or `BROADCAST`.
             room_bytes: What the frame has left beside its first record; a HELLO that does not fit
                 is sent without it.
+            now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
         audience = self._audience(destination)
@@ -165,7 +196,9 @@ class Handshake:
             return tag
         self._since_hello[destination] = 1
         for peer in self._peers.values() if destination == BROADCAST else audience:
-            peer.owes_hello = False
+            if peer.owes_hello:
+                peer.owes_hello = False
+                peer.answer_pause.use(now, self._unit_ns)
         return Hello(WIRE_VERSION, self.epoch, self._digest).encode()
 
     def introduces(self, destination: int) -> bool:
@@ -204,18 +237,21 @@ class Handshake:
         """Note that a frame went to a peer; what did not fit is said in a next one."""
         peer = self._peers.get(address)
         if peer is not None:
-            peer.speak_at = now if peer.is_owed else None
+            peer.speak_at = max(now, peer.sayable_at) if peer.is_owed else None
 
     # What this node hears
 
-    def heard_hello(self, source: int, hello: Hello, now: int) -> None:
-        """A HELLO arrived: remember it, and that it is to be confirmed."""
+    def heard_hello(self, source: int, hello: Hello, now: int) -> bool:
+        """A HELLO arrived: remember it, and answer if it is new; tells whether the epoch is."""
         peer = self._peer(source)
         # What another version calls a digest means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
+        peer.questions.pop(_ASK_HELLO, None)
+        is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
             self._forget(peer)
             peer.epoch, peer.digest = hello.epoch, digest
+            peer.settled_at = now + self.settling_ns
             same = digest == self._digest
             self.news.append(
                 PeerSeen(
@@ -225,15 +261,19 @@ class Handshake:
                     wire_version=hello.version,
                 )
             )
-        peer.questions.pop(_ASK_HELLO, None)
-        self._answer_introduction(peer, now)
+            self._answer_introduction(peer, now)
+        return is_new_epoch
 
     def heard_tag(self, source: int, epoch: int, now: int) -> None:
         """A TAG arrived: its sender does not know that we know it."""
         peer = self._peer(source)
         if peer.epoch != epoch:
             self._ask(peer, _ASK_HELLO, now)
-        else:
+
+    def heard_introduced(self, source: int, epoch: int, now: int) -> None:
+        """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
+        peer = self._peer(source)
+        if peer.epoch == epoch:
             self._answer_introduction(peer, now)
 
     def heard_confirm(self, source: int, confirm: Confirm) -> None:
@@ -256,6 +296,8 @@ class Handshake:
     def heard_row(self, source: int, row: TableRow, now: int) -> None:
         """A row of a peer's table arrived."""
         peer = self._peer(source)
+        if not 1 <= row.stream_id <= LAST_STREAM_ID:
+            return
         if peer.epoch != row.epoch:
             self._ask(peer, _ASK_HELLO, now)
             return
@@ -283,7 +325,7 @@ class Handshake:
         """
         peer = self._peer(source)
         if peer.epoch is not None and peer.digest == self._digest:
-            if epoch is None or epoch == peer.epoch:
+            if epoch == peer.epoch or (epoch is None and now >= peer.settled_at):
                 return None
         elif peer.epoch is not None and epoch == peer.epoch:
             row = peer.rows.get(stream_id)
@@ -293,12 +335,9 @@ class Handshake:
                 return "differs"
             self._ask(peer, stream_id, now)
             return "unconfirmed"
-        if peer.epoch is None or epoch is not None:
-            self._ask(peer, _ASK_HELLO, now)
-        else:
-            # The source takes us for confirmed, from a life of ours that is over.
-            peer.owes_hello = True
-            self._speak_soon(peer, peer.answer_pause, now)
+        # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over or
+        # by a CONFIRM that came late: the question tells it so.
+        self._ask(peer, _ASK_HELLO, now)
         return "unconfirmed"
 
     def differs(self, address: int, stream_id: int) -> bool:
@@ -341,6 +380,7 @@ class Handshake:
     def _forget(peer: Peer) -> None:
         """A peer has begun a new life: it knows nothing of us, and we nothing of its table."""
         peer.confirmed_us = False
+        peer.owes_confirm = False
         peer.rows.clear()
         peer.told_differing.clear()
         peer.owed_rows.clear()
@@ -351,9 +391,11 @@ class Handshake:
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
             peer.owes_confirm = True
-        else:
+            self._speak_soon(peer, peer.answer_pause, max(now, peer.settled_at))
+        elif not peer.answer_pause.is_longest:
+            # It will never confirm us, so nothing tells that it has heard; a few times are enough.
             peer.owes_hello = True
-        self._speak_soon(peer, peer.answer_pause, now)
+            self._speak_soon(peer, peer.answer_pause, now)
 
     def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
         peer.questions[stream_id] = None
@@ -368,7 +410,7 @@ class Handshake:
 
     def _controls(self, address: int, peer: Peer, now: int) -> list[tuple[Cause, bytes]]:
         controls: list[tuple[Cause, bytes]] = []
-        if peer.owes_confirm and peer.epoch is not None:
+        if peer.owes_confirm and peer.epoch is not None and peer.confirm_at <= now:
             controls.append((Cause.CONFIRM, Confirm(address, peer.epoch).encode()))
         if peer.ask_pause.not_before <= now:
             controls += [

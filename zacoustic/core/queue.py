@@ -169,6 +169,13 @@ class TransmitQueue:
         self._settle(lane)
         return True
 
+    def drop_lane(self, key: LaneKey) -> None:
+        """Take back all payloads of a lane."""
+        lane = self._busy.get(key)
+        if lane is not None:
+            lane.items.clear()
+            self._settle(lane)
+
     def limit(self, largest_bytes: int) -> int:
         """Set the largest record and drop what is larger; returns how many payloads were."""
         self.largest_bytes = largest_bytes

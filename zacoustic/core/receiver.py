@@ -78,7 +78,8 @@ class Receiver:
             elif isinstance(item, Stray):
                 self._stats.drop(item.reason)
             elif isinstance(item, Hello):
-                self._handshake.heard_hello(source, item, now)
+                if self._handshake.heard_hello(source, item, now):
+                    self._services.client_restarted(source, item.epoch, now)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
@@ -88,6 +89,8 @@ class Receiver:
                 epoch = item.epoch
             else:
                 self._handle_table_talk(source, item, now)
+        if streams and epoch is not None:
+            self._handshake.heard_introduced(source, epoch, now)
         return tuple(streams)
 
     def _handle_record(

@@ -33,6 +33,8 @@ from zacoustic.errors import LocalError, PayloadInvalidError, UnknownStreamError
 _REQUEST_LANE: Final = 1
 _ANSWER_LANE: Final = 2
 _HEADER_BYTES: Final = 2
+# Odd, so that 64 lives in a row begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
+_EPOCH_STRIDE: Final = 23
 
 
 class Services:
@@ -63,7 +65,7 @@ class Services:
         self._handshake = handshake
         self._stats = stats
         self._emit = emit
-        self._clients = ClientCalls()
+        self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
         self._servers = ServerCalls()
         self.settling_ns = 0
         """Time within which a duplicate of a frame can still arrive, ns."""
@@ -77,10 +79,10 @@ class Services:
             raise LocalError(f"{stream.name} is served by this node, {self._address}")
         payload = stream.codec.encode(value)
         self._queue.check_size(stream.name, _HEADER_BYTES + len(payload))
-        timeout_ns = seconds_to_ns(spec.timeout_s if timeout_s is None else timeout_s)
-        deadline_at = now + timeout_ns
+        served_ns = seconds_to_ns(spec.timeout_s)
+        deadline_at = now + (served_ns if timeout_s is None else seconds_to_ns(timeout_s))
         call_id, number = self._clients.begin(
-            stream_id, spec.server, deadline_at=deadline_at, timeout_ns=timeout_ns, now=now
+            stream_id, spec.server, deadline_at=deadline_at, served_ns=served_ns, now=now
         )
         if self._handshake.differs(spec.server, stream_id):
             self._mismatch(call_id, spec.server, stream_id, now)
@@ -162,6 +164,12 @@ class Services:
         """Fail the calls to a service that its server defines in another way."""
         for call_id in self._clients.to(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
+
+    def client_restarted(self, client: int, epoch: int, now: int) -> None:
+        """Give up the calls of a client's other lives: nobody there knows them any more."""
+        abandoned = self._servers.abandon(client, epoch, now=now, settling_ns=self.settling_ns)
+        for call in abandoned:
+            self._queue.drop_lane((call.stream_id, _ANSWER_LANE, client))
 
     # For the timer
 
@@ -252,6 +260,11 @@ class Services:
         stream_id, server, number = located
         self._queue.remove((stream_id, _REQUEST_LANE, server), _head(CallKind.REQUEST, number))
         return self._clients.fail(call_id, failure, text, now=now, settling_ns=self.settling_ns)
+
+
+def _first_number(epoch: int) -> int:
+    """Return the call number to begin a life with: far from where the lives before began."""
+    return (epoch - 1) * _EPOCH_STRIDE % CALL_NUMBERS
 
 
 def _head(kind: CallKind, number: int) -> bytes:

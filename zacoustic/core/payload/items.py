@@ -3,8 +3,9 @@
 Why not cbor2: values by position need the place where each item ends, and a length that comes off
 the water must be held against what remains *before* anything is allocated. cbor2 offers the first
 only through a stream object, and decides about the second by itself; it also reads what never
-belongs here (tags, shared references, indefinite lengths). The part of CBOR that is used is this
-file. In the tests, cbor2 reads and writes the same bytes.
+belongs here (tags, shared references, indefinite lengths). And the shortest form of a float is wire
+format: the versions of cbor2 that we accept do not agree on 65504.0, a half or a single. The part
+of CBOR that is used is this file. In the tests, cbor2 reads and writes the same bytes.
 
 Readers index beyond the end of a truncated buffer on purpose: `IndexError` and `struct.error` are
 caught once, by the codec, and become a `PayloadError`. Slices, which never fail, are checked here.

@@ -7,6 +7,7 @@ and have the same digest.
 
 import math
 import re
+from difflib import get_close_matches
 from typing import Final
 
 import msgspec
@@ -85,6 +86,8 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             raise ConfigError(f'name: "{self.name}"; allowed: letters, digits and underscores')
         if not self.type:
             raise ConfigError(f'type: ""; allowed: {", ".join(SCALAR_TYPES)}, or a type')
+        if self.is_nested:
+            self._check_nested()
         self._check_lengths()
         self._check_values()
         if self.is_numeric:
@@ -159,6 +162,17 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             return f"a {'finite ' if self.step is not None else ''}number{unit}"
         return "true, false" if self.type == "bool" else self.type
 
+    def _check_nested(self) -> None:
+        """Refuse what only built-in types have: most likely the name of one is misspelt."""
+        for key in ("range", "step", "wraps", "values"):
+            if getattr(self, key):
+                close = get_close_matches(self.type, SCALAR_TYPES, 1)
+                raise ConfigError(
+                    f'type: "{self.type}" is not built in, and has {key}; '
+                    f"allowed: {', '.join(SCALAR_TYPES)}",
+                    hint=f'did you mean "{close[0]}"?' if close else "",
+                )
+
     def _check_lengths(self) -> None:
         for key in ("length", "max_length"):
             value = getattr(self, key)
@@ -208,10 +222,8 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         if step <= 0:
             raise ConfigError(f"step: {self.step}; allowed: above 0")
         msgspec.structs.force_setattr(self, "step", step)
-        limits = self.limits
-        if limits is None:
-            return
-        low, high = limits
+        assert self.limits is not None
+        low, high = self.limits
         if self.range is not None and step > high - low:
             raise ConfigError(f"step: {step} is more than the range; allowed: at most {high - low}")
         if not self.is_integer and max(abs(low), abs(high)) / step > MAX_COUNT:

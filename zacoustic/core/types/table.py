@@ -3,8 +3,6 @@
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
-import msgspec
-
 from zacoustic.core.types.fields import SCALAR_TYPES
 from zacoustic.core.types.spec import MAX_DEPTH, TypeSpec
 from zacoustic.errors import ConfigError
@@ -83,7 +81,8 @@ class TypeTable:
                 raise ConfigError(f"{key}: nested too deep; allowed: {MAX_DEPTH} types")
             nested[field.type] = self._resolve(field.type, (*outer, name))
         try:
-            resolved = msgspec.structs.replace(spec, nested=tuple(nested.values()))
+            # Made anew, since `structs.replace` of older versions does not check what it makes.
+            resolved = TypeSpec(name=name, fields=spec.fields, nested=tuple(nested.values()))
         except ConfigError as error:
             raise ConfigError(f"{self._path}[{position}].{error}") from None
         self._resolved[name] = resolved
