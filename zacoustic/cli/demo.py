@@ -1,0 +1,76 @@
+"""The verb `zacoustic demo`: two islands joined through simulated water."""
+
+import argparse
+import asyncio
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.tools.demo.views import View
+
+
+class DemoCommand(Command):
+    """Shows two islands that are joined by sound."""
+
+    name = "demo"
+    summary = "show it: two Zenoh islands joined through simulated water, in half a minute"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare duration, link and form of the output."""
+        parser.add_argument(
+            "--duration", type=float, metavar="S", help="how long the vehicle reports, 20..40 s"
+        )
+        parser.add_argument(
+            "--link", choices=["sim"], default="sim", help="the water (default: %(default)s)"
+        )
+        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        parser.add_argument(
+            "--plain", action="store_true", help="lines instead of the live view, as without a TTY"
+        )
+        parser.add_argument(
+            "--screenshot", metavar="FILE", type=Path, help="save the last picture as SVG"
+        )
+        parser.epilog = (
+            "exits with 0 only if everything that should cross did\n\nexample:\n  zacoustic demo"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Run it.
+
+        Raises:
+            ConfigError: The duration is out of range.
+        """
+        from zacoustic.tools.demo.mission import DURATION_S, LONGEST_S, SHORTEST_S, Mission
+
+        duration_s = DURATION_S if arguments.duration is None else arguments.duration
+        if not SHORTEST_S <= duration_s <= LONGEST_S:
+            raise ConfigError(
+                f"--duration {duration_s:g}; allowed: {SHORTEST_S:g}..{LONGEST_S:g} s"
+            )
+        view = _view(arguments)
+        summary = asyncio.run(Mission(view, duration_s=duration_s, link=arguments.link).run())
+        view.conclude(summary)
+        return EXIT_OK if summary.ok else EXIT_FAILED
+
+
+def _view(arguments: argparse.Namespace) -> "View":
+    from zacoustic.tools.demo.views import JsonView, LinesView
+
+    if arguments.json:
+        return JsonView()
+    wants_picture = sys.stdout.isatty() or arguments.screenshot is not None
+    if arguments.plain or not wants_picture:
+        return LinesView()
+    try:
+        from zacoustic.tools.demo.live import LiveView
+    except ModuleNotFoundError as error:
+        if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
+            raise
+        print("zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view")
+        return LinesView()
+    title = "zacoustic: two Zenoh islands, 1000 m of water, EvoLogics S2C 18/34"
+    return LiveView(title=title, screenshot=arguments.screenshot)

@@ -1,0 +1,38 @@
+"""The verb `zacoustic links`: which links are installed, and whether they can be used."""
+
+import argparse
+import json
+
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+
+
+class LinksCommand(Command):
+    """Lists the installed links with their settings."""
+
+    name = "links"
+    summary = "list the installed links, their settings, and whether they can be used"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare the form of the output."""
+        parser.add_argument("--json", action="store_true", help="one JSON object for all of them")
+        parser.epilog = "example:\n  zacoustic links"
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Print them; fails when there is none."""
+        import msgspec
+
+        from zacoustic import registry
+        from zacoustic.errors import LinkUnavailableError
+        from zacoustic.tools.links import describe_as_text
+
+        links = registry.describe()
+        if arguments.json:
+            print(json.dumps({"links": msgspec.to_builtins(links)}))
+            return EXIT_OK if links else EXIT_FAILED
+        if not links:
+            raise LinkUnavailableError(
+                "no links are installed",
+                hint="pip install zacoustic, in a checkout pip install -e .",
+            )
+        print(describe_as_text(links))
+        return EXIT_OK

@@ -1,0 +1,212 @@
+"""A configuration as a table: what each stream costs on the water, before anything is in the water.
+
+The bytes are those of a record alone in a frame, on a link that frames, addresses and checks by
+itself: stream id, wildcards, age or call byte, payload. The airtime is that of such a frame with
+the modem profile. What a frame carries besides now and then (HELLO, LEN, the envelope of a poorer
+link) is docs/wire.md's matter.
+"""
+
+from collections.abc import Iterator
+
+import msgspec
+
+from zacoustic import registry
+from zacoustic.channel.profiles import ModemProfile
+from zacoustic.config import Config
+from zacoustic.core.payload import CborCodec, PayloadCodec
+from zacoustic.core.qos import Stamp
+from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
+from zacoustic.errors import ZacousticError
+
+_ID_BYTES = 1
+_CALL_BYTES = 1
+
+
+class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One direction of one stream."""
+
+    stream_id: int
+    """1…175."""
+    kind: str
+    """`topic`, `request` or `response`."""
+    name: str
+    """Key expression."""
+    type: str | None
+    """Name of the type; None: opaque bytes."""
+    sources: tuple[int, ...] | None
+    """Addresses that send it; None: any."""
+    targets: tuple[int, ...] | None
+    """Addresses that take it; None: all."""
+    priority: str
+    """Zenoh's name."""
+    depth: int | None
+    """Samples kept per key; None: does not apply."""
+    lifespan_s: float | None
+    """Age beyond which it is not sent, s; of a service its timeout; None: never too old."""
+    smallest_bytes: int
+    """Smallest record, id included."""
+    largest_bytes: int | None
+    """Largest record, id included; None: without a bound of its own."""
+    airtime_s: float
+    """Airtime of the largest record that fits a frame, alone in it, s."""
+
+
+class TypeRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One type."""
+
+    name: str
+    """Its name."""
+    fields: int
+    """How many fields it has, those of nested types not counted."""
+    smallest_bytes: int
+    """Smallest payload."""
+    largest_bytes: int | None
+    """Largest payload; None: without a bound."""
+
+
+class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One modem."""
+
+    locator: str
+    """As the file has it."""
+    error: str
+    """Why it cannot be used on this computer; empty when it can."""
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True):
+    """What `check` found in a valid configuration."""
+
+    file: str
+    """Where it was read from."""
+    address: int
+    """Acoustic address of this node."""
+    nodes: dict[int, str]
+    """Name of each node by address."""
+    links: tuple[LinkRow, ...]
+    """The modems."""
+    digest: str
+    """Digest of the stream table: equal on both ends, or typed streams stop."""
+    profile: str
+    """Name of the modem profile of the airtimes."""
+    mtu_bytes: int
+    """Largest frame of that modem."""
+    streams: tuple[StreamRow, ...]
+    """One row for a topic, two for a service."""
+    types: tuple[TypeRow, ...]
+    """The types."""
+    notes: tuple[str, ...]
+    """What is valid and still worth a thought."""
+
+
+def report_of(config: Config, profile: ModemProfile) -> Report:
+    """Make the report of a configuration."""
+    rows = tuple(row for stream in config.table for row in _rows(stream, profile))
+    return Report(
+        file=config.source,
+        address=config.address,
+        nodes=config.nodes,
+        links=tuple(_link_row(entry.locator, config.address) for entry in config.links),
+        digest=config.table.digest.hex(),
+        profile=profile.name,
+        mtu_bytes=profile.mtu_bytes,
+        streams=rows,
+        types=tuple(_type_row(CborCodec(spec)) for spec in config.types),
+        notes=tuple(_notes(config, rows, profile)),
+    )
+
+
+def _rows(stream: Stream, profile: ModemProfile) -> Iterator[StreamRow]:
+    spec = stream.spec
+    if isinstance(spec, TopicSpec):
+        stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
+        head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
+        yield _row(
+            stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
+            sizes=_sizes(stream.codec, head_bytes), profile=profile,
+        )  # fmt: skip
+        return
+    head_bytes = _ID_BYTES + _CALL_BYTES
+    server = (spec.server,)
+    yield _row(
+        stream, "request", spec.request_type, (None, server),
+        sizes=_sizes(stream.codec, head_bytes), profile=profile,
+    )  # fmt: skip
+    yield _row(
+        stream, "response", spec.response_type, (server, None),
+        sizes=_sizes(stream.response_codec, head_bytes), profile=profile,
+    )  # fmt: skip
+
+
+def _row(
+    stream: Stream,
+    kind: str,
+    type_name: str | None,
+    audience: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
+    *,
+    sizes: tuple[int, int | None],
+    profile: ModemProfile,
+) -> StreamRow:
+    spec, (smallest, largest) = stream.spec, sizes
+    is_service = isinstance(spec, ServiceSpec)
+    frame_bytes = profile.mtu_bytes if largest is None else min(largest, profile.mtu_bytes)
+    return StreamRow(
+        stream_id=stream.stream_id,
+        kind=kind,
+        name=stream.name,
+        type=type_name,
+        sources=audience[0],
+        targets=audience[1],
+        priority=stream.qos.priority.name.lower(),
+        depth=None if is_service else stream.qos.depth,
+        lifespan_s=spec.timeout_s if isinstance(spec, ServiceSpec) else stream.qos.lifespan_s,
+        smallest_bytes=smallest,
+        largest_bytes=largest,
+        airtime_s=profile.airtime_s(frame_bytes),
+    )
+
+
+def _sizes(codec: PayloadCodec, head_bytes: int) -> tuple[int, int | None]:
+    largest = codec.largest_bytes
+    return head_bytes + codec.smallest_bytes, None if largest is None else head_bytes + largest
+
+
+def _type_row(codec: CborCodec) -> TypeRow:
+    return TypeRow(
+        name=codec.type_spec.name,
+        fields=len(codec.type_spec.fields),
+        smallest_bytes=codec.smallest_bytes,
+        largest_bytes=codec.largest_bytes,
+    )
+
+
+def _link_row(locator: str, address: int) -> LinkRow:
+    """Build the link, without opening it: that tells whether its package and settings are right."""
+    try:
+        registry.create(locator, address)
+    except ZacousticError as error:
+        return LinkRow(locator=locator, error=str(error))
+    return LinkRow(locator=locator, error="")
+
+
+def _notes(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+    for row in rows:
+        what = f"stream {row.stream_id} ({row.name}), {row.kind}"
+        if row.smallest_bytes > profile.mtu_bytes:
+            yield (
+                f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
+                f"a frame of {profile.mtu_bytes} bytes: it never crosses"
+            )
+        elif row.largest_bytes is None and row.type is not None:
+            yield (
+                f"{what}: {row.type} has no largest size; what does not fit a frame of "
+                f"{profile.mtu_bytes} bytes is refused (give its texts and bytes a max_length)"
+            )
+        elif row.largest_bytes is not None and row.largest_bytes > profile.mtu_bytes:
+            yield (
+                f"{what}: up to {row.largest_bytes} bytes; what does not fit a frame of "
+                f"{profile.mtu_bytes} bytes is refused"
+            )
+    if not config.links:
+        yield "no link: give one in the file (links: [ { locator } ]) or by --link"
+    if not rows:
+        yield "no streams: nothing crosses the water"

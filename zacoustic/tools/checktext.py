@@ -1,0 +1,71 @@
+"""The report of `zacoustic.tools.check` for people."""
+
+from collections.abc import Iterator, Mapping
+
+from zacoustic.tools.check import Report, StreamRow, TypeRow
+from zacoustic.tools.columns import align
+
+_STREAMS = (
+    "id", "kind", "name", "type", "from", "to", "priority", "depth", "lifespan", "bytes", "airtime",
+)  # fmt: skip
+_TYPES = ("type", "fields", "bytes")
+_RIGHT = ("id", "depth", "lifespan", "bytes", "airtime", "fields")
+
+
+def as_text(report: Report) -> str:
+    """Return the report as lines."""
+    return "\n".join(_paragraphs(report))
+
+
+def _paragraphs(report: Report) -> Iterator[str]:
+    name = report.nodes.get(report.address)
+    own = f"node {report.address}" + (f", {name}" if name else "")
+    yield f"{report.file}: valid; {own}; table {report.digest}"
+    for link in report.links:
+        yield f"link {link.locator}" + (f": {link.error}" if link.error else "")
+    if report.streams:
+        rows = [_stream_cells(row, report.nodes) for row in report.streams]
+        yield ""
+        yield align(_STREAMS, rows, right=_RIGHT)
+        yield (
+            "bytes: smallest–largest record, stream id included; airtime: of the largest one "
+            f"alone in a frame, {report.profile}, at most {report.mtu_bytes} bytes"
+        )
+    if report.types:
+        yield ""
+        yield align(_TYPES, [_type_cells(row) for row in report.types], right=_RIGHT)
+    if report.notes:
+        yield ""
+        yield from (f"note: {note}" for note in report.notes)
+
+
+def _stream_cells(row: StreamRow, nodes: Mapping[int, str]) -> tuple[str, ...]:
+    return (
+        str(row.stream_id),
+        row.kind,
+        row.name,
+        row.type or "bytes",
+        _audience(row.sources, nodes, "any"),
+        _audience(row.targets, nodes, "caller" if row.kind == "response" else "all"),
+        row.priority,
+        "" if row.depth is None else str(row.depth),
+        "" if row.lifespan_s is None else f"{row.lifespan_s:g} s",
+        _sizes(row.smallest_bytes, row.largest_bytes),
+        f"{row.airtime_s:.3f} s",
+    )
+
+
+def _type_cells(row: TypeRow) -> tuple[str, ...]:
+    return (row.name, str(row.fields), _sizes(row.smallest_bytes, row.largest_bytes))
+
+
+def _sizes(smallest: int, largest: int | None) -> str:
+    if largest is None:
+        return f"{smallest}–frame"
+    return str(smallest) if smallest == largest else f"{smallest}–{largest}"
+
+
+def _audience(addresses: tuple[int, ...] | None, nodes: Mapping[int, str], everybody: str) -> str:
+    if addresses is None:
+        return everybody
+    return ",".join(nodes.get(address, str(address)) for address in addresses)

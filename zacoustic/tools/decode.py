@@ -1,0 +1,226 @@
+"""Frames in words: what a frame off the water says, with or without the table it was written with.
+
+Where a record ends is known only to who has its stream's type, so without a table the first record
+that LEN does not delimit reaches to the end of the frame. Nothing here raises, whatever the bytes.
+"""
+
+import json
+from typing import assert_never
+
+import msgspec
+
+from zacoustic.core.age import decode_age_s
+from zacoustic.core.calls import CallKind, decode_call_byte, decode_error
+from zacoustic.core.frame import (
+    ABSENT_DIGEST,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    Item,
+    Record,
+    Stray,
+    TableRow,
+    Tag,
+    parse_frame,
+)
+from zacoustic.core.payload import PayloadCodec, PayloadError
+from zacoustic.core.qos import Stamp
+from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.errors import UnknownStreamError
+
+_WHY_STRAY = {
+    "truncated": "the record is cut short",
+    "reserved": "this version gives that first byte no meaning",
+    "unknown_stream": "the configuration has no stream of that id, so where it ends is unknown",
+}
+
+
+class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One control or record of a frame."""
+
+    kind: str
+    """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
+    `error`, `call_confirm`, `record` (not decoded) or `stray`."""
+    text: str
+    """One line for people."""
+    stream_id: int = 0
+    """The stream, 0 where there is none."""
+    name: str = ""
+    """The key of a sample or the name of a service; empty without a configuration."""
+    value: object = None
+    """The value, bytes in hexadecimal; None when there is none or it does not decode."""
+    fault: str = ""
+    """Why it is not decoded; empty when it is."""
+
+
+def decode_frame(
+    records: bytes, table: StreamTable | None = None, *, source: int = 0
+) -> list[DecodedItem]:
+    """Put a frame into words; never raises.
+
+    Args:
+        records: The frame without what a link or an envelope put around it.
+        table: The streams; None: values stay in hexadecimal.
+        source: Address of the sender, where it is known: fills in `{node}`.
+    """
+    reader = _Reader(table, source)
+    return [reader.explain(item) for item in parse_frame(records, reader.measure)]
+
+
+class _Reader:
+    """Reads the items of one frame."""
+
+    def __init__(self, table: StreamTable | None, source: int) -> None:
+        self._table = table
+        self._source = source
+
+    def measure(self, stream_id: int, buffer: bytes, offset: int, delete: bool) -> int | None:
+        """Find the end of a record, as the engine does."""
+        if self._table is None:
+            return None
+        stream = self._table.get(stream_id)
+        if stream is None:
+            raise KeyError(stream_id)
+        if isinstance(stream.spec, ServiceSpec):
+            return _measure_call(stream, buffer, offset)
+        if not stream.codec.delimits_itself:
+            return None
+        offset += len(stream.keys.wildcards)
+        if delete:
+            return offset
+        return stream.codec.measure(buffer, offset + (stream.qos.stamp is Stamp.AGE))
+
+    def explain(self, item: Item) -> DecodedItem:
+        match item:
+            case Record():
+                return self._record(item)
+            case Hello():
+                return self._hello(item)
+            case Tag(epoch):
+                text = f"TAG epoch {epoch}: I do not know whether you know my table"
+                return DecodedItem(kind="tag", text=text)
+            case Confirm(address, epoch):
+                text = f"CONFIRM node {address}, epoch {epoch}: our tables are the same"
+                return DecodedItem(kind="confirm", text=text)
+            case Ask(address, stream_id):
+                wanted = f"the digest of stream {stream_id}" if stream_id else "its HELLO"
+                text = f"ASK node {address} for {wanted}"
+                return DecodedItem(kind="ask", text=text, stream_id=stream_id)
+            case TableRow(epoch, stream_id, digest):
+                held = "is not in my table" if digest == ABSENT_DIGEST else f"is {digest.hex()}"
+                text = f"TABLE epoch {epoch}: stream {stream_id} {held}"
+                return DecodedItem(kind="table", text=text, stream_id=stream_id)
+            case Stray(reason, size_bytes):
+                why = _WHY_STRAY.get(reason, reason)
+                text = f"STRAY {size_bytes} bytes: {why}"
+                return DecodedItem(kind="stray", text=text, fault=reason)
+            case _:
+                assert_never(item)
+
+    def _hello(self, hello: Hello) -> DecodedItem:
+        text = f"HELLO version {hello.version}, epoch {hello.epoch}, table {hello.digest.hex()}"
+        fault = ""
+        if hello.version != WIRE_VERSION:
+            fault = f"another wire version than {WIRE_VERSION}"
+        elif self._table is not None and hello.digest != self._table.digest:
+            fault = f"another table than {self._table.digest.hex()}"
+        return DecodedItem(kind="hello", text=f"{text}: {fault}" if fault else text, fault=fault)
+
+    def _record(self, record: Record) -> DecodedItem:
+        stream = self._table.get(record.stream_id) if self._table is not None else None
+        if stream is None:
+            return _unread(record)
+        if isinstance(stream.spec, ServiceSpec):
+            return _call(stream, record)
+        return self._sample(stream, record)
+
+    def _sample(self, stream: Stream, record: Record) -> DecodedItem:
+        wild = len(stream.keys.wildcards)
+        instance, payload = tuple(record.content[:wild]), record.content[wild:]
+        try:
+            key = stream.keys.key(self._source, instance)
+        except UnknownStreamError:
+            key = stream.name
+        head = f"stream {stream.stream_id} {key}"
+        if record.delete:
+            return DecodedItem(
+                kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
+            )
+        if stream.qos.stamp is Stamp.AGE:
+            head += f", {decode_age_s(payload[0]):g} s old" if payload else ", without its age"
+            payload = payload[1:]
+        if record.encoding is not None:
+            head += f", {record.encoding}"
+        return _decoded("sample", head, stream.stream_id, key, stream.codec, payload)
+
+
+def _measure_call(stream: Stream, buffer: bytes, offset: int) -> int | None:
+    if offset >= len(buffer):
+        return None
+    kind, _ = decode_call_byte(buffer[offset])
+    if kind is CallKind.ERROR:
+        return None
+    if kind is CallKind.CONFIRM:
+        return offset + 1
+    codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
+    return codec.measure(buffer, offset + 1) if codec.delimits_itself else None
+
+
+def _call(stream: Stream, record: Record) -> DecodedItem:
+    if not record.content:
+        return _unread(record)
+    kind, number = decode_call_byte(record.content[0])
+    payload = record.content[1:]
+    head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}"
+    if kind is CallKind.CONFIRM:
+        return DecodedItem(
+            kind="call_confirm", text=head, stream_id=stream.stream_id, name=stream.name
+        )
+    if kind is CallKind.ERROR:
+        failure, text = decode_error(payload) or (None, payload.hex())
+        said = f"{failure.name.lower() if failure else 'unreadable'}: {text}"
+        return DecodedItem(
+            kind="error", text=f"{head}: {said}", stream_id=stream.stream_id, name=stream.name,
+            value=said,
+        )  # fmt: skip
+    codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
+    return _decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
+
+
+def _decoded(
+    kind: str, head: str, stream_id: int, name: str, codec: PayloadCodec, payload: bytes
+) -> DecodedItem:
+    try:
+        value = printable(codec.decode(payload))
+    except PayloadError as error:
+        return DecodedItem(
+            kind=kind, text=f"{head}: {payload.hex()} does not decode: {error}",
+            stream_id=stream_id, name=name, fault=str(error),
+        )  # fmt: skip
+    text = f"{head}: {json.dumps(value, ensure_ascii=False)}"
+    return DecodedItem(kind=kind, text=text, stream_id=stream_id, name=name, value=value)
+
+
+def _unread(record: Record) -> DecodedItem:
+    """A record that nobody here knows the type of."""
+    prefixes = " deleted" if record.delete else ""
+    prefixes += f", {record.encoding}" if record.encoding is not None else ""
+    content = record.content.hex() or "nothing"
+    return DecodedItem(
+        kind="record",
+        text=f"stream {record.stream_id}{prefixes}: {content}",
+        stream_id=record.stream_id,
+        value=record.content.hex(),
+    )
+
+
+def printable(value: object) -> object:
+    """Return a value as JSON can carry it: bytes in hexadecimal."""
+    if isinstance(value, bytes):
+        return value.hex()
+    if isinstance(value, dict):
+        return {str(name): printable(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [printable(part) for part in value]
+    return value

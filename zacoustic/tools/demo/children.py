@@ -1,0 +1,152 @@
+"""The processes of the demo: started, listened to, and stopped whatever happens.
+
+Each child tells what it does on standard output, one JSON object in a line. Of its standard error
+the last lines are kept, to be shown when it dies. Children get a process group of their own: Ctrl-C
+in a terminal reaches the demo only, which stops them in order.
+"""
+
+import asyncio
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from zacoustic.errors import ZacousticError
+
+STDERR_LINES: Final = 12
+"""Last lines of a child's standard error that are kept."""
+STOP_LIMIT_S: Final = 5.0
+"""How long a child may take to stop before it is killed, s."""
+_LINE_LIMIT_BYTES: Final = 1 << 20
+
+_OWN_GROUP: dict[str, Any]
+if sys.platform == "win32":
+    _OWN_GROUP = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    _INTERRUPT = signal.CTRL_BREAK_EVENT
+else:
+    _OWN_GROUP = {"start_new_session": True}
+    _INTERRUPT = signal.SIGTERM
+
+Told = Callable[[str, dict[str, Any]], None]
+"""``(child, object)``: takes each JSON object that a child tells."""
+
+
+class ChildDiedError(ZacousticError):
+    """A process of the demo ended before its time; the message has the end of its stderr."""
+
+
+class Child:
+    """One process.
+
+    Args:
+        name: What people call it.
+        command: Program and arguments.
+        told: Takes what it tells.
+        reads_input: It ends when its standard input does; otherwise it is interrupted.
+    """
+
+    def __init__(
+        self, name: str, command: Sequence[str], told: Told, *, reads_input: bool = False
+    ) -> None:
+        self.name = name
+        self.command = tuple(command)
+        self._told = told
+        self._reads_input = reads_input
+        self._process: asyncio.subprocess.Process | None = None
+        self._readers: list[asyncio.Task[None]] = []
+        self._complaints: deque[str] = deque(maxlen=STDERR_LINES)
+
+    async def start(self) -> None:
+        """Start it.
+
+        Raises:
+            ChildDiedError: The program cannot be started.
+        """
+        try:
+            self._process = await asyncio.create_subprocess_exec(
+                *self.command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                limit=_LINE_LIMIT_BYTES,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                **_OWN_GROUP,
+            )
+        except OSError as error:
+            raise ChildDiedError(f"{self.name} cannot be started: {error.strerror}") from error
+        self._readers = [
+            asyncio.create_task(self._read_output(), name=f"{self.name} output"),
+            asyncio.create_task(self._read_complaints(), name=f"{self.name} stderr"),
+        ]
+
+    async def watch(self) -> None:
+        """Wait until it ends by itself.
+
+        Raises:
+            ChildDiedError: It has ended, with whatever code: no child is to end before it is told.
+            Exception: What `told` raises.
+        """
+        assert self._process is not None
+        code, *_ = await asyncio.gather(self._process.wait(), *self._readers)
+        said = " | ".join(self._complaints) or "it said nothing on standard error"
+        raise ChildDiedError(f"{self.name} ended with code {code}: {said}")
+
+    def tell(self, line: str) -> None:
+        """Write a line to its standard input; a child that does not read any more is ignored."""
+        if self._process is not None and self._process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._process.stdin.write(f"{line}\n".encode())
+
+    def ask_to_stop(self) -> None:
+        """End its standard input, or interrupt it; does not wait."""
+        process = self._process
+        if process is None or process.returncode is not None:
+            return
+        with contextlib.suppress(OSError):
+            if process.stdin is not None:
+                process.stdin.close()
+            if not self._reads_input:
+                process.send_signal(_INTERRUPT)
+
+    async def stop(self) -> None:
+        """Stop it, by force when it takes too long; may be repeated."""
+        process = self._process
+        if process is None:
+            return
+        self.ask_to_stop()
+        try:
+            async with asyncio.timeout(STOP_LIMIT_S):
+                await process.wait()
+        except TimeoutError:
+            pass
+        finally:
+            # Reached also when the waiting itself is cancelled: nothing is left behind.
+            if process.returncode is None:
+                with contextlib.suppress(ProcessLookupError):
+                    process.kill()
+        await process.wait()
+        for reader in self._readers:
+            reader.cancel()
+        await asyncio.gather(*self._readers, return_exceptions=True)
+
+    async def _read_output(self) -> None:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        async for line in self._process.stdout:
+            with contextlib.suppress(ValueError):
+                told = json.loads(line)
+                if isinstance(told, dict):
+                    self._told(self.name, told)
+
+    async def _read_complaints(self) -> None:
+        assert self._process is not None
+        assert self._process.stderr is not None
+        async for line in self._process.stderr:
+            text = line.decode(errors="replace").strip()
+            if text:
+                self._complaints.append(text)

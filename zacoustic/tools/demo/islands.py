@@ -1,0 +1,88 @@
+"""The files of the demo: one for the router of each island, made from `fleet.json5`, and the water.
+
+`fleet.json5` is a configuration as a user would write it for two computers. Here both islands are
+on one, so each gets a copy with a port, an address and a modem of its own; nothing else is changed.
+"""
+
+import contextlib
+import socket
+from importlib import resources
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ZacousticError
+
+SHORE: Final = 1
+"""Acoustic address of the shore island's gateway."""
+VEHICLE: Final = 2
+"""Acoustic address of the vehicle island's gateway."""
+NAMES: Final = {SHORE: "shore", VEHICLE: "auv1"}
+"""Name of each island by address, as in fleet.json5."""
+
+_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+_ADDRESS: Final = "address: 1,\n"
+_LOCATOR: Final = "sim/127.0.0.1:7000"
+
+
+class Island(msgspec.Struct, frozen=True, kw_only=True):
+    """One island."""
+
+    address: int
+    """Acoustic address of its gateway."""
+    name: str
+    """Its name in the fleet."""
+    endpoint: str
+    """Where its router listens, such as ``tcp/127.0.0.1:7447``."""
+    file: Path
+    """Configuration of its gateway."""
+
+
+def demo_text(name: str) -> str:
+    """Return a file of the demo: `fleet.json5` or `water.json5`."""
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def write_water(folder: Path) -> Path:
+    """Write the scenario into a folder; returns its path."""
+    path = folder / "water.json5"
+    path.write_text(demo_text("water.json5"), encoding="utf-8")
+    return path
+
+
+def write_islands(folder: Path, locator: str) -> dict[int, Island]:
+    """Write a configuration for each island into a folder.
+
+    Args:
+        folder: Where to.
+        locator: The modem of both.
+
+    Returns:
+        The islands by address; their ports were free a moment ago.
+    """
+    islands = {}
+    for (address, name), port in zip(NAMES.items(), free_ports(len(NAMES)), strict=True):
+        endpoint = f"tcp/127.0.0.1:{port}"
+        text = demo_text("fleet.json5")
+        for written, instead in (
+            (_ENDPOINT, endpoint),
+            (_ADDRESS, f"address: {address},\n"),
+            (_LOCATOR, locator),
+        ):
+            if text.count(written) != 1:
+                raise ZacousticError(f"fleet.json5 of the demo does not have {written!r} once")
+            text = text.replace(written, instead)
+        file = folder / f"{name}.json5"
+        file.write_text(text, encoding="utf-8")
+        islands[address] = Island(address=address, name=name, endpoint=endpoint, file=file)
+    return islands
+
+
+def free_ports(count: int) -> list[int]:
+    """Return ports of the loopback interface that nobody listens at, all different."""
+    with contextlib.ExitStack() as held:
+        sockets = [held.enter_context(socket.socket()) for _ in range(count)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return [each.getsockname()[1] for each in sockets]

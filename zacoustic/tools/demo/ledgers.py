@@ -1,0 +1,100 @@
+"""What the gateways say of themselves on their islands: that they are there, and what they sent.
+
+This is a plain Zenoh client of each island's router, as any tool of a user can be one. Zenoh calls
+back on threads of its own; everything is handed to the loop.
+"""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable, Iterable
+
+import zenoh
+
+from zacoustic.errors import SessionError
+from zacoustic.tools.demo.islands import Island
+
+TookLedger = Callable[[int, dict[int, int]], None]
+"""``(address, bytes by stream id)``: takes the ledger of a gateway, on the loop."""
+
+_CONNECT_LIMIT_MS = 15_000
+_GET_LIMIT_S = 2.0
+
+
+class LedgerListener:
+    """Listens to the gateways of the demo.
+
+    Args:
+        islands: Where their routers are.
+        took: Takes each ledger.
+    """
+
+    def __init__(self, islands: Iterable[Island], took: TookLedger) -> None:
+        self._islands = tuple(islands)
+        self._took = took
+        self._loop = asyncio.get_running_loop()
+        self._sessions: dict[int, zenoh.Session] = {}
+        self._alive = {island.address: asyncio.Event() for island in self._islands}
+
+    async def open(self) -> None:
+        """Connect to all islands; returns when all gateways are there.
+
+        Raises:
+            SessionError: A router does not answer.
+        """
+        for island in self._islands:
+            await asyncio.to_thread(self._open, island)
+        for event in self._alive.values():
+            await event.wait()
+
+    async def refresh(self) -> None:
+        """Ask each gateway for its ledger once more."""
+        for address, session in self._sessions.items():
+            for text in await asyncio.to_thread(_ask, session, address):
+                self._take(address, text)
+
+    async def close(self) -> None:
+        """Disconnect; may be repeated."""
+        while self._sessions:
+            _, session = self._sessions.popitem()
+            with contextlib.suppress(zenoh.ZError):
+                await asyncio.to_thread(session.close)
+
+    def _open(self, island: Island) -> None:
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([island.endpoint]))
+        config.insert_json5("connect/timeout_ms", str(_CONNECT_LIMIT_MS))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        try:
+            session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise SessionError(
+                f"the router of the {island.name} island does not answer at {island.endpoint}"
+            ) from error
+        address = island.address
+        self._sessions[address] = session
+
+        def hear(sample: zenoh.Sample) -> None:
+            self._hand_over(self._take, address, sample.payload.to_string())
+
+        def see(sample: zenoh.Sample) -> None:
+            self._hand_over(self._alive[address].set)
+
+        session.declare_subscriber(f"@acoustic/{address}/ledger", hear)
+        session.liveliness().declare_subscriber(f"@acoustic/{address}/gateway", see, history=True)
+
+    def _hand_over(self, action: Callable[..., None], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            self._loop.call_soon_threadsafe(action, *arguments)
+
+    def _take(self, address: int, text: str) -> None:
+        by_stream: dict[int, int] = {}
+        for entry in json.loads(text)["entries"]:
+            by_stream[entry["id"]] = by_stream.get(entry["id"], 0) + entry["bytes"]
+        self._took(address, by_stream)
+
+
+def _ask(session: zenoh.Session, address: int) -> list[str]:
+    replies = session.get(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
+    return [reply.ok.payload.to_string() for reply in replies if reply.ok is not None]

@@ -1,0 +1,169 @@
+"""The live view of the demo: the water, the last frames and what they carried, the streams so far.
+
+Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws once.
+"""
+
+import io
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from zacoustic.tools.demo.islands import SHORE, VEHICLE
+from zacoustic.tools.demo.logbook import Frame, Logbook, island_name
+from zacoustic.tools.demo.notes import AnyNote
+from zacoustic.tools.demo.verdict import Summary, as_text
+from zacoustic.tools.demo.views import View, shown
+
+WIDTH: Final = 108
+"""Columns of the picture that is saved."""
+FRAMES_SHOWN: Final = 7
+"""The last so many frames are shown."""
+_WATER_CELLS: Final = 70
+_COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
+
+
+class LiveView(View):
+    """Draws on a terminal.
+
+    Args:
+        console: Where to; a new one on standard output unless given.
+        screenshot: Where to save the last picture as SVG, or None.
+        title: What stands above it.
+    """
+
+    def __init__(
+        self, *, console: Console | None = None, screenshot: Path | None = None, title: str
+    ) -> None:
+        self._console = console or Console()
+        self._screenshot = screenshot
+        self._title = title
+        self._logbook: Logbook | None = None
+        self._live: Live | None = None
+        self._news = ""
+
+    def begin(self, logbook: Logbook) -> None:
+        """Take over the terminal."""
+        self._logbook = logbook
+        self._live = Live(console=self._console, auto_refresh=False, transient=False)
+        self._live.start()
+
+    def note(self, note: AnyNote) -> None:
+        """Draw nothing: the next tick shows it."""
+
+    def tick(self) -> None:
+        """Draw."""
+        if self._live is not None:
+            self._live.update(self._picture(), refresh=True)
+
+    def stop(self) -> None:
+        """Give the terminal back, and save the picture if that was asked for."""
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def conclude(self, summary: Summary) -> None:
+        """Print the summary, and save the last picture with it."""
+        closing = Text(f"\n{as_text(summary)}")
+        self._console.print(closing)
+        if self._screenshot is not None:
+            paper = Console(record=True, width=WIDTH, file=io.StringIO(), force_terminal=True)
+            paper.print(self._picture())
+            paper.print(closing)
+            self._screenshot.write_text(
+                paper.export_svg(title="make demo"), encoding="utf-8", newline="\n"
+            )
+
+    def _picture(self) -> RenderableType:
+        assert self._logbook is not None
+        head = Text(f"{self._title}   {self._logbook.elapsed_s:5.1f} s", style="bold")
+        return Group(
+            head,
+            Panel(_water(self._logbook), title="in the water now", title_align="left"),
+            _frames(self._logbook),
+            _lanes(self._logbook),
+        )
+
+
+def _water(logbook: Logbook) -> RenderableType:
+    """The two islands, and the sound between them where it is at this moment."""
+    now = time.monotonic()
+    cells = ["·"] * _WATER_CELLS
+    styles = ["dim"] * _WATER_CELLS
+    sounding = logbook.in_the_water()
+    for frame in sounding:
+        for far in _cells_of(frame, now, logbook.propagation_s):
+            position = far if frame.source == SHORE else _WATER_CELLS - 1 - far
+            cells[position] = ")" if frame.source == SHORE else "("
+            styles[position] = f"bold {_COLOURS[frame.source]}"
+    line = Text("shore ", style=f"bold {_COLOURS[SHORE]}")
+    for cell, style in zip(cells, styles, strict=True):
+        line.append(cell, style=style)
+    line.append(" auv1", style=f"bold {_COLOURS[VEHICLE]}")
+    said = " · ".join(
+        f"{island_name(frame.source)} → {island_name(frame.target)}: {frame.frame_bytes} bytes, "
+        f"{frame.airtime_s:.3f} s of sound"
+        for frame in sounding
+    )
+    return Group(line, Text(said or "silence", style="" if said else "dim"))
+
+
+def _cells_of(frame: Frame, now: float, propagation_s: float) -> range:
+    """Cells between which a frame sounds, counted from its sender."""
+    first_s, last_s = now - frame.began_at, now - frame.began_at - frame.airtime_s
+    far = round(min(1.0, first_s / propagation_s) * _WATER_CELLS)
+    near = round(min(1.0, max(0.0, last_s / propagation_s)) * _WATER_CELLS)
+    return range(near, far)
+
+
+def _frames(logbook: Logbook) -> Table:
+    table = Table(title="last frames", title_justify="left", expand=False, width=WIDTH - 2)
+    for name in ("at", "from → to", "bytes", "airtime"):
+        table.add_column(name, justify="left" if "→" in name else "right", no_wrap=True)
+    table.add_column("what crossed, and how long it took from client to client", ratio=1)
+    began_at = logbook.began_at or 0.0
+    for frame in logbook.frames[-FRAMES_SHOWN:]:
+        table.add_row(
+            f"{frame.began_at - began_at:.1f} s",
+            Text(
+                f"{island_name(frame.source)} → {island_name(frame.target)}",
+                style=_COLOURS[frame.source],
+            ),
+            str(frame.frame_bytes),
+            f"{frame.airtime_s:.3f} s",
+            Text("\n".join(_carried(frame)), no_wrap=True, overflow="ellipsis"),
+        )
+    return table
+
+
+def _carried(frame: Frame) -> Iterator[str]:
+    if frame.outcome is None:
+        yield "…"
+    elif frame.outcome != "received":
+        yield f"lost: {frame.outcome}"
+    for note in frame.carried:
+        yield f"{note.stream} in {note.delay_s:.2f} s: {shown(note.value)}"
+
+
+def _lanes(logbook: Logbook) -> Table:
+    table = Table(title="streams", title_justify="left", width=WIDTH - 2)
+    table.add_column("stream", ratio=1)
+    for name in ("from", "sent", "crossed", "mean delay", "bytes"):
+        table.add_column(name, justify="left" if name == "from" else "right")
+    for lane in logbook.lanes:
+        delay_s = lane.mean_delay_s
+        table.add_row(
+            lane.name,
+            Text(island_name(lane.source), style=_COLOURS[lane.source]),
+            str(lane.sent),
+            str(lane.crossed),
+            "" if delay_s is None else f"{delay_s:.2f} s",
+            "" if lane.transmitted_bytes is None else str(lane.transmitted_bytes),
+        )
+    return table

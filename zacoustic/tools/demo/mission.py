@@ -1,0 +1,231 @@
+"""A run of the demo from start to end.
+
+Order of the start: the medium, which says where it listens; the gateways, which are there when
+their liveliness tokens are; the clients, which say when they are ready; then the word ``go``. Order
+of the end: clients, gateways, medium. Whatever goes wrong on the way, a process that dies among it,
+ends the run with a summary that says so, and nothing is left behind.
+"""
+
+import asyncio
+import contextlib
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Coroutine, Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from zacoustic.channel.position import distance_m
+from zacoustic.channel.scenario import Scenario, scenario_from_mapping
+from zacoustic.config import read_config
+from zacoustic.errors import ZacousticError
+from zacoustic.json5 import parse_json5
+from zacoustic.tools.demo.children import Child, ChildDiedError
+from zacoustic.tools.demo.islands import (
+    NAMES,
+    SHORE,
+    VEHICLE,
+    Island,
+    demo_text,
+    write_islands,
+    write_water,
+)
+from zacoustic.tools.demo.ledgers import LedgerListener
+from zacoustic.tools.demo.logbook import Logbook
+from zacoustic.tools.demo.verdict import Summary, summary_of
+from zacoustic.tools.demo.views import View
+
+DURATION_S: Final = 28.0
+"""How long the vehicle reports, s, unless another time is asked for."""
+SHORTEST_S: Final = 20.0
+"""In less the console does not get through its plan."""
+LONGEST_S: Final = 40.0
+"""With more the demo would take longer than a minute."""
+TAIL_S: Final = 8.0
+"""How long the last things may take to cross after that, s: a call takes 3 s."""
+START_LIMIT_S: Final = 20.0
+"""How long all processes together may take to start, s; on a quiet machine they need 2."""
+_TICK_S: Final = 0.1
+
+
+class Mission:
+    """One run.
+
+    Args:
+        view: Shows it.
+        duration_s: How long the vehicle reports, s.
+        link: Name of the simulator's link, whose medium the verb `medium` serves.
+    """
+
+    def __init__(self, view: View, *, duration_s: float = DURATION_S, link: str = "sim") -> None:
+        self._view = view
+        self._duration_s = duration_s
+        self._link = link
+        self._children: list[Child] = []
+        self._background: list[asyncio.Task[None]] = []
+        self._medium_address = ""
+        self._ready: dict[str, asyncio.Event] = {}
+        self._over = asyncio.Event()
+        self._ledgers: LedgerListener | None = None
+
+    async def run(self) -> Summary:
+        """Run it; returns when all processes have ended.
+
+        Raises:
+            ZacousticError: The files of the demo are wrong, or a file cannot be written.
+        """
+        with tempfile.TemporaryDirectory(prefix="zacoustic-demo-") as name:
+            folder = Path(name)
+            water = write_water(folder)
+            scenario = scenario_from_mapping(
+                parse_json5(demo_text("water.json5"), source="water.json5"), source="water.json5"
+            )
+            written = write_islands(folder, f"{self._link}/127.0.0.1:0")
+            self._logbook = Logbook(
+                read_config(written[SHORE].file).table,
+                time.monotonic,
+                propagation_s=_propagation_s(scenario),
+            )
+            problems: tuple[str, ...] = ()
+            self._failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+            self._view.begin(self._logbook)
+            with _signals_into(self._failed):
+                try:
+                    await self._guarded(self._steps(folder, water))
+                except ZacousticError as error:
+                    problems = (str(error),)
+                finally:
+                    await self._stop()
+                    self._view.stop()
+            return summary_of(self._logbook, problems)
+
+    async def _steps(self, folder: Path, water: Path) -> None:
+        self._watch(self._tick())
+        try:
+            async with asyncio.timeout(START_LIMIT_S):
+                await self._start(folder, water)
+        except TimeoutError as error:
+            waiting = sorted(name for name, event in self._ready.items() if not event.is_set())
+            late = ", ".join(waiting) or "a gateway"
+            raise ChildDiedError(f"not ready after {START_LIMIT_S:g} s: {late}") from error
+        self._logbook.began_at = time.monotonic()
+        for child in self._children:
+            if child.name in ("vehicle", "console"):
+                child.tell("go")
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(self._duration_s + TAIL_S):
+                await self._over.wait()
+        assert self._ledgers is not None
+        await self._ledgers.refresh()
+
+    async def _start(self, folder: Path, water: Path) -> None:
+        program = (sys.executable, "-m", "zacoustic.cli")
+        await self._begin("medium", *program, "medium", str(water), "--listen", "127.0.0.1:0",
+                          "--json")  # fmt: skip
+        await self._ready["medium"].wait()
+        islands = write_islands(folder, f"{self._link}/{self._medium_address}")
+        for island in islands.values():
+            await self._begin(f"gateway {island.name}", *program, "gateway", str(island.file))
+        self._ledgers = LedgerListener(islands.values(), self._logbook.take_ledger)
+        await self._ledgers.open()
+        for address in NAMES:
+            self._ready[f"gateway {NAMES[address]}"].set()
+            self._take(f"gateway {NAMES[address]}", {"event": "ready"})
+        await self._begin_client("vehicle", islands[VEHICLE], f"{self._duration_s}")
+        await self._begin_client("console", islands[SHORE])
+        for event in self._ready.values():
+            await event.wait()
+
+    async def _begin_client(self, name: str, island: Island, *arguments: str) -> None:
+        script = str(resources.files(__package__).joinpath(f"{name}.py"))
+        # -P: the folder of the script, with our modules in it, is not searched for imports.
+        command = (sys.executable, "-P", script, island.endpoint, *arguments)
+        await self._begin(name, *command, reads_input=True)
+
+    async def _begin(self, name: str, *command: str, reads_input: bool = False) -> None:
+        child = Child(name, command, self._take, reads_input=reads_input)
+        self._ready[name] = asyncio.Event()
+        await child.start()
+        self._children.append(child)
+        self._watch(child.watch())
+
+    def _take(self, child: str, told: dict[str, Any]) -> None:
+        if told.get("event") == "listening":
+            self._medium_address = told["address"]
+        for note in self._logbook.take(child, told):
+            self._view.note(note)
+        if child in self._logbook.ready:
+            self._ready[child].set()
+        if self._logbook.has_all_crossed and not self._logbook.in_the_water():
+            self._over.set()
+
+    async def _tick(self) -> None:
+        while True:
+            self._view.tick()
+            await asyncio.sleep(_TICK_S)
+
+    def _watch(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do something beside; when it fails, so does the run."""
+        task = asyncio.create_task(work)
+        self._background.append(task)
+        task.add_done_callback(self._take_failure)
+
+    def _take_failure(self, task: asyncio.Task[None]) -> None:
+        if task.cancelled() or self._failed.done():
+            return
+        error = task.exception()
+        if error is not None:
+            self._failed.set_exception(error)
+
+    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do the work, unless something else fails before."""
+        task = asyncio.create_task(work)
+        try:
+            await asyncio.wait({task, self._failed}, return_when=asyncio.FIRST_COMPLETED)
+            if self._failed.done():
+                self._failed.result()
+            task.result()
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    async def _stop(self) -> None:
+        """Stop everything, in order; what fails meanwhile is of no interest any more."""
+        for task in self._background:
+            task.cancel()
+        await asyncio.gather(*self._background, return_exceptions=True)
+        if self._ledgers is not None:
+            await self._ledgers.close()
+        children = [child for child in reversed(self._children) if child.name != "medium"]
+        await asyncio.gather(*(child.stop() for child in children))
+        for child in self._children:
+            await child.stop()
+
+
+def _propagation_s(scenario: Scenario) -> float:
+    """How long sound takes between the two islands, s."""
+    places = [node.position for node in scenario.nodes]
+    assert places[0] is not None
+    assert places[1] is not None
+    return distance_m(places[0], places[1]) / scenario.sound_speed_m_s
+
+
+@contextlib.contextmanager
+def _signals_into(failed: asyncio.Future[None]) -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the run as a failure; Ctrl-C is asyncio's own."""
+    loop = asyncio.get_running_loop()
+
+    def fail(name: str) -> None:
+        if not failed.done():
+            failed.set_exception(ChildDiedError(f"ended by {name}"))
+
+    caught = [] if sys.platform == "win32" else [signal.SIGTERM, signal.SIGHUP]
+    for number in caught:
+        loop.add_signal_handler(number, fail, number.name)
+    try:
+        yield
+    finally:
+        for number in caught:
+            loop.remove_signal_handler(number)
