@@ -3,25 +3,26 @@
 ::
 
     ZacousticError
-     ├─ ConfigError (ValueError)      a file or an argument is wrong: says file, key, value, what is allowed
-     ├─ LocalError                    the caller broke a rule of the API
-     │   ├─ PayloadTooLargeError      a payload that fits no frame of this link
-     │   ├─ PayloadInvalidError (ValueError)   a value that its type does not allow: field, value, range
-     │   ├─ UnknownStreamError        a name or id that the stream table does not have
-     │   └─ QueueFullError            a bounded queue whose policy is to refuse
-     ├─ DeliveryError                 it did not get there: link down, rejected, expired
-     │   └─ CallTimeoutError (TimeoutError)    no answer before the deadline of the call
-     ├─ ServiceError                  the remote handler failed; carries its text
-     ├─ SessionError                  Zenoh: router unreachable, port in use
+     ├─ ConfigError (ValueError)       a file or an argument: says file, key, value, what is allowed
+     ├─ LocalError                     the caller broke a rule of the API
+     │   ├─ PayloadTooLargeError       a payload that fits no frame of this link
+     │   ├─ PayloadInvalidError (ValueError)    a value that its type does not allow
+     │   ├─ UnknownStreamError         a name or id that the stream table does not have
+     │   └─ QueueFullError             a bounded queue whose policy is to refuse
+     ├─ DeliveryError                  it did not get there: link down, rejected, expired
+     │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of the call
+     ├─ ServiceError                   the remote handler failed; carries its text
+     ├─ SessionError                   Zenoh: router unreachable, port in use
      └─ LinkError
-         ├─ LinkUnavailableError      no such link, or its package is not installed
-         ├─ LinkOpenError (OSError)   the port or the peer cannot be opened
-         └─ LinkClosedError           used after close, or before open
+         ├─ LinkUnavailableError       no such link, or its package is not installed
+         ├─ LinkOpenError (OSError)    the port or the peer cannot be opened
+         └─ LinkClosedError            used after close, or before open
 
-Misbehaviour of a remote node is never an exception: what comes off the water is counted, traced and dropped.
+Misbehaviour of a remote node is never an exception: what comes off the water is counted, traced
+and dropped.
 
-Each error is one line that says what happened, the value, the limit; `hint` says what to do, and the command line
-prints it behind the message.
+Each error is one line that says what happened, the value, the limit; `hint` says what to do, and
+the command line prints it behind the message.
 """
 
 

@@ -38,12 +38,14 @@ TYPES: Final[list[dict[str, Any]]] = [
     {"name": "Arm", "fields": [{"name": "arm", "type": "bool"}]},
     {"name": "Armed", "fields": [{"name": "ok", "type": "bool"}]},
 ]
+SENSORS: Final = [{"name": "sensor", "values": ["ctd", "sonar"]}]
 STREAMS: Final[list[dict[str, Any]]] = [
     {"id": 10, "topic": "auv1/nav", "type": "Nav", "publishers": [2], "stamp": "age"},
     {"id": 11, "topic": "auv1/text", "publishers": [1, 3], "depth": 4, "priority": "real_time"},
     {"id": 12, "topic": "chat", "depth": 8},
     {"id": 13, "topic": "fleet/{node}/status", "depth": 2},
     {"id": 14, "topic": "auv1/json", "type": "Nav", "publishers": [2], "encoding": JSON},
+    {"id": 15, "topic": "{sensor}/raw/{node}", "wildcards": SENSORS},
     {"id": 20, "service": "auv1/arm", "request": "Arm", "response": "Armed", "server": 2},
     {"id": 21, "service": "auv1/echo", "server": 2, "timeout_s": 10},
     {"id": 22, "service": "auv1/hasty", "server": 2, "timeout_s": 0.2},

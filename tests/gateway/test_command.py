@@ -24,12 +24,14 @@ from tests.gateway.islands import (
     matched,
     run,
     zenoh_config,
+    zenoh_router,
     zenoh_settings,
 )
 
 SCENARIO = """{
   seed: 7, profile: "ideal", channel: "none",
-  nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [1, 0, 10] } ],
+  nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [1, 0, 10] },
+           { address: 3, position: [0, 1, 10] } ],
 }"""
 
 
@@ -118,6 +120,35 @@ def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> 
                 assert (code, err) == (0, "")
                 events = [json.loads(line)["event"] for line in out.splitlines()]
                 assert events[-1] == "stopped"
+
+    run(main())
+
+
+def test_gateway_that_is_killed_is_replaced_by_its_sibling(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            link = await open_water(stack, tmp_path)
+            router, beyond = stack.enter_context(zenoh_router()), free_port()
+            joined = write_file(tmp_path / "joined.json5", "client", connect=router)
+            alone = write_file(tmp_path / "alone.json5", listen=beyond)
+            processes = {}
+            for address, file in ((1, joined), (3, joined), (2, alone)):
+                processes[address] = process = await stack.enter_async_context(
+                    running("gateway", file, "--address", address, "--link", link, "--json")
+                )
+                await notice(process, "started")
+            shore = stack.enter_context(zenoh.open(zenoh_config("client", connect=router)))
+            auv = stack.enter_context(zenoh.open(zenoh_config("client", connect=beyond)))
+            await matched(shore, "chat")
+            heard = Heard(auv, "chat")
+            shore.put("chat", b"by the first")
+            assert await heard.payload() == b"by the first"
+            processes[1].kill()
+            while (await notice(processes[3], "siblings"))["addresses"] != [3]:
+                pass
+            assert (await get(shore, "@acoustic/3/link")).good  # behind its declarations
+            shore.put("chat", b"by the second")
+            assert await heard.payload() == b"by the second"
 
     run(main())
 

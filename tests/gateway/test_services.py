@@ -199,7 +199,7 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
                 loop.call_soon_threadsafe(rung.set)
 
             desk = QueryDesk(worker, ring, limit=1)
-            server.declare_queryable("desk", lambda query: desk.admit(query, lambda held: None))
+            server.declare_queryable("desk", lambda query: desk.admit(lambda held: None, query))
             await get(client, "nothing")
             first = asyncio.ensure_future(get(client, "desk"))
             await rung.wait()

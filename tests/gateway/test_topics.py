@@ -115,6 +115,23 @@ async def test_each_node_publishes_its_own_key_of_a_stream_with_node_in_its_name
 
 
 @with_pair
+async def test_wildcard_takes_the_listed_values_and_complains_about_others(pair: Pair) -> None:
+    await matched(pair.auv, "sonar/raw/auv1")
+    heard = Heard(pair.shore, "*/raw/*")
+    pair.auv.put("lidar/raw/auv1", b"not listed")
+    pair.auv.put("sonar/raw/auv1", b"1")
+    pair.auv.put("ctd/raw/auv1", b"2")
+    found = [await heard.next() for _ in range(2)]
+    assert {str(each.key_expr): each.payload.to_bytes() for each in found} == {
+        "sonar/raw/auv1": b"1",
+        "ctd/raw/auv1": b"2",
+    }
+    assert set((await get(pair.shore, "ctd/raw/*")).good) == {"ctd/raw/auv1"}
+    dropped = (await get(pair.auv, "@acoustic/2/dropped")).payload("@acoustic/2/dropped")
+    assert b'"{sensor}/raw/{node}":{"unknown_key":1}' in dropped
+
+
+@with_pair
 async def test_last_value_answers_a_get_until_the_key_is_deleted(pair: Pair) -> None:
     heard = Heard(pair.shore, "auv1/nav")
     assert (await get(pair.shore, "auv1/nav")).good == {}

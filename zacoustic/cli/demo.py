@@ -32,7 +32,7 @@ class DemoCommand(Command):
             "--plain", action="store_true", help="lines instead of the live view, as without a TTY"
         )
         parser.add_argument(
-            "--screenshot", metavar="FILE", type=Path, help="save the last picture as SVG"
+            "--screenshot", metavar="FILE", type=Path, help="save a picture of the live view as SVG"
         )
         parser.epilog = (
             "exits with 0 only if everything that should cross did\n\nexample:\n  zacoustic demo"

@@ -73,16 +73,23 @@ class Composer:
         first = next(
             ((lane, item) for lane, item in self._queue.candidates(now) if lane.due_at <= now), None
         )
+        destination = first[1].destination if first else None
+        urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
+        # What is owed found no room in time: it goes before what else waits.
+        while (overdue := self._overdue(now)) is not None and not urgent:
+            if destination == BROADCAST:
+                return self._fill(envelope, BROADCAST, now, owed_first=True)
+            composed = self._fill(envelope, overdue, now, owed_first=True)
+            if composed is not None:
+                return composed
+        if destination is None:
+            return None
+        return self._fill(envelope, destination, now, owed_first=False)
+
+    def _overdue(self, now: int) -> int | None:
+        """Return the peer for which a frame of its own is due, or None."""
         speak = self._handshake.speak_next()
-        overdue = speak[1] if speak is not None and speak[0] <= now else None
-        if first is None:
-            return None if overdue is None else self._fill(envelope, overdue, now, owed_first=True)
-        destination = first[1].destination
-        if overdue is None or first[0].qos.priority is Priority.REAL_TIME:
-            return self._fill(envelope, destination, now, owed_first=False)
-        # Nothing left room for it in time: it goes before what else waits.
-        destination = destination if destination == BROADCAST else overdue
-        return self._fill(envelope, destination, now, owed_first=True)
+        return speak[1] if speak is not None and speak[0] <= now else None
 
     def _fill(
         self, envelope: Envelope, destination: int, now: int, *, owed_first: bool

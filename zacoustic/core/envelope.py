@@ -68,11 +68,13 @@ class Envelope:
         self._mtu_bytes = capabilities.mtu_bytes
         self._buffer = bytearray()
         self._overlong = False
-        fixed = (0 if self._addressed else _ADDRESS_BYTES) + (0 if self._checked else _CHECK_BYTES)
-        room_bytes = self._mtu_bytes - fixed
+        room_bytes = self._mtu_bytes
         if not self._framed:
-            room_bytes -= 2 * len(_DELIMITER)
-            room_bytes -= 1 + room_bytes // 255
+            # Of n bytes, addresses and check included, COBS makes n + 1 + n // 254 at most.
+            room_bytes -= 2 * len(_DELIMITER) + 1
+            room_bytes -= (room_bytes + 1) // 255
+        room_bytes -= 0 if self._addressed else _ADDRESS_BYTES
+        room_bytes -= 0 if self._checked else _CHECK_BYTES
         self.room_bytes: int = room_bytes
         """Bytes of records that fit a frame."""
 

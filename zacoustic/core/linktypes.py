@@ -47,7 +47,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     """What a link can do; valid after it has opened."""
 
     mtu_bytes: int
-    """Largest frame that `transmit` accepts, bytes, ≥ 8."""
+    """Largest frame that `transmit` accepts, bytes, ≥ 8, and more where the core has to add
+    addresses (2), a check (4) or delimiting (3)."""
     bit_rate_bps: float
     """Marginal bit rate: eight bits more take 8 / bit_rate_bps seconds longer, > 0."""
     preamble_s: float = 0.0
@@ -85,8 +86,11 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: A value outside its range.
         """
-        if self.mtu_bytes < 8:
-            raise ValueError(f"mtu_bytes is {self.mtu_bytes}; allowed: at least 8")
+        # A frame must hold a HELLO, 8 bytes, inside of what the core adds for the link.
+        lacking = {2: self.addressed, 4: self.checked, 3: self.framed}
+        least = 8 + sum(size_bytes for size_bytes, is_there in lacking.items() if not is_there)
+        if self.mtu_bytes < least:
+            raise ValueError(f"mtu_bytes is {self.mtu_bytes}; allowed: at least {least}")
         if not self.bit_rate_bps > 0:
             raise ValueError(f"bit_rate_bps is {self.bit_rate_bps}; allowed: above 0")
         low, high = self.address_range

@@ -9,7 +9,9 @@ import asyncio
 import json
 import logging
 import re
-from typing import Final, Self
+import threading
+from collections.abc import Callable
+from typing import Final, Self, TypeVar
 
 import zenoh
 
@@ -17,8 +19,12 @@ from zacoustic.core.qos import Priority
 from zacoustic.errors import SessionError
 from zacoustic.gateway.worker import Worker
 
+T = TypeVar("T")
+
 CLOSE_LIMIT_S: Final = 10.0
 """How long closing may take, s; a session on a healthy network needs some milliseconds."""
+CALLBACKS_LIMIT_S: Final = 2.0
+"""How long the threads of callbacks may take to end behind the session, s."""
 
 _ENDPOINT: Final = re.compile(r"bound to (\S+): ")
 _ENDPOINTS: Final = re.compile(r"Single\(([^)]*)\)")
@@ -41,6 +47,8 @@ class Island:
         self.worker = worker
         self.lost = 0
         """Puts that the session refused."""
+        self._callbacks = 0
+        self._callbacks_changed = threading.Condition()
 
     @classmethod
     async def open(cls, config: zenoh.Config) -> Self:
@@ -62,6 +70,30 @@ class Island:
             worker.submit(lambda: _close(opened[0]) if opened else None)
             raise
         return cls(opened[0], worker)
+
+    def callback(
+        self, function: Callable[[T], None], end: Callable[[], None] | None = None
+    ) -> "zenoh.handlers.Callback[T]":
+        """Make a callback for Zenoh, which `close` waits for.
+
+        Zenoh calls it on a thread that ends some time after the session. A thread that comes back
+        to an interpreter which is ending kills the process, with an abort instead of its exit code.
+
+        Args:
+            function: Takes what arrives, on a thread of Zenoh's.
+            end: Called there when nothing arrives any more.
+        """
+
+        def drop() -> None:
+            if end is not None:
+                end()
+            with self._callbacks_changed:
+                self._callbacks -= 1
+                self._callbacks_changed.notify_all()
+
+        with self._callbacks_changed:
+            self._callbacks += 1
+        return zenoh.handlers.Callback(function, drop)
 
     def put(
         self,
@@ -102,10 +134,15 @@ class Island:
     async def close(self) -> None:
         """Close the session, off the loop; gives up after `CLOSE_LIMIT_S`."""
         try:
-            await self.worker.run(lambda: _close(self.session), limit_s=CLOSE_LIMIT_S)
+            await self.worker.run(self._close, limit_s=CLOSE_LIMIT_S)
         except TimeoutError:
             _logger.warning("the Zenoh session does not close within %g s", CLOSE_LIMIT_S)
         await self.worker.close(limit_s=CLOSE_LIMIT_S)
+
+    def _close(self) -> None:
+        _close(self.session)
+        with self._callbacks_changed:
+            self._callbacks_changed.wait_for(lambda: self._callbacks == 0, CALLBACKS_LIMIT_S)
 
     def _lose(self, key: str, error: zenoh.ZError) -> None:
         self.lost += 1

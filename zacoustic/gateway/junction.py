@@ -10,6 +10,7 @@ import contextlib
 import logging
 import random
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import zenoh
@@ -207,7 +208,7 @@ class Junction:
     def _declare_health(self) -> None:
         self._health_queryable = self.island.session.declare_queryable(
             self._health.expression,
-            lambda query: self._desk.admit(query, self._health.answer),
+            self.island.callback(partial(self._desk.admit, self._health.answer)),
             complete=True,
             allowed_origin=zenoh.Locality.REMOTE,
         )

@@ -72,7 +72,9 @@ class Presence:
         token = f"{PREFIX}/{self._address}/gateway"
         self._declared.append(session.liveliness().declare_token(token))
         self._declared.append(
-            session.liveliness().declare_subscriber(_TOKENS, self._see, history=True)
+            session.liveliness().declare_subscriber(
+                _TOKENS, self._island.callback(self._see), history=True
+            )
         )
         return [address for address in self._look() if address != self._address]
 

@@ -84,12 +84,12 @@ class QueryDesk:
         self._waiting: deque[tuple[HeldQuery, Serve]] = deque()
         self._is_closed = False
 
-    def admit(self, query: zenoh.Query, serve: Serve) -> None:
+    def admit(self, serve: Serve, query: zenoh.Query) -> None:
         """Take a query; on Zenoh's thread.
 
         Args:
-            query: The query.
             serve: What the loop is to do with it.
+            query: The query.
         """
         held = HeldQuery(query, self)
         with self._guard:

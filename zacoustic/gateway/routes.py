@@ -101,14 +101,14 @@ class Routes:
         if job == FORWARD:
             entity = session.declare_subscriber(
                 stream.keys.expression(self._siblings.address),
-                lambda sample: self._topics.post(stream_id, sample),
+                self._island.callback(partial(self._topics.post, stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         else:
             serve = self._answer(stream_id) if job == DELIVER else self._call(stream_id)
             entity = session.declare_queryable(
                 self._asked(stream) if job == DELIVER else stream.name,
-                lambda query: self._desk.admit(query, serve),
+                self._island.callback(partial(self._desk.admit, serve)),
                 complete=job == PROXY,
                 allowed_origin=zenoh.Locality.REMOTE,
             )

@@ -128,7 +128,7 @@ class Services:
             try:
                 session.get(
                     stream.name,
-                    zenoh.handlers.Callback(get.take, get.end),
+                    self._island.callback(get.take, get.end),
                     payload=payload,
                     encoding=encoding,
                     attachment=Marker(acoustic=event.call.client).encode(),

@@ -72,9 +72,8 @@ class Worker:
 
     async def close(self, *, limit_s: float) -> None:
         """Take the steps that are there, then end; gives up after `limit_s`, s."""
-        with contextlib.suppress(TimeoutError):
-            await self.run(lambda: None, limit_s=limit_s)
         self._steps.put(_END)
+        await asyncio.to_thread(self._thread.join, limit_s)
 
     def _run(self) -> None:
         while (step := self._steps.get()) is not _END:

@@ -226,7 +226,7 @@ class Catalogue:
             key = name
         if stream is None:
             sources = self._table.nodes or (self._identity.address or 0,)
-            hits = (self._table.find(name, source) for source in sources)
+            hits = (self._table.find(self._as_own(name), source) for source in sources)
             stream = next((hit[0] for hit in hits if hit is not None), None)
         if stream is None:
             return None
@@ -256,15 +256,12 @@ class Catalogue:
         return False
 
     def _own_key(self, stream: Stream, name: str, address: int) -> tuple[str, Instance]:
-        key = name
-        if stream.keys.is_named_by_node:
-            node = self._table.nodes.get(address)
-            if node is None:
-                raise LocalError(
-                    f"{stream.name}: {self._who()} has no name for {{node}}",
-                    hint="list it under nodes in the config",
-                )
-            key = key.replace("{node}", node)
+        if stream.keys.is_named_by_node and address not in self._table.nodes:
+            raise LocalError(
+                f"{stream.name}: {self._who()} has no name for {{node}}",
+                hint="list it under nodes in the config",
+            )
+        key = self._as_own(name)
         instance = stream.keys.match(key, address)
         if instance is None:
             raise LocalError(
@@ -272,6 +269,11 @@ class Catalogue:
                 hint="give the other placeholders one of their values",
             )
         return key, instance
+
+    def _as_own(self, name: str) -> str:
+        """A name with `{node}` filled in by the own one, if it has one."""
+        node = self._table.nodes.get(self._identity.address or 0)
+        return name if node is None else name.replace("{node}", node)
 
     def _own_address(self, stream: Stream) -> int:
         if self._identity.address is None:

@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import json
 import re
+import threading
 from collections.abc import Sequence
 from typing import Final
 
@@ -35,11 +36,20 @@ async def open_session(config: Config | None, connect: str | Sequence[str] | Non
         SessionError: No router is reached, or an endpoint is none.
     """
     settings, endpoints = _settings(config, connect)
-    opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, settings))
+    abandoned = threading.Event()
+
+    def open_or_abandon() -> zenoh.Session:
+        session = zenoh.open(settings)
+        if abandoned.is_set():
+            close_session(session)
+        return session
+
+    opening = asyncio.get_running_loop().run_in_executor(None, open_or_abandon)
     try:
         return await asyncio.shield(opening)
     except asyncio.CancelledError:
-        opening.add_done_callback(_abandon)  # the thread cannot be stopped
+        abandoned.set()  # the thread cannot be stopped
+        opening.add_done_callback(_abandon)
         raise
     except zenoh.ZError as error:
         where = ", ".join(endpoints) or "the Zenoh network"

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from zacoustic.errors import ZacousticError
 
-STDERR_LINES: Final = 12
+STDERR_LINES: Final = 6
 """Last lines of a child's standard error that are kept."""
 STOP_LIMIT_S: Final = 5.0
 """How long a child may take to stop before it is killed, s."""
@@ -60,6 +60,11 @@ class Child:
         self._process: asyncio.subprocess.Process | None = None
         self._readers: list[asyncio.Task[None]] = []
         self._complaints: deque[str] = deque(maxlen=STDERR_LINES)
+
+    @property
+    def exit_code(self) -> int | None:
+        """How it ended; None while it runs."""
+        return None if self._process is None else self._process.returncode
 
     async def start(self) -> None:
         """Start it.

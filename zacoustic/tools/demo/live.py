@@ -1,4 +1,4 @@
-"""The live view of the demo: the water, the last frames and what they carried, the streams so far.
+"""The live view of the demo: the water, the last frames and what they carried, the streams.
 
 Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws once.
 """
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from rich import box
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
@@ -25,7 +26,7 @@ WIDTH: Final = 108
 """Columns of the picture that is saved."""
 FRAMES_SHOWN: Final = 7
 """The last so many frames are shown."""
-_WATER_CELLS: Final = 70
+_WATER_CELLS: Final = 92
 _COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
 
 
@@ -34,7 +35,7 @@ class LiveView(View):
 
     Args:
         console: Where to; a new one on standard output unless given.
-        screenshot: Where to save the last picture as SVG, or None.
+        screenshot: Where to save a picture of it as SVG, or None.
         title: What stands above it.
     """
 
@@ -46,7 +47,7 @@ class LiveView(View):
         self._title = title
         self._logbook: Logbook | None = None
         self._live: Live | None = None
-        self._news = ""
+        self._picture_with_sound: RenderableType | None = None
 
     def begin(self, logbook: Logbook) -> None:
         """Take over the terminal."""
@@ -59,22 +60,26 @@ class LiveView(View):
 
     def tick(self) -> None:
         """Draw."""
-        if self._live is not None:
-            self._live.update(self._picture(), refresh=True)
+        if self._live is None:
+            return
+        picture = self._picture()
+        self._live.update(picture, refresh=True)
+        if self._logbook is not None and _is_under_way(self._logbook):
+            self._picture_with_sound = picture
 
     def stop(self) -> None:
-        """Give the terminal back, and save the picture if that was asked for."""
+        """Give the terminal back."""
         if self._live is not None:
             self._live.stop()
             self._live = None
 
     def conclude(self, summary: Summary) -> None:
-        """Print the summary, and save the last picture with it."""
+        """Print the summary; save a picture with sound in it, and the summary below."""
         closing = Text(f"\n{as_text(summary)}")
         self._console.print(closing)
         if self._screenshot is not None:
             paper = Console(record=True, width=WIDTH, file=io.StringIO(), force_terminal=True)
-            paper.print(self._picture())
+            paper.print(self._picture_with_sound or self._picture())
             paper.print(closing)
             self._screenshot.write_text(
                 paper.export_svg(title="make demo"), encoding="utf-8", newline="\n"
@@ -89,6 +94,15 @@ class LiveView(View):
             _frames(self._logbook),
             _lanes(self._logbook),
         )
+
+
+def _is_under_way(logbook: Logbook) -> bool:
+    """Whether there is sound in the middle of the water."""
+    now = time.monotonic()
+    return any(
+        0.6 < (now - frame.began_at) / logbook.propagation_s < 0.9
+        for frame in logbook.in_the_water()
+    )
 
 
 def _water(logbook: Logbook) -> RenderableType:
@@ -123,10 +137,10 @@ def _cells_of(frame: Frame, now: float, propagation_s: float) -> range:
 
 
 def _frames(logbook: Logbook) -> Table:
-    table = Table(title="last frames", title_justify="left", expand=False, width=WIDTH - 2)
-    for name in ("at", "from → to", "bytes", "airtime"):
-        table.add_column(name, justify="left" if "→" in name else "right", no_wrap=True)
-    table.add_column("what crossed, and how long it took from client to client", ratio=1)
+    table = Table(width=WIDTH - 2, box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in ("at", "frame", "bytes", "airtime", "delay"):
+        table.add_column(name, justify="left" if name == "frame" else "right", no_wrap=True)
+    table.add_column("what it carried", ratio=1)
     began_at = logbook.began_at or 0.0
     for frame in logbook.frames[-FRAMES_SHOWN:]:
         table.add_row(
@@ -137,6 +151,7 @@ def _frames(logbook: Logbook) -> Table:
             ),
             str(frame.frame_bytes),
             f"{frame.airtime_s:.3f} s",
+            "\n".join(f"{note.delay_s:.2f} s" for note in frame.carried),
             Text("\n".join(_carried(frame)), no_wrap=True, overflow="ellipsis"),
         )
     return table
@@ -147,12 +162,14 @@ def _carried(frame: Frame) -> Iterator[str]:
         yield "…"
     elif frame.outcome != "received":
         yield f"lost: {frame.outcome}"
+    elif not frame.carried:
+        yield "–"
     for note in frame.carried:
-        yield f"{note.stream} in {note.delay_s:.2f} s: {shown(note.value)}"
+        yield f"{note.stream}: {shown(note.value)}"
 
 
 def _lanes(logbook: Logbook) -> Table:
-    table = Table(title="streams", title_justify="left", width=WIDTH - 2)
+    table = Table(width=WIDTH - 2, box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("stream", ratio=1)
     for name in ("from", "sent", "crossed", "mean delay", "bytes"):
         table.add_column(name, justify="left" if name == "from" else "right")

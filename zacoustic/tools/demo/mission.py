@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from zacoustic.channel.position import distance_m
-from zacoustic.channel.scenario import Scenario, scenario_from_mapping
-from zacoustic.config import read_config
+from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.config import config_from_mapping
+from zacoustic.core.streams import StreamTable
 from zacoustic.errors import ZacousticError
 from zacoustic.json5 import parse_json5
 from zacoustic.tools.demo.children import Child, ChildDiedError
@@ -37,7 +38,7 @@ from zacoustic.tools.demo.logbook import Logbook
 from zacoustic.tools.demo.verdict import Summary, summary_of
 from zacoustic.tools.demo.views import View
 
-DURATION_S: Final = 28.0
+DURATION_S: Final = 32.0
 """How long the vehicle reports, s, unless another time is asked for."""
 SHORTEST_S: Final = 20.0
 """In less the console does not get through its plan."""
@@ -79,15 +80,7 @@ class Mission:
         with tempfile.TemporaryDirectory(prefix="zacoustic-demo-") as name:
             folder = Path(name)
             water = write_water(folder)
-            scenario = scenario_from_mapping(
-                parse_json5(demo_text("water.json5"), source="water.json5"), source="water.json5"
-            )
-            written = write_islands(folder, f"{self._link}/127.0.0.1:0")
-            self._logbook = Logbook(
-                read_config(written[SHORE].file).table,
-                time.monotonic,
-                propagation_s=_propagation_s(scenario),
-            )
+            self._logbook = Logbook(_fleet_table(), time.monotonic, propagation_s=_propagation_s())
             problems: tuple[str, ...] = ()
             self._failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._view.begin(self._logbook)
@@ -204,12 +197,18 @@ class Mission:
             await child.stop()
 
 
-def _propagation_s(scenario: Scenario) -> float:
+def _fleet_table() -> StreamTable:
+    """The streams of the demo."""
+    whole: Any = parse_json5(demo_text("fleet.json5"), source="fleet.json5")
+    return config_from_mapping(whole["plugins"]["acoustic"], source="fleet.json5").table
+
+
+def _propagation_s() -> float:
     """How long sound takes between the two islands, s."""
-    places = [node.position for node in scenario.nodes]
-    assert places[0] is not None
-    assert places[1] is not None
-    return distance_m(places[0], places[1]) / scenario.sound_speed_m_s
+    water = parse_json5(demo_text("water.json5"), source="water.json5")
+    scenario = scenario_from_mapping(water, source="water.json5")
+    near, far = (node.motion().position(0.0) for node in scenario.nodes)
+    return distance_m(near, far) / scenario.sound_speed_m_s
 
 
 @contextlib.contextmanager

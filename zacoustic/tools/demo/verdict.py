@@ -43,6 +43,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True, tag="summary", tag_fiel
     """What each stream had."""
     frames: int
     """Frames in the water."""
+    lost_frames: int
+    """Those of them that were lost; what they carried crossed in another one, or is missing."""
     transmitted_bytes: int
     """Bytes in those frames."""
     overhead_bytes: int
@@ -66,6 +68,7 @@ def summary_of(logbook: Logbook, problems: tuple[str, ...] = ()) -> Summary:
         duration_s=round(logbook.elapsed_s, 3),
         streams=tuple(_lane_summaries(logbook, total)),
         frames=len(logbook.frames),
+        lost_frames=sum(frame.outcome not in (None, "received") for frame in logbook.frames),
         transmitted_bytes=total,
         overhead_bytes=sum(logbook.overhead_bytes.values()),
         airtime_s=round(logbook.airtime_s, 3),
@@ -87,6 +90,8 @@ def _lane_summaries(logbook: Logbook, total_bytes: int) -> Iterator[LaneSummary]
 
 
 def _missing(logbook: Logbook) -> Iterator[str]:
+    if logbook.began_at is None:
+        return  # whatever stopped it before the start says more
     for lane in logbook.lanes:
         head = f"{lane.name} from {island_name(lane.source)}"
         if not lane.sent:
@@ -97,10 +102,6 @@ def _missing(logbook: Logbook) -> Iterator[str]:
         yield from (f"{head}: number {fault}" for fault in lane.faults)
     for client in sorted({"vehicle", "console"} - logbook.done):
         yield f"{client}: not done with what it had to do"
-    lost = [frame for frame in logbook.frames if frame.outcome not in (None, "received")]
-    if lost:
-        outcomes = ", ".join(sorted({str(frame.outcome) for frame in lost}))
-        yield f"{len(lost)} of {len(logbook.frames)} frames were lost in the water ({outcomes})"
 
 
 def as_text(summary: Summary) -> str:
@@ -112,7 +113,7 @@ def as_text(summary: Summary) -> str:
     rate = summary.airtime_s / summary.duration_s if summary.duration_s else 0.0
     lines = [
         align(_HEADER, rows, right=_RIGHT),
-        f"{summary.frames} frames, {summary.transmitted_bytes} bytes, "
+        f"{summary.frames} frames, {summary.lost_frames} lost, {summary.transmitted_bytes} bytes, "
         f"{summary.airtime_s:.2f} s of sound in {summary.duration_s:.1f} s ({rate:.0%})",
         *(f"missing: {line}" for line in summary.missing),
         "everything crossed" if summary.ok else "not everything crossed",

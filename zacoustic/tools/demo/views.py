@@ -106,7 +106,7 @@ def shown(value: object) -> str:
     if not isinstance(value, dict):
         return str(value)
     return " ".join(
-        f"{name} {part:g}" if isinstance(part, float) and abs(part) < 1e5 else f"{name} {part}"
+        f"{name} {part:.8g}" if isinstance(part, float) else f"{name} {part}"
         for name, part in value.items()
         if name != "count"
     )

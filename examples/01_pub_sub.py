@@ -1,0 +1,74 @@
+"""Publish and subscribe with modems and nothing else: no Zenoh, no configuration file.
+
+Both nodes in simulated water:   python examples/01_pub_sub.py
+One on a modem, with its role:   python examples/01_pub_sub.py vehicle --link sim/127.0.0.1:7000
+"""
+
+import argparse
+import asyncio
+from typing import Annotated, Literal
+
+import msgspec
+
+from zacoustic import Bounds, Node, Qos, Stamp
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.link import Link
+from zacoustic_sim.medium import SimMedium
+
+ADDRESSES = {"shore": 1, "vehicle": 2}
+NAV_ID = 10  # on the water a topic is one byte, the same on all nodes
+SAMPLES = 5
+
+
+class Nav(msgspec.Struct):
+    """Where the vehicle is. Bounds and steps make values small, and are checked on both sides."""
+
+    lat: Annotated[float, Bounds(-90, 90, step=1e-6, unit="deg")]
+    lon: Annotated[float, Bounds(-180, 180, step=1e-6, unit="deg")]
+    depth: Annotated[float, Bounds(0, 1000, step=0.1, unit="m")]
+    mode: Literal["idle", "survey", "abort"] = "survey"
+
+
+# The newest sample only, and one byte that tells how old it is when it is sent.
+LATEST = Qos(depth=1, stamp=Stamp.AGE)
+
+
+async def vehicle(link: Link | str, period_s: float) -> None:
+    async with Node(ADDRESSES["vehicle"], link=link) as node:
+        publisher = node.create_publisher(Nav, "auv1/nav", LATEST, stream_id=NAV_ID)
+        for number in range(SAMPLES):
+            publisher.publish(Nav(lat=54.32 + number * 1e-4, lon=10.14, depth=10.0 + number))
+            await asyncio.sleep(period_s)
+        await node.flush()
+        sent = sum(entry.transmitted_bytes for entry in node.ledger())
+        print(f"vehicle: {node.stats.frames_transmitted} frames, {sent} bytes")
+
+
+async def shore(link: Link | str) -> None:
+    async with Node(ADDRESSES["shore"], link=link) as node:
+        samples = node.subscribe(Nav, "auv1/nav", LATEST, stream_id=NAV_ID)
+        async for sample in samples:
+            print(f"shore: {sample.value} from node {sample.source}, {sample.age_s} s old")
+            if sample.value.depth >= 10.0 + SAMPLES - 1:
+                break
+
+
+async def simulate(time_scale: float = 20.0) -> None:
+    nodes = tuple(NodeSpec(address=n, position=(1000.0 * n, 0.0, 20.0)) for n in (1, 2))
+    medium = SimMedium(Scenario(nodes=nodes, channel="none"), time_scale=time_scale)
+    listening = asyncio.create_task(shore(medium.link(1)))
+    await asyncio.gather(listening, vehicle(medium.link(2), period_s=5.0 / time_scale))
+    medium.close()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("role", nargs="?", choices=list(ADDRESSES))
+    parser.add_argument("--link", help="locator of the modem")
+    arguments = parser.parse_args()
+    if arguments.link is None:
+        asyncio.run(simulate())
+    elif arguments.role == "vehicle":
+        asyncio.run(vehicle(arguments.link, period_s=5.0))
+    else:
+        asyncio.run(shore(arguments.link))

@@ -1,0 +1,214 @@
+"""`zacoustic check`: the table of a valid file, and one line for each way in which one is wrong."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from zacoustic.cli import main
+
+SECTION: dict[str, Any] = {
+    "address": 2,
+    "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}],
+    "links": [{"locator": "sim/127.0.0.1:7000"}],
+    "types": [
+        {
+            "name": "Nav",
+            "fields": [
+                {"name": "lat", "type": "float64", "range": [-90, 90], "step": 1e-6},
+                {"name": "mode", "type": "enum", "values": ["idle", "survey"]},
+            ],
+        },
+        {"name": "Text", "fields": [{"name": "text", "type": "string"}]},
+    ],
+    "streams": [
+        {"id": 10, "topic": "auv1/nav", "type": "Nav", "publishers": [2], "stamp": "age"},
+        {"id": 11, "topic": "fleet/{node}/{part}",
+         "wildcards": [{"name": "part", "values": ["a", "b"]}]},
+        {"id": 20, "service": "auv1/arm", "request": "Nav", "server": 2, "timeout_s": 30},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Path:
+    return write(tmp_path, SECTION)
+
+
+def write(folder: Path, section: dict[str, Any]) -> Path:
+    path = folder / "fleet.json5"
+    path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+    return path
+
+
+def changed(path: str, value: object) -> dict[str, Any]:
+    """The section with another value at a path such as `streams.0.id`."""
+    section: dict[str, Any] = json.loads(json.dumps(SECTION))
+    *steps, last = path.split(".")
+    place: Any = section
+    for step in steps:
+        place = place[int(step)] if step.isdigit() else place[step]
+    if isinstance(place, list):
+        place.insert(int(last), value)
+    else:
+        place[last] = value
+    return section
+
+
+def test_a_valid_file_is_shown_as_a_table(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(fleet)]) == 0
+    written = capsys.readouterr()
+    assert written.err == ""
+    lines = written.out.splitlines()
+    assert lines[0].startswith(f"{fleet}: valid; node 2, auv1; table ")
+    row = next(line.split() for line in lines if "auv1/nav" in line)
+    # id, age, latitude of 1 to 5 bytes, enum of one
+    assert row == [
+        "10",
+        "topic",
+        "auv1/nav",
+        "Nav",
+        "auv1",
+        "all",
+        "data",
+        "1",
+        "4–8",
+        "0.239",
+        "s",
+    ]
+
+
+def test_json_has_sizes_airtime_and_digest(fleet: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(fleet), "--json", "--address", "1"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["address"] == 1
+    assert report["mtu_bytes"] == 64
+    assert len(bytes.fromhex(report["digest"])) == 4
+    nav, fleet_part, request, response = report["streams"]
+    assert (nav["smallest_bytes"], nav["largest_bytes"]) == (4, 8)
+    assert nav["airtime_s"] == pytest.approx(0.1503 + 8 * 0.011094)
+    # id and wildcard; the rest is as large as a frame
+    assert (fleet_part["smallest_bytes"], fleet_part["largest_bytes"]) == (2, None)
+    assert (request["kind"], request["smallest_bytes"], request["largest_bytes"]) == (
+        "request",
+        4,
+        8,
+    )
+    assert (response["kind"], response["smallest_bytes"], response["lifespan_s"]) == (
+        "response",
+        2,
+        30,
+    )
+    assert report["types"][0] == {
+        "name": "Nav", "fields": 2, "smallest_bytes": 2, "largest_bytes": 6
+    }  # fmt: skip
+
+
+def test_another_modem_gives_another_airtime(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(fleet), "--json", "--profile", "waterlinked_m64"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["streams"][0]["airtime_s"] == pytest.approx(8 * 0.0625)
+    assert report["mtu_bytes"] == 8
+
+
+def test_what_does_not_fit_a_frame_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("streams.0.type", "Text")
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert "note: stream 10 (auv1/nav), topic: Text has no largest size" in capsys.readouterr().out
+
+
+def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
+    fleet = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
+    for address in ("1", "2"):
+        assert main(["check", str(fleet), "--address", address]) == 0
+    assert "note:" not in capsys.readouterr().out
+
+
+def test_a_link_that_is_not_installed_fails_after_the_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(tmp_path, changed("links.0.locator", "smoke/here"))
+    assert main(["check", str(path)]) == 1
+    written = capsys.readouterr()
+    assert "auv1/nav" in written.out
+    assert written.err.count("\n") == 1
+    assert "no link 'smoke'; installed: " in written.err
+
+
+# Path, what is written there, and what the line must hold: key, value, allowed.
+WRONG = [
+    ("bogus", 1, ["bogus", "unknown key", "address", "streams"]),
+    ("streams.0.prority", "data", ["streams[0].prority", "unknown key", "did you mean"]),
+    ("streams.1.id", 10, ["streams[1].id", "10", "auv1/nav"]),
+    ("streams.0.id", 176, ["streams[0].id", "176", "1..175"]),
+    ("streams.0.id", 0, ["streams[0].id", "0", "1..175"]),
+    ("address", 255, ["address", "255", "1 (shore)"]),
+    ("streams.0.type", "Nv", ["streams[0].type", "Nv", "Nav"]),
+    ("types.0.fields.0.type", "flaot64", ["types[0].fields[0].type", "flaot64", "float64"]),
+    ("types.0.fields.0.range", [90, -90], ["types[0].fields[0].range", "low < high"]),
+    ("types.0.fields.0.stp", 1, ["types[0].fields[0].stp", "unknown key", "step"]),
+    ("streams.0.priority", "urgent", ["streams[0].priority", "urgent", "real_time"]),
+    ("streams.0.topic", "/auv1/nav", ["streams[0].topic", "/auv1/nav"]),
+    ("streams.0.depth", 0, ["streams[0].depth", "0", "1..65535"]),
+    ("streams.0.lifespan_s", -1, ["streams[0].lifespan_s", "-1", "above 0"]),
+    ("streams.0.reliability", "reliable", ["streams[0].reliability", "reliable", "best_effort"]),
+    ("streams.2.server", 9, ["streams[2].server", "9", "1 (shore)"]),
+    ("links.0.wire", "morse", ["links[0].wire", "morse", "native"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("path", "value", "expected"), WRONG, ids=[each[0] for each in WRONG])
+def test_a_wrong_file_is_one_line_with_file_key_value_and_what_is_allowed(
+    path: str,
+    value: object,
+    expected: list[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = write(tmp_path, changed(path, value))
+    assert main(["check", str(file)]) == 2
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert written.err.count("\n") == 1
+    assert written.err.startswith(f"zacoustic check: {file}: ")
+    for part in expected:
+        assert part in written.err
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("{ plugins: { acoustic: { address: 1,, } } }", [":1:"]),
+        ("{ mode: 'router' }", ["plugins.acoustic", "add plugins"]),
+        ("{ moed: 'router', plugins: { acoustic: {} } }", ["moed"]),
+    ],
+)
+def test_a_file_that_is_no_config_is_one_line_with_its_name(
+    text: str, expected: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "fleet.json5"
+    file.write_text(text, encoding="utf-8")
+    assert main(["check", str(file)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    for part in ("fleet.json5", *expected):
+        assert part in error
+
+
+def test_a_file_that_is_missing_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "nowhere.json5"]) == 2
+    error = capsys.readouterr().err
+    assert "nowhere.json5" in error
+    assert error.count("\n") == 1
+
+
+def test_an_unknown_profile_lists_those_there_are(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(fleet), "--profile", "morse"]) == 2
+    assert "evologics_s2c_18_34" in capsys.readouterr().err

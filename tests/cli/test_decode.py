@@ -1,0 +1,123 @@
+"""`zacoustic decode`: frames in words, from arguments and from standard input."""
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zacoustic.cli import main
+from zacoustic.config import read_config
+from zacoustic.core.calls import CallKind, encode_call_byte, encode_error
+from zacoustic.core.events import CallFailure
+from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.streams import StreamTable
+from zacoustic.tools.decode import decode_frame
+
+FLEET = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
+TABLE = read_config(FLEET).table
+
+
+@pytest.fixture
+def table() -> StreamTable:
+    return TABLE
+
+
+def nav(table: StreamTable) -> bytes:
+    """A record of navigation, 1.5 s old."""
+    value = {"count": 7, "lat": 43.1, "lon": 5.9, "depth": 12.3, "heading": 90.0}
+    return bytes((10, 15)) + table.by_id(10).codec.encode(value)
+
+
+def test_controls_are_told_with_and_without_a_table(table: StreamTable) -> None:
+    frame = (
+        Hello(1, 77, table.digest).encode()
+        + Tag(77).encode()
+        + Confirm(2, 5).encode()
+        + Ask(2, 10).encode()
+        + TableRow(77, 10, bytes(4)).encode()
+    )
+    kinds = [item.kind for item in decode_frame(frame)]
+    assert kinds == ["hello", "tag", "confirm", "ask", "table"]
+    assert [item.fault for item in decode_frame(frame, table)] == [""] * 5
+    assert "is not in my table" in decode_frame(frame)[-1].text
+
+
+def test_a_hello_of_another_table_says_so(table: StreamTable) -> None:
+    (item,) = decode_frame(Hello(1, 77, b"\x01\x02\x03\x04").encode(), table)
+    assert item.fault == f"another table than {table.digest.hex()}"
+
+
+def test_values_are_decoded_with_a_table(table: StreamTable) -> None:
+    (item,) = decode_frame(nav(table), table, source=2)
+    assert (item.kind, item.stream_id, item.name) == ("sample", 10, "auv1/nav")
+    assert item.value == {"count": 7, "lat": 43.1, "lon": 5.9, "depth": 12.3, "heading": 90.0}
+    assert "1.5 s old" in item.text
+
+
+def test_records_that_delimit_themselves_are_told_apart_with_a_table_only(
+    table: StreamTable,
+) -> None:
+    status = table.by_id(11).codec.encode(
+        {"count": 7, "battery": 87.5, "mode": "idle", "leak": False}
+    )
+    frame = nav(table) + bytes((11,)) + status
+    assert [item.stream_id for item in decode_frame(frame, table, source=2)] == [10, 11]
+    assert decode_frame(frame, table, source=2)[1].name == "fleet/auv1/status"
+    assert [item.kind for item in decode_frame(frame)] == ["record"]
+
+
+def test_calls_are_told_with_their_numbers(table: StreamTable) -> None:
+    request = bytes((20, encode_call_byte(CallKind.REQUEST, 9))) + table.by_id(20).codec.encode(
+        {"armed": True}
+    )
+    (item,) = decode_frame(request, table)
+    assert item.text == 'stream 20 auv1/arm, request of call 9: {"armed": true}'
+    refused = bytes((20, encode_call_byte(CallKind.ERROR, 9))) + encode_error(
+        CallFailure.HANDLER, "leak"
+    )
+    (item,) = decode_frame(refused, table)
+    assert item.text == "stream 20 auv1/arm, error of call 9: handler: leak"
+
+
+def test_what_does_not_decode_says_why(table: StreamTable) -> None:
+    (item,) = decode_frame(bytes((10, 0, 0x18)), table)
+    assert item.kind == "sample"
+    assert item.fault
+    assert "does not decode" in item.text
+
+
+@given(st.binary(max_size=80), st.integers(0, 255))
+def test_garbage_never_raises(frame: bytes, source: int) -> None:
+    for known in (None, TABLE):
+        for item in decode_frame(frame, known, source=source):
+            assert item.text
+            assert "\n" not in item.text.replace("\\n", "")
+
+
+def test_frames_come_as_arguments_in_any_usual_form(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["decode", "b10007", "0xb1 0x00 0x07", "B1:00:07"]) == 0
+    written = capsys.readouterr().out
+    assert written.count("3 bytes: b10007\n  TAG epoch 7") == 3
+
+
+def test_frames_come_as_lines_of_a_trace(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = '{"at": 1, "frame": "b10007"}\n\n{"at": 2}\nb10008\n'
+    monkeypatch.setattr("sys.stdin", io.StringIO(lines))
+    assert main(["decode", "--json"]) == 0
+    told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [each["frame"] for each in told] == ["b10007", "b10008"]
+    assert told[0]["items"][0]["kind"] == "tag"
+
+
+def test_what_is_not_hexadecimal_is_said_and_the_rest_is_decoded(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["decode", "hello", "b10007"]) == 1
+    written = capsys.readouterr()
+    assert written.err == "zacoustic decode: 'hello' is not hexadecimal\n"
+    assert "TAG epoch 7" in written.out

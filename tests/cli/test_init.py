@@ -1,0 +1,106 @@
+"""`zacoustic init` on a live Zenoh network: what it sees becomes a file that `check` accepts."""
+
+import contextlib
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import cbor2
+import pytest
+import zenoh
+
+from zacoustic.cli import main
+from zacoustic.tools.demo.islands import free_ports
+
+
+@contextlib.contextmanager
+def network(*, adminspace: bool = True) -> Iterator[str]:
+    """A router on which a vehicle publishes until the end; gives its endpoint."""
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    config = zenoh.Config.from_json5(
+        json.dumps(
+            {
+                "mode": "router",
+                "listen": {"endpoints": [endpoint]},
+                "scouting": {"multicast": {"enabled": False}},
+                "adminspace": {"enabled": adminspace},
+            }
+        )
+    )
+    ended = threading.Event()
+    with zenoh.open(config) as session:
+        session.declare_queryable("auv1/arm", lambda query: query.reply_err("not now"))
+        thread = threading.Thread(target=publish, args=(session, ended))
+        thread.start()
+        try:
+            yield endpoint
+        finally:
+            ended.set()
+            thread.join()
+
+
+def publish(session: zenoh.Session, ended: threading.Event) -> None:
+    count = 0
+    while not ended.wait(0.02):
+        nav = {"lat": 43.1, "depth": 10.5, "count": count}
+        session.put("auv1/nav", cbor2.dumps(nav), encoding="application/cbor")
+        session.put("auv1/status", json.dumps({"ok": True}), encoding="application/json")
+        count += 1
+
+
+def test_a_live_network_becomes_a_file_that_check_accepts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "first.json5"
+    with network() as endpoint:
+        code = main(["init", "--connect", endpoint, "--listen-s", "0.5", "--output", str(path)])
+    assert code == 0
+    assert capsys.readouterr().out == ""
+    assert main(["check", str(path), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    found = {(row["kind"], row["name"], row["type"]) for row in report["streams"]}
+    assert found == {
+        ("topic", "auv1/nav", "Nav"),
+        ("topic", "auv1/status", "Status"),
+        ("request", "auv1/arm", None),
+        ("response", "auv1/arm", None),
+    }
+
+
+def test_json_tells_what_was_seen_and_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    with network(adminspace=False) as endpoint:
+        code = main(
+            ["init", "--connect", endpoint, "--listen-s", "0.3", "--key", "*/nav", "--json"]
+        )
+    assert code == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [topic["key"] for topic in told["topics"]] == ["auv1/nav"]
+    assert told["topics"][0]["rate_hz"] > 1
+    assert told["services"] == []
+    assert "no admin space" in told["text"]
+
+
+def test_an_existing_file_is_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "first.json5"
+    path.write_text("precious", encoding="utf-8")
+    assert main(["init", "--connect", "tcp/127.0.0.1:1", "--output", str(path)]) == 2
+    assert "exists; allowed: a new file" in capsys.readouterr().err
+    assert path.read_text(encoding="utf-8") == "precious"
+
+
+@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:1", "nonsense"])
+def test_a_router_that_is_not_there_is_one_line(
+    endpoint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["init", "--connect", endpoint, "--listen-s", "0.1"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"zacoustic init: no Zenoh router at {endpoint}")
+    assert error.count("\n") == 1
+
+
+def test_a_time_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "--connect", "tcp/127.0.0.1:1", "--listen-s", "0"]) == 2
+    assert "--listen-s 0; allowed: seconds, above 0" in capsys.readouterr().err

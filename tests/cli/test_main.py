@@ -1,0 +1,183 @@
+"""The command line itself: how verbs are found, and what becomes of errors."""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from zacoustic import cli, registry
+from zacoustic.cli import BUILT_IN, main
+from zacoustic.command import Command
+from zacoustic.errors import (
+    CallTimeoutError,
+    ConfigError,
+    LinkUnavailableError,
+    ServiceError,
+    ZacousticError,
+)
+
+EXAMPLE_CONFIG = '{ plugins: { acoustic: { address: 1, streams: [ { id: 1, topic: "hello" } ] } } }'
+
+
+def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "zacoustic.cli", *arguments],
+        input=text,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+class Failing(Command):
+    """Stands for a verb, and raises."""
+
+    name = "links"
+    summary = "fails"
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        pass
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        raise self.error
+
+
+@pytest.fixture
+def raising(monkeypatch: pytest.MonkeyPatch) -> Callable[[BaseException], int]:
+    def call(error: BaseException) -> int:
+        monkeypatch.setattr(cli, "_built_in", lambda name: Failing(error))
+        return main(["links"])
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ConfigError("address: 300", hint="1..254"), 2),
+        (ZacousticError("no\nluck"), 1),
+        (ServiceError("the handler failed"), 1),
+        (CallTimeoutError("no answer within 3 s"), 3),
+        (TimeoutError(), 3),
+        (KeyboardInterrupt(), 130),
+        (BrokenPipeError(), 1),
+        (ModuleNotFoundError("No module named 'rich'", name="rich"), 1),
+    ],
+)
+def test_each_kind_of_error_has_its_exit_code_and_one_line_at_most(
+    error: BaseException,
+    code: int,
+    raising: Callable[[BaseException], int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert raising(error) == code
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert written.err.count("\n") <= 1
+    assert "Traceback" not in written.err
+
+
+def test_an_error_names_the_verb_and_says_what_to_do(
+    raising: Callable[[BaseException], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    raising(ConfigError("address: 300", hint="1..254"))
+    assert capsys.readouterr().err == "zacoustic links: address: 300 (1..254)\n"
+
+
+def test_a_fault_of_the_program_is_not_hidden(raising: Callable[[BaseException], int]) -> None:
+    with pytest.raises(ZeroDivisionError):
+        raising(ZeroDivisionError())
+    with pytest.raises(ModuleNotFoundError):
+        raising(ModuleNotFoundError("gone", name="zacoustic.tools.gone"))
+
+
+def test_an_unknown_verb_is_one_line_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["chekc"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("zacoustic chekc: no such verb")
+    assert 'did you mean "check"?' in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [["check"], ["check", "a", "b"], ["decode", "--bogus"], []])
+def test_wrong_arguments_are_one_line_and_exit_code_2(
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert written.err.count("\n") == 1
+    assert "--help" in written.err
+
+
+def test_help_lists_every_verb_and_starts_no_zenoh() -> None:
+    program = (
+        "import sys; from zacoustic.cli import main; code = main(['--help']);"
+        "print('zenoh' in sys.modules, 'rich' in sys.modules, file=sys.stderr); sys.exit(code)"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert process.returncode == 0
+    assert process.stderr.split() == ["False", "False"]
+    for verb in (*BUILT_IN, "medium"):
+        assert f"\n    {verb} " in process.stdout
+
+
+@pytest.mark.parametrize("verb", BUILT_IN)
+def test_the_help_of_every_verb_has_an_example(
+    verb: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([verb, "--help"]) == 0
+    helped = capsys.readouterr().out
+    assert "example" in helped
+    assert f"zacoustic {verb}" in helped.partition("example")[2]
+
+
+def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("zacoustic 0.")
+
+
+def test_a_verb_of_a_link_package_that_cannot_be_imported_says_why(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = LinkUnavailableError("command 'emulate' needs serial", hint="pip install x[emulate]")
+    broken = registry.UnavailableCommand("emulate", error)
+    monkeypatch.setattr(registry, "commands", lambda: {"emulate": broken})
+    assert main(["emulate", "--port", "7"]) == 1
+    expected = "zacoustic emulate: command 'emulate' needs serial (pip install x[emulate])\n"
+    assert capsys.readouterr().err == expected
+    assert main(["--help"]) == 0
+    assert "not available" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
+    config = tmp_path / "fleet.json5"
+    config.write_text(EXAMPLE_CONFIG, encoding="utf-8")
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        process = subprocess.run(
+            [sys.executable, "-m", "zacoustic.cli", "check", str(config)],
+            stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=60,
+        )  # fmt: skip
+    finally:
+        os.close(writing)
+    assert process.stderr == ""
+    assert process.returncode == 1
+
+
+def test_the_module_is_the_program() -> None:
+    process = run("links", "--json")
+    assert process.returncode == 0
+    assert process.stderr == ""
+    assert '"name": "sim"' in process.stdout

@@ -1,0 +1,107 @@
+"""Medium access: defer while somebody is heard, then back off by a seeded random time."""
+
+import random
+
+from tests.core.rig import End, link
+from zacoustic.core.access import Defer, Delegated, choose
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import StreamTable, TopicSpec
+
+LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1)
+SLOT_NS = LINK.airtime_ns(8)
+
+
+def back_offs(seed: int, rounds: int) -> list[int]:
+    """Take the channel away again and again, before the node's turn."""
+    access = Defer(LINK, random.Random(seed))
+    drawn: list[int] = []
+    now = 0
+    for _ in range(rounds):
+        access.handle_carrier(True, now)
+        now += SLOT_NS
+        access.handle_carrier(False, now)
+        ready_at = access.ready_at(now)
+        assert ready_at is not None
+        drawn.append(ready_at - now)
+    return drawn
+
+
+def test_quiet_channel_is_free_at_once() -> None:
+    ready_at = Defer(LINK, random.Random(1)).ready_at(5)
+    assert ready_at is not None
+    assert ready_at <= 5
+
+
+def test_link_that_controls_access_is_never_waited_for() -> None:
+    controlled = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1, controls_access=True)
+    access = choose(controlled, random.Random(1))
+    assert isinstance(access, Delegated)
+    access.handle_carrier(True, 1)
+    assert access.ready_at(2) == 2
+    assert isinstance(choose(LINK, random.Random(1)), Defer)
+
+
+def test_back_off_is_seeded() -> None:
+    assert back_offs(7, 20) == back_offs(7, 20)
+    assert back_offs(7, 20) != back_offs(8, 20)
+
+
+def test_window_doubles_each_time_the_turn_is_lost_up_to_32_slots() -> None:
+    largest = [max(back_offs(seed, 8)[round_] for seed in range(300)) for round_ in range(8)]
+    for round_, drawn in enumerate(largest):
+        window = min(2**round_, 32) * SLOT_NS
+        assert drawn <= window
+        # A draw of zero ends the turn at once, so that the window may have grown less.
+        assert drawn > window // 2
+
+
+def test_own_transmission_brings_the_window_back_to_one_slot() -> None:
+    access = Defer(LINK, random.Random(3))
+    for _ in range(6):
+        access.handle_carrier(True, 0)
+        access.handle_carrier(False, 0)
+    access.handle_transmitted(0)
+    for now in range(1, 200):
+        instant = now * 10**12
+        access.handle_carrier(True, instant)
+        access.handle_carrier(False, instant)
+        ready_at = access.ready_at(instant)
+        assert ready_at is not None
+        assert instant <= ready_at <= instant + SLOT_NS
+
+
+def test_carrier_whose_end_is_lost_ends_after_two_of_the_largest_frames() -> None:
+    access = Defer(LINK, random.Random(1))
+    access.handle_carrier(True, 1000)
+    assert access.ready_at(2000) == 1000 + 2 * LINK.airtime_ns(64)
+
+
+def test_end_of_a_carrier_that_never_began_changes_nothing() -> None:
+    access = Defer(LINK, random.Random(1))
+    access.handle_carrier(False, 1000)
+    ready_at = access.ready_at(1000)
+    assert ready_at is not None
+    assert ready_at <= 1000
+
+
+def test_engine_defers_while_it_receives_and_goes_on_by_its_own_timer() -> None:
+    end = End(1, StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))]))
+    end.engine.publish(1, b"x", 0)
+    end.engine.handle_carrier(True, 0)
+    assert end.poll(0) is None
+    end.engine.handle_carrier(False, 1000)
+    due_at = end.engine.poll_timeout()
+    assert due_at is not None
+    assert due_at <= 1000 + link().airtime_ns(8)
+    end.engine.handle_timeout(due_at)
+    assert end.poll(due_at) is not None
+
+
+def test_engine_whose_modem_forgets_the_end_of_a_carrier_transmits_all_the_same() -> None:
+    end = End(1, StreamTable([TopicSpec(stream_id=1, name="a")]))
+    end.engine.publish(1, b"x", 0)
+    end.engine.handle_carrier(True, 0)
+    due_at = end.engine.poll_timeout()
+    assert due_at == 2 * link().airtime_ns(64)
+    assert end.poll(due_at) is not None

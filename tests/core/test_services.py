@@ -1,0 +1,305 @@
+"""Services: a call ends in exactly one answer, and runs at most once."""
+
+import pytest
+
+from tests.core.rig import Rig
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    RequestReceived,
+    ResponseReceived,
+)
+from zacoustic.core.frame import Hello
+from zacoustic.core.linktypes import Transmission
+from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.errors import PayloadInvalidError
+
+NODES = {1: "shore", 2: "auv"}
+TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])
+
+
+def fleet(server: int = 2) -> StreamTable:
+    return StreamTable(
+        [
+            ServiceSpec(stream_id=20, name="arm", server=server, timeout_s=10),
+            ServiceSpec(
+                stream_id=21,
+                name="count",
+                server=2,
+                request_type="N",
+                response_type="N",
+                timeout_s=10,
+            ),
+            TopicSpec(stream_id=1, name="a"),
+        ],
+        types=TYPES,
+        nodes=NODES,
+    )
+
+
+def ends() -> Rig:
+    return Rig({1: fleet(), 2: fleet()})
+
+
+def call(rig: Rig, value: object = b"please", *, stream_id: int = 20, **settings: float) -> int:
+    return rig[1].engine.call(stream_id, value, rig.now, **settings)
+
+
+def requests(rig: Rig) -> list[RequestReceived]:
+    return rig[2].got(RequestReceived)
+
+
+def answer(rig: Rig, value: object = b"done", number: int = -1) -> bool:
+    return rig[2].engine.reply(requests(rig)[number].call, value, rig.now)
+
+
+def failures(rig: Rig) -> list[tuple[int, CallFailure, str]]:
+    return [(event.call_id, event.failure, event.text) for event in rig[1].got(CallFailed)]
+
+
+def to_nobody(source: int, node: int, transmission: Transmission) -> bool:
+    return False
+
+
+def test_answer_finds_its_call() -> None:
+    rig = ends()
+    call_id = call(rig, {"n": 3}, stream_id=21)
+    rig.exchange()
+    assert [(event.value, event.call.client) for event in requests(rig)] == [({"n": 3}, 1)]
+    assert requests(rig)[0].deadline_at == seconds_to_ns(10)
+    assert answer(rig, {"n": 4})
+    assert not answer(rig, {"n": 5})
+    rig.exchange()
+    assert [(e.call_id, e.value) for e in rig[1].got(ResponseReceived)] == [(call_id, {"n": 4})]
+    rig.run(60)
+    assert failures(rig) == []
+
+
+def test_error_of_the_handler_reaches_the_caller_with_its_text() -> None:
+    rig = ends()
+    call_id = call(rig)
+    rig.exchange()
+    text = "no arm: " + "ä" * 60
+    rig[2].engine.reply_error(requests(rig)[0].call, CallFailure.HANDLER, text, rig.now)
+    rig.exchange()
+    assert failures(rig) == [(call_id, CallFailure.HANDLER, text[: 8 + 20])]
+
+
+def test_response_that_cannot_be_sent_is_an_error_of_the_service() -> None:
+    rig = ends()
+    call(rig, {"n": 1}, stream_id=21)
+    rig.exchange()
+    with pytest.raises(PayloadInvalidError):
+        answer(rig, {"n": 99})
+    rig.exchange()
+    ((_, failure, text),) = failures(rig)
+    assert failure is CallFailure.HANDLER
+    assert text.startswith("N.n is 99")
+
+
+def test_lost_request_times_out_and_is_not_sent_any_more() -> None:
+    rig = ends()
+    call_id = call(rig, timeout_s=5)
+    rig.exchange(to_nobody)
+    assert rig[1].engine.poll_timeout() == seconds_to_ns(5)
+    rig.run(4.99)
+    assert failures(rig) == []
+    rig.run(0.02)
+    assert failures(rig) == [(call_id, CallFailure.TIMED_OUT, "no answer before the deadline")]
+    assert rig[1].engine.poll_timeout() is None
+
+
+def test_request_that_still_waits_at_its_deadline_is_never_sent() -> None:
+    rig = ends()
+    rig[1].engine.handle_carrier(True, 0)
+    call(rig, timeout_s=0.0001)
+    assert rig[1].engine.pending(20) == 1
+    rig.now = seconds_to_ns(1)
+    rig[1].engine.handle_timeout(rig.now)
+    rig[1].engine.handle_carrier(False, rig.now)
+    assert rig[1].engine.pending(20) == 0
+    assert rig.run(1) == []
+
+
+def test_cancelled_call_is_not_sent_and_says_nothing() -> None:
+    rig = ends()
+    call_id = call(rig)
+    rig[1].engine.cancel(call_id, rig.now)
+    rig[1].engine.cancel(call_id, rig.now)
+    assert rig.run(60) == []
+    assert rig[1].events[1:] == []
+
+
+def test_answer_to_a_cancelled_call_is_counted_and_dropped() -> None:
+    rig = ends()
+    call_id = call(rig)
+    rig.exchange()
+    rig[1].engine.cancel(call_id, rig.now)
+    answer(rig)
+    rig.exchange()
+    assert rig[1].engine.stats.dropped == {"unexpected_answer": 1}
+    assert rig[1].got(ResponseReceived) == []
+
+
+def test_repeated_request_runs_once_and_is_answered_again() -> None:
+    rig = ends()
+    call(rig)
+    rig.exchange()
+    request = next(sent for source, sent in rig.frames if source == 1)
+    rig.now += 1_000_000
+    rig.deliver(1, request)
+    assert len(requests(rig)) == 1
+    answer(rig)
+    rig.exchange(to_nobody)
+    rig.now += 1_000_000
+    rig.deliver(1, request)
+    rig.exchange()
+    assert len(requests(rig)) == 1
+    assert len(rig[1].got(ResponseReceived)) == 1
+    assert rig[2].engine.stats.dropped == {"repeated_request": 2}
+
+
+def test_repeated_answer_is_dropped() -> None:
+    rig = ends()
+    call(rig)
+    rig.exchange()
+    answer(rig)
+    rig.exchange()
+    reply = next(sent for source, sent in rig.frames[::-1] if source == 2)
+    rig.now += 1_000_000
+    rig.deliver(2, reply)
+    assert len(rig[1].got(ResponseReceived)) == 1
+
+
+def test_late_answer_to_a_former_life_is_not_taken_for_a_new_call() -> None:
+    rig = ends()
+    call(rig, b"first life")
+    rig.exchange()
+    rig.run(1)
+    rig.restart(1, fleet())
+    second = call(rig, b"second life")
+    rig.exchange(to_nobody)
+    # Node 2 introduces itself, and answers the call that nobody waits for any more.
+    rig.publish(2, 1, b"hello")
+    rig.exchange()
+    answer(rig, b"to the first life")
+    rig.exchange()
+    assert rig[1].got(ResponseReceived) == []
+    rig.run(1)
+    third = call(rig, b"third")
+    rig.exchange()
+    assert answer(rig, b"to the third")
+    rig.exchange()
+    assert [(e.call_id, e.value) for e in rig[1].got(ResponseReceived)] == [
+        (third, b"to the third")
+    ]
+    rig.run(20)
+    assert [each[0] for each in failures(rig)] == [second]
+
+
+def test_answer_that_waits_when_the_client_restarts_is_not_sent() -> None:
+    rig = ends()
+    call(rig)
+    rig.exchange()
+    rig[2].engine.handle_carrier(True, rig.now)
+    answer(rig)
+    rig.restart(1, fleet())
+    rig.publish(1, 1, b"I am back")
+    rig.exchange()
+    assert rig[2].engine.pending(20) == 0
+    assert not answer(rig)
+
+
+def test_short_time_out_does_not_recycle_a_number_while_the_server_may_still_answer() -> None:
+    rig = ends()
+    call(rig, b"slow", timeout_s=0.01)
+    rig.exchange()
+    rig.run(1)
+    for _ in range(70):
+        try:
+            call(rig, b"next", timeout_s=0.05)
+        except Exception:  # noqa: BLE001  the numbers may run out, which is right
+            break
+        rig.exchange()
+    answer(rig, b"late answer to slow", number=0)
+    rig.exchange()
+    assert rig[1].got(ResponseReceived) == []
+
+
+def test_call_to_a_service_that_differs_fails_at_once() -> None:
+    rig = Rig({1: fleet(), 2: fleet(server=3)})
+    first = call(rig)
+    rig.run(1)
+    text = "node 2 defines stream 20 in another way"
+    assert failures(rig) == [(first, CallFailure.TABLE_MISMATCH, text)]
+    frames = len(rig.frames)
+    second = call(rig)
+    rig[1].settle()
+    assert failures(rig)[1:] == [(second, CallFailure.TABLE_MISMATCH, text)]
+    rig.exchange()
+    assert len(rig.frames) == frames
+    assert requests(rig) == []
+
+
+@pytest.mark.parametrize(
+    ("records", "dropped"),
+    [
+        (b"\x14", {"payload": 1}),
+        (b"\x15\x00\x18\xff", {"payload": 1}),
+        (b"\x15\x00", {"payload": 1}),
+        (b"\x14\x40answer", {"not_publisher": 1}),
+        (b"\x14\xc0", {"not_publisher": 1}),
+    ],
+)
+def test_record_that_is_no_request_is_counted(records: bytes, dropped: dict[str, int]) -> None:
+    rig = ends()
+    rig[2].hear(Hello(1, 1, fleet().digest).encode() + records, 0, source=1)
+    assert rig[2].engine.stats.dropped == dropped
+    assert requests(rig) == []
+
+
+@pytest.mark.parametrize(
+    ("records", "dropped"),
+    [
+        (b"\x14\x00request", {"not_subscriber": 1}),
+        (b"\x14\x7fanswer", {"unexpected_answer": 1}),
+        (b"\x14\xc0", {"reserved": 1}),
+    ],
+)
+def test_record_that_is_no_answer_is_counted(records: bytes, dropped: dict[str, int]) -> None:
+    rig = ends()
+    rig[1].hear(Hello(1, 1, fleet().digest).encode() + records, 0, source=2)
+    assert rig[1].engine.stats.dropped == dropped
+
+
+def test_request_that_does_not_decode_is_answered_with_an_error() -> None:
+    rig = ends()
+    call_id = call(rig, {"n": 1}, stream_id=21)
+    sent = rig[1].send(0)
+    assert sent is not None
+    assert sent.frame_bytes[-3:] == b"\x15\x00\x01"
+    rig[2].hear(sent.frame_bytes[:-1] + b"\x18", 0, source=1, destination=2)
+    rig.exchange()
+    ((failed, failure, _),) = failures(rig)
+    assert (failed, failure) == (call_id, CallFailure.BAD_REQUEST)
+
+
+@pytest.mark.parametrize("payload", [b"", b"\x18", b"\x0a", b"\x01\x01"])
+def test_response_that_does_not_decode_fails_the_call(payload: bytes) -> None:
+    rig = ends()
+    call_id = call(rig, {"n": 1}, stream_id=21)
+    rig.exchange()
+    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x15\x40" + payload, 1, source=2)
+    ((failed, failure, _),) = failures(rig)
+    assert (failed, failure) == (call_id, CallFailure.BAD_RESPONSE)
+
+
+@pytest.mark.parametrize("payload", [b"", b"\x00", b"\x63odd", b"\x01\xff\xff"])
+def test_error_that_does_not_decode_is_an_error_without_text(payload: bytes) -> None:
+    rig = ends()
+    call_id = call(rig)
+    rig.exchange()
+    rig[1].hear(Hello(1, 1, fleet().digest).encode() + b"\x14\x80" + payload, 1, source=2)
+    assert failures(rig) == [(call_id, CallFailure.HANDLER, "")]

@@ -1,0 +1,162 @@
+"""The first configuration: types out of values, a file that is valid and accepts what was seen."""
+
+import json
+from typing import Any
+
+import cbor2
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from zacoustic.config import Config
+from zacoustic.core.encoding import decode_application
+from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.errors import ConfigError
+from zacoustic.tools.first.inference import NoTypeError, infer_type
+from zacoustic.tools.first.survey import SeenTopic, Survey
+from zacoustic.tools.first.writing import write_config
+
+
+def seen(key: str, *payloads: bytes, encoding: str = "zenoh/bytes", rate: float = 1.0) -> SeenTopic:
+    sizes = [len(payload) for payload in payloads] or [0]
+    return SeenTopic(
+        key=key, samples=len(payloads), rate_hz=rate, encoding=encoding,
+        smallest_bytes=min(sizes), largest_bytes=max(sizes), payloads=payloads,
+    )  # fmt: skip
+
+
+def survey(*topics: SeenTopic, services: tuple[str, ...] = (), tells: bool = True) -> Survey:
+    return Survey(
+        endpoint="tcp/127.0.0.1:7447", listened_s=5.0, topics=topics, services=services,
+        tells_services=tells,
+    )  # fmt: skip
+
+
+def fields(*values: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {field.keys["name"]: field.keys for field in infer_type("T", values)[-1].fields}
+
+
+def topics_of(config: Config) -> dict[str, TopicSpec]:
+    return {
+        stream.name: stream.spec for stream in config.table if isinstance(stream.spec, TopicSpec)
+    }
+
+
+def test_bounds_are_wider_than_what_was_seen() -> None:
+    found = fields(
+        {"n": 3, "x": 1.25, "s": "abc", "b": True}, {"n": 17, "x": -3.5, "s": "", "b": 0 > 1}
+    )
+    assert found["n"] == {"name": "n", "type": "int32"}
+    assert found["x"] == {"name": "x", "type": "float64", "range": [-50.0, 50.0], "step": 0.01}
+    assert found["s"] == {"name": "s", "type": "string", "max_length": 16}
+    assert found["b"] == {"name": "b", "type": "bool"}
+
+
+def test_names_that_everybody_uses_have_their_usual_bounds() -> None:
+    found = fields({"lat": 43.123456789, "lon": -5.5, "heading": 359.0})
+    assert (found["lat"]["range"], found["lat"]["step"]) == ([-90.0, 90.0], 1e-6)
+    assert found["lon"]["range"] == [-180.0, 180.0]
+    assert found["heading"]["wraps"] is True
+    assert "range" not in fields({"lat": 4312.34567891234})["lat"]
+
+
+def test_a_field_that_is_missing_at_times_is_optional() -> None:
+    assert fields({"a": 1, "b": None}, {"a": 2, "b": 4})["b"]["optional"] is True
+    assert fields({"a": 1}, {"a": 2, "b": 4})["b"]["optional"] is True
+
+
+def test_large_integers_get_a_type_that_holds_them() -> None:
+    assert fields({"n": 1 << 40})["n"]["type"] == "int64"
+    assert fields({"n": (1 << 64) - 1})["n"]["type"] == "uint64"
+    with pytest.raises(NoTypeError):
+        fields({"n": 1 << 64})
+
+
+def test_maps_and_lists_inside_become_types_and_arrays() -> None:
+    types = infer_type("Nav", [{"p": {"x": 1}, "legs": [{"n": 1}, {"n": 2}]}])
+    assert [each.name for each in types] == ["NavP", "NavLegs", "Nav"]
+    assert types[-1].fields[1].keys == {"name": "legs", "type": "NavLegs", "max_length": 4}
+
+
+@pytest.mark.parametrize(
+    "value", [[1], 7, {"a b": 1}, {1: 2}, {"a": [[1]]}, {"a": []}, {"a": ["x"]}, {}]
+)
+def test_what_has_no_type_is_said_so(value: object) -> None:
+    with pytest.raises(NoTypeError):
+        infer_type("T", [value])
+
+
+def test_the_file_is_valid_and_has_every_topic() -> None:
+    text, config = write_config(
+        survey(
+            seen(
+                "auv1/nav", cbor2.dumps({"lat": 43.1, "n": 1}), encoding="application/cbor", rate=10
+            ),
+            seen("auv1/status", json.dumps({"ok": True}).encode()),
+            seen("auv1/photo", bytes(range(200)), encoding="image/jpeg"),
+            seen("rt/odom", b"\x00\x01\x00\x00" + bytes(50)),
+            services=("auv1/arm",),
+        )
+    )
+    topics = topics_of(config)
+    assert topics["auv1/nav"].type_name == "Nav"
+    assert topics["auv1/nav"].qos.min_interval_s == 5.0
+    assert (topics["auv1/status"].type_name, topics["auv1/status"].encoding) == (
+        "Status", "application/json"
+    )  # fmt: skip
+    assert (topics["auv1/photo"].type_name, topics["auv1/photo"].encoding) == (None, "image/jpeg")
+    assert topics["rt/odom"].type_name is None
+    assert "looks like CDR" in text
+    (service,) = [s.spec for s in config.table if isinstance(s.spec, ServiceSpec)]
+    assert service.name == "auv1/arm"
+    assert text.count("EDIT") > 5
+
+
+def test_what_a_router_does_not_tell_is_said() -> None:
+    text, _ = write_config(survey(seen("a", b"x"), tells=False))
+    assert "this router has no admin space" in text
+
+
+def test_keys_that_cannot_be_streams_are_left_out_by_name() -> None:
+    text, config = write_config(survey(seen("a", b"x"), seen("@adv/x", b"x")))
+    assert [stream.name for stream in config.table] == ["a"]
+    assert "left out: @adv/x" in text
+
+
+def test_a_network_without_topics_is_an_error_that_says_what_to_do() -> None:
+    with pytest.raises(ConfigError, match="listen longer"):
+        write_config(survey())
+
+
+def test_types_of_equal_chunks_get_different_names() -> None:
+    payload = json.dumps({"ok": True}).encode()
+    _, config = write_config(survey(*(seen(f"{name}/nav", payload) for name in "abc")))
+    assert len({topic.type_name for topic in topics_of(config).values()}) == 3
+
+
+LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.binary()
+VALUES = st.recursive(
+    LEAVES,
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3)
+    ),
+    max_leaves=8,
+)
+
+
+@given(
+    st.text(min_size=1, max_size=20),
+    st.lists(st.binary(max_size=40) | VALUES.map(cbor2.dumps), min_size=1, max_size=4),
+    st.sampled_from(["zenoh/bytes", "application/cbor", "application/json", "\n*/\u2028x"]),
+)
+def test_whatever_is_published_the_file_is_valid_and_accepts_it(
+    key: str, payloads: list[bytes], encoding: str
+) -> None:
+    anyway = seen("always/there", b"x")
+    _, config = write_config(survey(anyway, seen(key, *payloads, encoding=encoding)))
+    for stream in config.table:
+        if stream.name == key and stream.type is not None:
+            for payload in payloads:
+                stream.codec.encode(
+                    decode_application(payload, stream.encoding, type_spec=stream.type)
+                )

@@ -1,0 +1,253 @@
+"""Calls across the water: each caller hears exactly one end of it, and each runs at most once."""
+
+import random
+from collections.abc import Callable
+
+import pytest
+
+from tests.virtual.fleet import line, settling_s
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    Event,
+    RequestReceived,
+    ResponseReceived,
+)
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.testing.virtual import VirtualNetwork
+
+
+def fleet(nodes: int = 2, server: int = 1) -> StreamTable:
+    return StreamTable(
+        [
+            ServiceSpec(stream_id=20, name="arm", server=server, timeout_s=60),
+            TopicSpec(stream_id=1, name="a", qos=Qos(depth=5)),
+        ],
+        nodes={address: f"n{address}" for address in range(1, nodes + 1)},
+    )
+
+
+class Desk:
+    """A network whose node 1 serves, and what became of each call."""
+
+    def __init__(
+        self,
+        nodes: int = 2,
+        *,
+        tables: dict[int, StreamTable] | None = None,
+        serve: Callable[["Desk", RequestReceived], None] | None = None,
+        seed: int = 1,
+        disturb: Callable[[int, int, int], list[float]] | None = None,
+        **settings: object,
+    ) -> None:
+        self.ended: dict[tuple[int, int], list[Event]] = {}
+        self.executed: list[tuple[int, bytes]] = []
+        self._serve = serve or (lambda desk, event: desk.reply(event, b"re " + event.value))
+        water = line(
+            *(300.0 * number for number in range(nodes)), channel="none", seed=seed, **settings
+        )
+        self.water = VirtualNetwork(
+            water, tables or fleet(nodes), deliver=self._deliver, disturb=disturb
+        )
+
+    def call(self, address: int, text: bytes, timeout_s: float | None = None) -> int:
+        """Call from a node; returns the call id."""
+        return self.water.apply(
+            address, lambda engine, now: engine.call(20, text, now, timeout_s=timeout_s)
+        )
+
+    def reply(self, event: RequestReceived, text: bytes) -> bool:
+        """Answer from node 1."""
+        return self.water.apply(1, lambda engine, now: engine.reply(event.call, text, now))
+
+    def fail(self, event: RequestReceived, failure: CallFailure, text: str) -> bool:
+        """Answer from node 1 with an error."""
+        return self.water.apply(
+            1, lambda engine, now: engine.reply_error(event.call, failure, text, now)
+        )
+
+    def end(self, address: int, call_id: int) -> Event:
+        """Return the one event that ended a call."""
+        (event,) = self.ended[address, call_id]
+        return event
+
+    def failure(self, address: int, call_id: int) -> tuple[CallFailure, str]:
+        """Return why a call failed."""
+        event = self.end(address, call_id)
+        assert isinstance(event, CallFailed)
+        return event.failure, event.text
+
+    def _deliver(self, node: int, event: Event) -> None:
+        if isinstance(event, RequestReceived):
+            self.executed.append((event.call.client, event.value))
+            self._serve(self, event)
+        elif isinstance(event, CallFailed | ResponseReceived):
+            self.ended.setdefault((node, event.call_id), []).append(event)
+
+
+def later(delay_s: float) -> Callable[[Desk, RequestReceived], None]:
+    """Return a server that takes its time."""
+
+    def serve(desk: Desk, event: RequestReceived) -> None:
+        at_s = desk.water.now / 1e9 + delay_s
+        desk.water.at(at_s, lambda: desk.reply(event, b"re " + event.value))
+
+    return serve
+
+
+def test_several_clients_get_their_own_answers_at_once() -> None:
+    desk = Desk(5, serve=later(30))
+    calls: dict[tuple[int, int], int] = {}
+
+    def call(address: int) -> None:
+        for number in range(3):
+            calls[address, number] = desk.call(address, b"%d.%d" % (address, number))
+
+    for address in range(2, 6):
+        desk.water.at(5.0 * address, lambda a=address: call(a))
+    desk.water.run(until_s=200)
+    for (address, number), call_id in calls.items():
+        event = desk.end(address, call_id)
+        assert isinstance(event, ResponseReceived)
+        assert event.value == b"re %d.%d" % (address, number)
+    assert len(calls) == 12
+    assert desk.water.is_quiet
+
+
+def test_error_of_the_handler_reaches_the_caller() -> None:
+    desk = Desk(serve=lambda desk, event: desk.fail(event, CallFailure.HANDLER, "no arm") and None)
+    call_id = desk.call(2, b"x")
+    desk.water.run(until_s=100)
+    assert desk.failure(2, call_id) == (CallFailure.HANDLER, "no arm")
+
+
+def test_nobody_who_serves_is_told() -> None:
+    desk = Desk(serve=lambda desk, event: desk.fail(event, CallFailure.NO_SERVER, "") and None)
+    call_id = desk.call(2, b"x")
+    desk.water.run(until_s=100)
+    assert desk.failure(2, call_id) == (CallFailure.NO_SERVER, "")
+
+
+def test_server_that_is_not_there_is_a_time_out_at_the_deadline() -> None:
+    desk = Desk(tables={2: fleet()})
+    call_id = desk.call(2, b"x", timeout_s=25)
+    desk.water.run(until_s=24.9)
+    assert desk.ended == {}
+    desk.water.run(until_s=25)
+    assert desk.failure(2, call_id)[0] is CallFailure.TIMED_OUT
+    assert desk.water.is_quiet
+
+
+def test_answer_after_the_deadline_is_not_sent() -> None:
+    desk = Desk(serve=later(61))
+    call_id = desk.call(2, b"x")
+    desk.water.run(until_s=300)
+    assert desk.failure(2, call_id)[0] is CallFailure.TIMED_OUT
+    assert desk.executed == [(2, b"x")]
+    assert desk.water.engine(1).stats.transmitted.get(20) is None
+
+
+def test_service_that_differs_fails_long_before_the_deadline() -> None:
+    tables = {1: fleet(), 2: StreamTable(fleet_with_response(), nodes={1: "n1", 2: "n2"})}
+    desk = Desk(tables=tables)
+    call_id = desk.call(2, b"x")
+    desk.water.run(until_s=15)
+    failure, text = desk.failure(2, call_id)
+    assert failure is CallFailure.TABLE_MISMATCH
+    assert text == "node 1 defines stream 20 in another way"
+    assert desk.executed == []
+    again = desk.call(2, b"x")
+    assert desk.failure(2, again)[0] is CallFailure.TABLE_MISMATCH
+
+
+def fleet_with_response() -> list[ServiceSpec]:
+    return [ServiceSpec(stream_id=20, name="disarm", server=1)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_request_that_arrives_twice_runs_once_and_its_answer_is_taken_once(seed: int) -> None:
+    rng = random.Random(seed)
+    delay_s = rng.uniform(0, 4.2)
+    desk = Desk(
+        seed=seed,
+        serve=later(rng.choice((0.0, 2.0))),
+        faults={"duplicate": 1.0, "duplicate_after_s": delay_s},
+    )
+    assert delay_s < settling_s(desk.water.engine(1).capabilities)
+    calls = [desk.call(2, b"%d" % number) for number in range(5)]
+    desk.water.run(until_s=200)
+    executed = [value for _, value in desk.executed]
+    assert len(executed) == len(set(executed)), f"seed {seed}, duplicates after {delay_s} s"
+    for number, call_id in enumerate(calls):
+        event = desk.end(2, call_id)
+        if isinstance(event, ResponseReceived):
+            assert event.value == b"re %d" % number
+
+
+def test_cancelled_call_says_nothing_and_its_answer_is_dropped() -> None:
+    desk = Desk(serve=later(5))
+    call_id = desk.call(2, b"x")
+    desk.water.at(4, lambda: desk.water.apply(2, lambda engine, now: engine.cancel(call_id, now)))
+    desk.water.run(until_s=300)
+    assert desk.executed == [(2, b"x")]
+    assert desk.ended == {}
+    assert desk.water.engine(2).stats.dropped == {"unexpected_answer": 1}
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_old_answer_is_not_taken_for_a_call_of_the_next_life(seed: int) -> None:
+    rng = random.Random(seed)
+    loss = rng.choice((0.0, 0.5))
+    desk = Desk(
+        seed=seed,
+        serve=later(rng.uniform(0, 20)),
+        disturb=lambda source, node, now: [] if rng.random() < loss else [0.0],
+    )
+    lives: dict[int, bytes] = {}
+
+    def begin(life: int) -> None:
+        lives.clear()
+        for number in range(rng.randint(1, 3)):
+            text = b"%d.%d" % (life, number)
+            lives[desk.call(2, text)] = text
+        desk.ended.clear()
+
+    def restart(life: int) -> None:
+        desk.water.restart(2)
+        begin(life)
+
+    begin(0)
+    at_s = 0.0
+    for life in range(1, 5):
+        at_s += rng.uniform(0.5, 15)
+        desk.water.at(at_s, lambda life=life: restart(life))
+        # The server introduces itself, so that the new life knows it before its call is heard.
+        desk.water.at(at_s + rng.uniform(0, 3), lambda: desk.water.publish(1, 1, b"hello"))
+    desk.water.run(until_s=300)
+    for call_id, text in lives.items():
+        event = desk.end(2, call_id)
+        if isinstance(event, ResponseReceived):
+            assert event.value == b"re " + text, f"seed {seed}"
+
+
+def test_unanswered_calls_do_not_pile_up() -> None:
+    desk = Desk(serve=lambda desk, event: None)
+    refused = 0
+    for second in range(600):
+
+        def call() -> None:
+            nonlocal refused
+            try:
+                desk.call(2, b"x", timeout_s=10)
+            except Exception as error:  # noqa: BLE001  the kind is what is asserted
+                assert type(error).__name__ == "QueueFullError"
+                refused += 1
+
+        desk.water.at(second, call)
+    desk.water.run(until_s=1000)
+    assert refused > 0
+    assert len(desk.executed) + refused <= 600
+    assert sum(map(len, desk.ended.values())) == 600 - refused
+    assert desk.water.engine(2).pending(20) == 0
+    assert desk.water.is_quiet

@@ -1,0 +1,195 @@
+"""Who gets a sample, and as what: publishers, subscribers, keys, deletes, encodings, ages."""
+
+import random
+
+import pytest
+
+from tests.virtual.fleet import line
+from zacoustic.core.events import SampleReceived
+from zacoustic.core.keys import Wildcard
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.qos import Priority, Qos, Stamp
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.trace import TraceRecord
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+NODES = {1: "shore", 2: "auv1", 3: "auv2"}
+MODEMS = (Modem(), Modem(addressed=False, checked=False, framed=False))
+
+
+def fleet() -> StreamTable:
+    deep = Qos(depth=100)
+    return StreamTable(
+        [
+            TopicSpec(stream_id=1, name="all", qos=deep),
+            TopicSpec(stream_id=2, name="to2", subscribers=(2,), qos=deep),
+            TopicSpec(stream_id=3, name="to12", subscribers=(1, 2), qos=deep),
+            TopicSpec(stream_id=4, name="from1", publishers=(1,), qos=deep),
+            TopicSpec(
+                stream_id=5,
+                name="fleet/{node}/{part}",
+                wildcards=(Wildcard(name="part", values=("nav", "arm")),),
+                qos=deep,
+            ),
+            TopicSpec(stream_id=6, name="aged", qos=Qos(stamp=Stamp.AGE, depth=100)),
+            TopicSpec(stream_id=7, name="alarm", qos=Qos(priority=Priority.REAL_TIME)),
+            TopicSpec(
+                stream_id=8, name="bulk", qos=Qos(priority=Priority.BACKGROUND, depth=1000)
+            ),
+            TopicSpec(stream_id=9, name="fresh", qos=Qos(lifespan_s=5, depth=100)),
+        ],
+        nodes=NODES,
+    )
+
+
+def network(modem: Modem | None = None) -> tuple[VirtualNetwork, list[TraceRecord]]:
+    """Return a shore and two vehicles, and the frames that they send."""
+    sent: list[TraceRecord] = []
+
+    def trace(record: TraceRecord) -> None:
+        if record.what == "transmit":
+            sent.append(record)
+
+    water = VirtualNetwork(
+        line(0, 400, 800, channel="none"), fleet(), modem=modem, trace=trace
+    )
+    return water, sent
+
+
+def got(water: VirtualNetwork, address: int) -> list[tuple[int, object]]:
+    return [(event.stream_id, event.value) for event in water.samples(address)]
+
+
+@pytest.mark.parametrize("modem", MODEMS)
+def test_subscribers_hear_and_the_others_do_not(modem: Modem) -> None:
+    water, sent = network(modem)
+    for second, stream_id in enumerate((1, 2, 3, 4)):
+        water.at(10 * second, lambda s=stream_id: water.publish(1, s, bytes((s,))))
+    water.run(until_s=100)
+    assert got(water, 2) == [(1, b"\x01"), (2, b"\x02"), (3, b"\x03"), (4, b"\x04")]
+    assert got(water, 3) == [(1, b"\x01"), (4, b"\x04")]
+    assert got(water, 1) == []
+    assert [record.peer for record in sent if record.streams] == [BROADCAST, 2, 2, BROADCAST]
+
+
+@pytest.mark.parametrize("modem", MODEMS)
+def test_key_is_filled_in_with_the_name_of_the_source(modem: Modem) -> None:
+    water, _ = network(modem)
+    water.at(0, lambda: water.publish(2, 5, b"x", instance=(1,)))
+    water.at(20, lambda: water.publish(3, 5, b"y", instance=(0,)))
+    water.run(until_s=60)
+    keys = fleet().by_id(5).keys
+    events = water.samples(1)
+    assert [keys.key(event.source, event.instance) for event in events] == [
+        "fleet/auv1/arm",
+        "fleet/auv2/nav",
+    ]
+
+
+def test_samples_of_other_keys_do_not_push_each_other_out() -> None:
+    water, _ = network()
+    water.set_link(1, up=False)
+    for instance in ((0,), (1,)):
+        for number in range(3):
+            water.publish(1, 5, bytes((number,)), instance=instance)
+    water.set_link(1, up=True)
+    water.run(until_s=30)
+    for instance in ((0,), (1,)):
+        values = [event.value for event in water.samples(2) if event.instance == instance]
+        assert values == [b"\x00", b"\x01", b"\x02"]
+
+
+@pytest.mark.parametrize("modem", MODEMS)
+def test_delete_and_encoding_cross_with_their_sample(modem: Modem) -> None:
+    water, _ = network(modem)
+    water.apply(1, lambda engine, now: engine.publish(1, b"{}", now, encoding="application/json"))
+    water.apply(1, lambda engine, now: engine.publish(1, b"p", now, encoding="my/own"))
+    water.apply(1, lambda engine, now: engine.publish(1, None, now, delete=True))
+    water.apply(1, lambda engine, now: engine.publish(1, b"plain", now))
+    water.run(until_s=60)
+    events = water.samples(3, 1)
+    assert [(event.value, event.encoding, event.deleted) for event in events] == [
+        (b"{}", "application/json", False),
+        (b"p", "my/own", False),
+        (None, "zenoh/bytes", True),
+        (b"plain", "zenoh/bytes", False),
+    ]
+
+
+def test_age_tells_how_long_a_sample_had_waited_in_queues() -> None:
+    water, _ = network()
+    published_s: dict[bytes, float] = {}
+    heard: list[tuple[float, float]] = []
+
+    def deliver(address: int, event: object) -> None:
+        if isinstance(event, SampleReceived) and event.stream_id == 6 and address == 2:
+            assert event.age_s is not None
+            assert event.metrics.propagation_s is not None
+            airtime_s = water.engine(1).capabilities.airtime_ns(14) / 1e9  # type: ignore[union-attr]
+            waited_s = water.now / 1e9 - published_s[event.value] - airtime_s
+            heard.append((event.age_s, waited_s - event.metrics.propagation_s))
+
+    water = VirtualNetwork(line(0, 400, 800, channel="none"), fleet(), deliver=deliver)
+
+    def publish(number: int) -> None:
+        value = b"%02d" % number
+        published_s[value] = water.now / 1e9
+        water.publish(1, 6, value)
+
+    # The link is away for a while, in which samples wait.
+    water.at(100, lambda: water.set_link(1, up=False))
+    water.at(400, lambda: water.set_link(1, up=True))
+    for number in range(40):
+        water.at(12.5 * number, lambda n=number: publish(n))
+    water.run(until_s=600)
+    assert len(heard) == 40
+    for age_s, waited_s in heard:
+        # A frame with several samples or a HELLO lasts longer than the one that was assumed.
+        assert age_s - 0.06 - 0.02 * age_s <= waited_s <= 1.02 * age_s + 0.06 + 0.6
+    assert max(age_s for age_s, _ in heard) > 280
+
+
+def test_sample_that_became_too_old_is_not_sent() -> None:
+    water, _ = network()
+    water.set_link(1, up=False)
+    water.publish(1, 9, b"old")
+    water.at(4, lambda: water.publish(1, 9, b"new"))
+    water.at(6, lambda: water.set_link(1, up=True))
+    water.run(until_s=60)
+    assert got(water, 2) == [(9, b"new")]
+    assert water.engine(1).expired == {9: 1}
+
+
+@pytest.mark.parametrize("mtu_bytes", [8, 16, 32, 64])
+def test_alarm_overtakes_a_thousand_background_samples(mtu_bytes: int) -> None:
+    water, sent = network(Modem(mtu_bytes=mtu_bytes))
+    for number in range(1000):
+        water.publish(1, 8, b"%03d" % (number % 1000))
+    at_s = 30.0
+    water.at(at_s, lambda: water.publish(1, 7, b"!!!"))
+    water.run(until_s=60)
+    after = [record for record in sent if record.node == 1 and record.at >= at_s * 10**9]
+    assert 7 in after[0].streams
+    heard = [event for event in water.samples(2, 7)]
+    assert [event.value for event in heard] == [b"!!!"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_samples_of_a_key_arrive_in_the_order_of_publication(seed: int) -> None:
+    rng = random.Random(seed)
+    water = VirtualNetwork(
+        line(0, 700, 300, channel="none", seed=seed, loss={"frame": 0.3}),
+        fleet(),
+        modem=Modem(mtu_bytes=rng.choice((16, 64))),
+    )
+    for number in range(200):
+        source = rng.choice((1, 2, 3))
+        value = number.to_bytes(2, "big")
+        water.at(rng.uniform(number, number + 1), lambda s=source, v=value: water.publish(s, 1, v))
+    water.run(until_s=600)
+    for address in NODES:
+        for source in NODES:
+            values = [
+                event.value for event in water.samples(address, 1) if event.source == source
+            ]
+            assert values == sorted(set(values)), f"seed {seed}"

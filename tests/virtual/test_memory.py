@@ -1,0 +1,120 @@
+"""Memory is bounded by the table, whatever is published and whoever talks."""
+
+import gc
+import random
+import types
+
+from tests.virtual.fleet import line
+from zacoustic.core.engine import Engine
+from zacoustic.core.frame import Hello, Tag
+from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.testing.virtual import VirtualNetwork
+
+DEPTH = 10
+
+
+def fleet() -> StreamTable:
+    return StreamTable(
+        [
+            TopicSpec(stream_id=1, name="flood", qos=Qos(depth=DEPTH)),
+            TopicSpec(stream_id=2, name="other", qos=Qos(depth=DEPTH)),
+            ServiceSpec(stream_id=20, name="arm", server=1, timeout_s=3600),
+        ],
+        nodes={1: "shore", 2: "auv"},
+    )
+
+
+def network() -> VirtualNetwork:
+    return VirtualNetwork(
+        line(0, 500, channel="none"), fleet(), deliver=lambda address, event: None
+    )
+
+
+def reachable(engine: Engine) -> int:
+    """Count the objects that an engine holds."""
+    seen: set[int] = set()
+    todo: list[object] = [vars(engine)]
+    while todo:
+        each = todo.pop()
+        code = type | types.ModuleType | types.FunctionType | types.MethodType | VirtualNetwork
+        if id(each) in seen or isinstance(each, code):
+            continue
+        seen.add(id(each))
+        todo += gc.get_referents(each)
+    return len(seen)
+
+
+def test_flood_of_samples_is_bounded_by_the_depth() -> None:
+    water = network()
+    engine = water.engine(1)
+    for number in range(20_000):
+        water.publish(1, 1 + number % 2, b"%05d" % number)
+        if number == 100:
+            before = reachable(engine)
+    assert engine.pending(1) == engine.pending(2) == DEPTH
+    assert reachable(engine) <= before + 10
+    # One frame went before the rest was there.
+    assert sum(engine.superseded.values()) == 20_000 - 2 * DEPTH - 1
+
+
+def test_flood_while_the_link_is_down_is_bounded_too() -> None:
+    water = network()
+    water.set_link(1, up=False)
+    for number in range(5_000):
+        water.publish(1, 1, b"%05d" % number)
+    assert water.engine(1).pending(1) == DEPTH
+    water.set_link(1, up=True)
+    water.run(until_s=100)
+    assert water.engine(2).stats.received == {1: DEPTH}
+
+
+def test_strange_sources_with_ever_new_epochs_cost_bounded_memory() -> None:
+    water = network()
+    engine = water.engine(1)
+    rng = random.Random(1)
+    sizes: list[int] = []
+
+    def hear(number: int) -> None:
+        source = rng.randrange(2, 255)
+        digest = rng.choice((fleet().digest, rng.randbytes(4)))
+        hello = Hello(1, rng.randrange(65536), digest).encode()
+        tag = Tag(rng.randrange(65536)).encode()
+        call = b"\x14" + bytes((rng.randrange(64),)) + b"?"
+        record = rng.choice((call, b"\x01x", bytes((rng.randrange(1, 176), 0))))
+        frame = ReceivedFrame(
+            frame_bytes=rng.choice((hello, tag, b"")) + record,
+            received_at=water.now,
+            source=source,
+        )
+        water.apply(1, lambda engine, now: engine.handle_frame(frame, now))
+        if number % 2500 == 2499:
+            sizes.append(reachable(engine))
+
+    for number in range(10_000):
+        water.at(number * 0.5, lambda n=number: hear(n))
+    water.run(until_s=6000)
+    # 253 sources with their rows and questions, and what each has asked for.
+    assert max(sizes) < 120_000, sizes
+    assert sizes[-1] < 1.5 * sizes[1] + 1000, sizes
+
+
+def test_calls_that_nobody_answers_cost_bounded_memory_at_the_server() -> None:
+    water = network()
+    engine = water.engine(1)
+    hello = Hello(1, 1, fleet().digest).encode()
+    for life in range(300):
+        for number in range(64):
+            frame = ReceivedFrame(
+                frame_bytes=Hello(1, life, fleet().digest).encode()
+                + b"\x14"
+                + bytes((number,))
+                + b"?",
+                received_at=water.now,
+                source=2,
+            )
+            water.apply(1, lambda engine, now, frame=frame: engine.handle_frame(frame, now))
+    assert len(hello) == 8
+    assert engine.stats.received[20] <= 128
+    assert engine.stats.dropped["repeated_request"] >= 300 * 64 - 128

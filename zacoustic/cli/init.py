@@ -1,0 +1,94 @@
+"""The verb `zacoustic init`: a first configuration from what a live Zenoh network carries."""
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+
+class InitCommand(Command):
+    """Listens to a network and writes a configuration to start from."""
+
+    name = "init"
+    summary = "write a first configuration from the topics and types of a live Zenoh network"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare endpoint, time, file and form of the output."""
+        parser.add_argument(
+            "--connect", metavar="ENDPOINT", required=True, help="a router, tcp/HOST:7447"
+        )
+        parser.add_argument(
+            "--listen-s", type=float, default=5.0, metavar="S",
+            help="how long to listen, s (default: %(default)g)",
+        )  # fmt: skip
+        parser.add_argument(
+            "--key", default="**", metavar="EXPRESSION", help="only topics it covers (default: **)"
+        )
+        parser.add_argument(
+            "--output", type=Path, metavar="FILE", help="a new file (default: standard output)"
+        )
+        parser.add_argument(
+            "--json", action="store_true", help="one JSON object: what was seen, and the file"
+        )
+        parser.epilog = (
+            "example:\n"
+            "  zacoustic init --connect tcp/127.0.0.1:7447 --listen-s 30 --output fleet.json5\n"
+            "  zacoustic check fleet.json5"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Listen, and write.
+
+        Raises:
+            ConfigError: Nothing was published, or an argument is wrong.
+            SessionError: No router answers.
+        """
+        from zacoustic.tools.first.survey import survey_network
+        from zacoustic.tools.first.writing import write_config
+
+        listen_s, output = arguments.listen_s, arguments.output
+        if not 0 < listen_s < math.inf:
+            raise ConfigError(f"--listen-s {listen_s:g}; allowed: seconds, above 0")
+        if output is not None and output.exists():
+            raise ConfigError(f"--output {output} exists; allowed: a new file")
+        survey = survey_network(arguments.connect, listen_s=listen_s, expression=arguments.key)
+        text, config = write_config(survey)
+        if output is not None:
+            _write(output, text)
+        if arguments.json:
+            seen = {
+                "topics": [
+                    {"key": topic.key, "samples": topic.samples, "rate_hz": topic.rate_hz,
+                     "encoding": topic.encoding, "smallest_bytes": topic.smallest_bytes,
+                     "largest_bytes": topic.largest_bytes}
+                    for topic in survey.topics
+                ],
+                "services": list(survey.services),
+                "digest": config.table.digest.hex(),
+                "file": str(output) if output is not None else None,
+                "text": text,
+            }  # fmt: skip
+            print(json.dumps(seen, ensure_ascii=False))
+        elif output is None:
+            print(text, end="")
+        else:
+            print(f"{output}: {len(config.table)} streams; look for EDIT, then:", file=sys.stderr)
+            print(f"  zacoustic check {output}", file=sys.stderr)
+        return EXIT_OK
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a new file.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+    except OSError as error:
+        raise ConfigError(f"--output {path}: {error.strerror}") from error

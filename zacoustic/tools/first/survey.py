@@ -1,0 +1,179 @@
+"""What a Zenoh network carries: topics that are published, services that are offered.
+
+One session, one subscriber. Its callback only stores, in bounded memory: the first payloads of each
+key, and counts. Services are no samples; a router tells them in its admin space if that is switched
+on (``adminspace: { enabled: true }``).
+"""
+
+import json
+import re
+import threading
+import time
+from typing import Final
+
+import msgspec
+import zenoh
+
+from zacoustic.errors import SessionError
+
+KEYS_LIMIT: Final = 1000
+"""Keys that are looked at; further ones are counted only."""
+PAYLOADS_LIMIT: Final = 64
+"""Payloads of a key that are kept."""
+PAYLOAD_LIMIT_BYTES: Final = 4096
+"""Larger payloads are counted only: they are no values of a type."""
+
+_ASK_LIMIT_S: Final = 2.0
+_CONNECT_LIMIT_MS: Final = 3000
+_QUERYABLE: Final = re.compile(r"@/[^/]+/[^/]+/queryable/(.+)")
+
+
+class SeenTopic(msgspec.Struct, frozen=True, kw_only=True):
+    """One key on which something was published."""
+
+    key: str
+    """The key."""
+    samples: int
+    """How many were heard."""
+    rate_hz: float
+    """Samples per second, over the time of listening."""
+    encoding: str
+    """Encoding of most of them, without its schema."""
+    smallest_bytes: int
+    """Smallest payload."""
+    largest_bytes: int
+    """Largest payload."""
+    payloads: tuple[bytes, ...] = ()
+    """The first of them, in their order."""
+
+
+class Survey(msgspec.Struct, frozen=True, kw_only=True):
+    """What was seen."""
+
+    endpoint: str
+    """Router that was listened to."""
+    listened_s: float
+    """For how long, s."""
+    topics: tuple[SeenTopic, ...]
+    """By key."""
+    services: tuple[str, ...]
+    """Keys of queryables, by name."""
+    tells_services: bool
+    """The router has an admin space; otherwise `services` is empty whatever there is."""
+    left_out: int = 0
+    """Samples on keys beyond `KEYS_LIMIT`."""
+
+
+def survey_network(endpoint: str, *, listen_s: float, expression: str = "**") -> Survey:
+    """Listen to a network through one of its routers; blocks.
+
+    Args:
+        endpoint: Where the router listens, such as ``tcp/127.0.0.1:7447``.
+        listen_s: For how long, s.
+        expression: Key expression of the topics.
+
+    Raises:
+        SessionError: No router answers there, or the key expression is none.
+    """
+    ears = _Ears()
+    with _open(endpoint) as session:
+        try:
+            session.declare_subscriber(expression, ears.hear)
+        except zenoh.ZError as error:
+            reason = " ".join(str(error).split(" at ")[0].split())
+            raise SessionError(f"{expression!r} is no key expression: {reason}") from error
+        started_at = time.monotonic()
+        services, tells_services = _services(session)
+        threading.Event().wait(max(0.0, listen_s - (time.monotonic() - started_at)))
+    return Survey(
+        endpoint=endpoint,
+        listened_s=listen_s,
+        topics=ears.topics(listen_s),
+        services=services,
+        tells_services=tells_services,
+        left_out=ears.left_out,
+    )
+
+
+class _Ears:
+    """Takes samples on Zenoh's thread."""
+
+    def __init__(self) -> None:
+        self._guard = threading.Lock()
+        self._heard: dict[str, _Heard] = {}
+        self.left_out = 0
+
+    def hear(self, sample: zenoh.Sample) -> None:
+        if sample.kind != zenoh.SampleKind.PUT:
+            return
+        key, payload = str(sample.key_expr), sample.payload.to_bytes()
+        with self._guard:
+            heard = self._heard.get(key)
+            if heard is None and len(self._heard) >= KEYS_LIMIT:
+                self.left_out += 1
+                return
+            if heard is None:
+                heard = self._heard[key] = _Heard()
+            heard.take(payload, str(sample.encoding).partition(";")[0])
+
+    def topics(self, listened_s: float) -> tuple[SeenTopic, ...]:
+        with self._guard:
+            return tuple(heard.topic(key, listened_s) for key, heard in sorted(self._heard.items()))
+
+
+class _Heard:
+    """What was heard on one key."""
+
+    def __init__(self) -> None:
+        self._sizes: list[int] = []
+        self._encodings: dict[str, int] = {}
+        self._payloads: list[bytes] = []
+        self._samples = 0
+
+    def take(self, payload: bytes, encoding: str) -> None:
+        size = len(payload)
+        self._samples += 1
+        self._sizes = [min([size, *self._sizes]), max([size, *self._sizes])]
+        self._encodings[encoding] = self._encodings.get(encoding, 0) + 1
+        if len(self._payloads) < PAYLOADS_LIMIT and size <= PAYLOAD_LIMIT_BYTES:
+            self._payloads.append(payload)
+
+    def topic(self, key: str, listened_s: float) -> SeenTopic:
+        return SeenTopic(
+            key=key,
+            samples=self._samples,
+            rate_hz=self._samples / listened_s if listened_s else 0.0,
+            encoding=max(self._encodings, key=lambda encoding: self._encodings[encoding]),
+            smallest_bytes=self._sizes[0],
+            largest_bytes=self._sizes[1],
+            payloads=tuple(self._payloads),
+        )
+
+
+def _open(endpoint: str) -> zenoh.Session:
+    config = zenoh.Config()
+    try:
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+        config.insert_json5("connect/timeout_ms", str(_CONNECT_LIMIT_MS))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        raise SessionError(
+            f"no Zenoh router at {endpoint}",
+            hint="start it, or correct --connect: tcp/HOST:7447",
+        ) from error
+
+
+def _services(session: zenoh.Session) -> tuple[tuple[str, ...], bool]:
+    """The queryables that the routers tell, and whether any router tells anything."""
+    keys: set[str] = set()
+    replies = list(session.get("@/*/*/queryable/**", timeout=_ASK_LIMIT_S))
+    for reply in replies:
+        found = _QUERYABLE.fullmatch(str(reply.ok.key_expr)) if reply.ok is not None else None
+        if found is not None and not found[1].startswith("@"):
+            keys.add(found[1])
+    tells = bool(keys) or any(
+        reply.ok is not None for reply in session.get("@/*/router", timeout=_ASK_LIMIT_S)
+    )
+    return tuple(sorted(keys)), tells
