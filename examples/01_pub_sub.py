@@ -6,6 +6,7 @@ One on a modem, with its role:   python examples/01_pub_sub.py vehicle --link si
 
 import argparse
 import asyncio
+import itertools
 from typing import Annotated, Literal
 
 import msgspec
@@ -17,7 +18,6 @@ from zacoustic_sim.medium import SimMedium
 
 ADDRESSES = {"shore": 1, "vehicle": 2}
 NAV_ID = 10  # on the water a topic is one byte, the same on all nodes
-SAMPLES = 5
 
 
 class Nav(msgspec.Struct):
@@ -36,28 +36,28 @@ LATEST = Qos(depth=1, stamp=Stamp.AGE)
 async def vehicle(link: Link | str, period_s: float) -> None:
     async with Node(ADDRESSES["vehicle"], link=link) as node:
         publisher = node.create_publisher(Nav, "auv1/nav", LATEST, stream_id=NAV_ID)
-        for number in range(SAMPLES):
+        for number in itertools.count():
             publisher.publish(Nav(lat=54.32 + number * 1e-4, lon=10.14, depth=10.0 + number))
             await asyncio.sleep(period_s)
-        await node.flush()
-        sent = sum(entry.transmitted_bytes for entry in node.ledger())
-        print(f"vehicle: {node.stats.frames_transmitted} frames, {sent} bytes")
+            sent = sum(entry.transmitted_bytes for entry in node.ledger())
+            print(f"vehicle: {node.stats.frames_transmitted} frames, {sent} bytes")
 
 
-async def shore(link: Link | str) -> None:
+async def shore(link: Link | str, samples: int) -> None:
     async with Node(ADDRESSES["shore"], link=link) as node:
-        samples = node.subscribe(Nav, "auv1/nav", LATEST, stream_id=NAV_ID)
-        async for sample in samples:
+        subscription = node.subscribe(Nav, "auv1/nav", LATEST, stream_id=NAV_ID)
+        for _ in range(samples):
+            sample = await subscription.receive()
             print(f"shore: {sample.value} from node {sample.source}, {sample.age_s} s old")
-            if sample.value.depth >= 10.0 + SAMPLES - 1:
-                break
 
 
 async def simulate(time_scale: float = 20.0) -> None:
     nodes = tuple(NodeSpec(address=n, position=(1000.0 * n, 0.0, 20.0)) for n in (1, 2))
     medium = SimMedium(Scenario(nodes=nodes, channel="none"), time_scale=time_scale)
-    listening = asyncio.create_task(shore(medium.link(1)))
-    await asyncio.gather(listening, vehicle(medium.link(2), period_s=5.0 / time_scale))
+    publishing = asyncio.create_task(vehicle(medium.link(2), period_s=5.0 / time_scale))
+    await shore(medium.link(1), samples=5)
+    publishing.cancel()
+    await asyncio.wait([publishing])
     medium.close()
 
 
@@ -71,4 +71,4 @@ if __name__ == "__main__":
     elif arguments.role == "vehicle":
         asyncio.run(vehicle(arguments.link, period_s=5.0))
     else:
-        asyncio.run(shore(arguments.link))
+        asyncio.run(shore(arguments.link, samples=100))

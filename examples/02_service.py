@@ -52,10 +52,10 @@ async def auv1(link: Link | str) -> None:
 async def shore(link: Link | str, timeout_s: float) -> None:
     async with Node("shore", config=FLEET, link=link) as node:
         client = node.create_client(Arm, "auv1/arm")
-        print("shore:", await client.call(Arm.Request("gripper", 10.0)))
-        for request in (Arm.Request("sampler", 5.0), Arm.Request("gripper", 50.0)):
+        easy, full = Arm.Request("gripper", 10.0), Arm.Request("sampler", 5.0)
+        for request in (easy, full, Arm.Request("gripper", 50.0)):
             try:
-                await client.call(request, timeout_s=timeout_s)
+                print("shore:", await client.call(request, timeout_s=timeout_s))
             except (ServiceError, CallTimeoutError) as error:
                 print("shore:", type(error).__name__, error)
 

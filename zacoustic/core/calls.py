@@ -222,8 +222,7 @@ class ServerCalls:
         if served is not None:
             return (not served.is_abandoned and served.answer) or False
         rivals = sum(
-            (other.client, other.stream_id) == (key.client, key.stream_id)
-            for other in self._served
+            (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._served
         )
         if rivals >= _LIVES * CALL_NUMBERS:
             return False

@@ -115,7 +115,7 @@ class Peer:
 
     @property
     def sayable_at(self) -> int:
-        """Instant from which a part of what it is owed may be said, ns; it must be owed something."""
+        """Instant from which some of what it is owed may be said, ns; only where it `is_owed`."""
         instants = [self.confirm_at] if self.owes_confirm else []
         if self.questions:
             instants.append(self.ask_pause.not_before)
@@ -335,8 +335,8 @@ class Handshake:
                 return "differs"
             self._ask(peer, stream_id, now)
             return "unconfirmed"
-        # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over or
-        # by a CONFIRM that came late: the question tells it so.
+        # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over
+        # or by a CONFIRM that came late: the question tells it so.
         self._ask(peer, _ASK_HELLO, now)
         return "unconfirmed"
 

@@ -52,8 +52,8 @@ Deliver = Callable[[int, Event], None]
 """``(address, event)``: takes the events of all engines as they happen."""
 
 Disturb = Callable[[int, int, int], Sequence[float]]
-"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of these
-times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
+"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of
+these times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
 
 
 class Modem(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,6 +4,7 @@ Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws
 """
 
 import io
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,6 +27,8 @@ WIDTH: Final = 108
 """Columns of the picture that is saved."""
 FRAMES_SHOWN: Final = 7
 """The last so many frames are shown."""
+# The picture takes the reader's own font: it is to load nothing from elsewhere.
+_FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
 _WATER_CELLS: Final = 92
 _COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
 
@@ -81,9 +84,8 @@ class LiveView(View):
             paper = Console(record=True, width=WIDTH, file=io.StringIO(), force_terminal=True)
             paper.print(self._picture_with_sound or self._picture())
             paper.print(closing)
-            self._screenshot.write_text(
-                paper.export_svg(title="make demo"), encoding="utf-8", newline="\n"
-            )
+            drawn = _FONT.sub("", paper.export_svg(title="make demo"))
+            self._screenshot.write_text(drawn, encoding="utf-8", newline="\n")
 
     def _picture(self) -> RenderableType:
         assert self._logbook is not None
@@ -125,6 +127,8 @@ def _water(logbook: Logbook) -> RenderableType:
         f"{frame.airtime_s:.3f} s of sound"
         for frame in sounding
     )
+    if logbook.began_at is None:
+        said = f"starting; ready: {', '.join(sorted(logbook.ready)) or 'nothing yet'}"
     return Group(line, Text(said or "silence", style="" if said else "dim"))
 
 

@@ -79,11 +79,11 @@ def write_config(survey: Survey) -> tuple[str, Config]:
     left_out = [
         f"{topic.key}: {fault}"
         for topic in survey.topics
-        if (fault := fault_of_name(topic.key)) is not None
+        if (fault := _fault_of(topic.key)) is not None
     ]
-    usable = [topic for topic in survey.topics if fault_of_name(topic.key) is None]
+    usable = [topic for topic in survey.topics if _fault_of(topic.key) is None]
     taken = {topic.key for topic in usable}
-    services = [key for key in survey.services if fault_of_name(key) is None and key not in taken]
+    services = [key for key in survey.services if _fault_of(key) is None and key not in taken]
     room = LAST_STREAM_ID - FIRST_ID + 1
     left_out += [f"{topic.key}: no stream id left" for topic in usable[room:]]
     usable, services = usable[:room], services[: max(0, room - len(usable))]
@@ -98,6 +98,11 @@ def write_config(survey: Survey) -> tuple[str, Config]:
     whole: Any = parse_json5(text, source="the first configuration")
     config = config_from_mapping(whole["plugins"]["acoustic"], source="the first configuration")
     return text, config
+
+
+def _fault_of(key: str) -> str | None:
+    """Why a key cannot be the name of a stream, or None."""
+    return "has a brace, which stands for a placeholder" if "{" in key else fault_of_name(key)
 
 
 def _encodings_to_try(topic: SeenTopic) -> Sequence[str]:

@@ -1,0 +1,88 @@
+"""The verb `zacoustic sim`: a scenario with its traffic, in virtual time."""
+
+import argparse
+import contextlib
+import json
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.core.trace import TraceRecord
+
+
+class SimCommand(Command):
+    """Runs a scenario; one seed gives one trace."""
+
+    name = "sim"
+    summary = "run a scenario with its traffic in virtual time: hours in seconds"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare scenario, seed, length, trace and form of the output."""
+        parser.add_argument("scenario", metavar="SCENARIO", help="scenario with traffic, JSON5")
+        parser.add_argument("--seed", type=int, help="replaces the seed of the scenario")
+        parser.add_argument(
+            "--until", type=float, metavar="S", help="length, s of virtual time (default: 3600)"
+        )
+        parser.add_argument(
+            "--trace", type=Path, metavar="FILE", help="write what every engine did, as JSON lines"
+        )
+        parser.add_argument("--json", action="store_true", help="one JSON object")
+        parser.epilog = (
+            "the scenario says who is where (nodes), which streams there are (config: FILE, or\n"
+            "none: each topic is opaque bytes), and who says what how often (traffic)\n\n"
+            "example:\n"
+            "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
+            "  zacoustic decode --config fleet.json5 < trace.jsonl"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Run it.
+
+        Raises:
+            ConfigError: The scenario or an argument is wrong.
+        """
+        import msgspec
+
+        from zacoustic.tools.simulation import DEFAULT_UNTIL_S, simulate
+        from zacoustic.tools.simulationtext import as_text
+
+        until_s = DEFAULT_UNTIL_S if arguments.until is None else arguments.until
+        if not 0 < until_s < math.inf:
+            raise ConfigError(f"--until {until_s:g}; allowed: seconds, above 0")
+        with _written_to(arguments.trace) as trace:
+            result = simulate(arguments.scenario, seed=arguments.seed, until_s=until_s, trace=trace)
+        if arguments.json:
+            print(json.dumps(msgspec.to_builtins(result), ensure_ascii=False))
+        else:
+            print(as_text(result))
+        return EXIT_OK
+
+
+@contextlib.contextmanager
+def _written_to(path: Path | None) -> "Iterator[Callable[[TraceRecord], None] | None]":
+    """Give what writes trace records to a file; None without one.
+
+    Raises:
+        ConfigError: The file cannot be written.
+    """
+    if path is None:
+        yield None
+        return
+    import msgspec
+
+    encoder = msgspec.json.Encoder()
+    try:
+        file = path.open("wb")
+    except OSError as error:
+        raise ConfigError(f"--trace {path}: {error.strerror}") from error
+    with file:
+        yield lambda record: _write_line(file.write, encoder.encode(record))
+
+
+def _write_line(write: Callable[[bytes], int], line: bytes) -> None:
+    write(line + b"\n")
