@@ -174,6 +174,9 @@ def _import(point: metadata.EntryPoint, what: str) -> object:
         raise LinkUnavailableError(f"{what} {needs}", hint=hint) from error
     except AttributeError as error:
         raise LinkUnavailableError(f"{what}: {point.value} does not exist: {error}") from error
+    except Exception as error:  # the package's own fault must not take the other packages with it
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise LinkUnavailableError(f"{what}: {point.value} cannot be imported: {reason}") from error
     return loaded
 
 

@@ -189,7 +189,9 @@ def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook, tmp_path: P
     shown = console.export_text()
     for part in ("the title", "in the water now", "auv1/nav", "everything crossed"):
         assert part in shown
-    assert (tmp_path / "demo.svg").read_text(encoding="utf-8").startswith("<svg")
+    picture = (tmp_path / "demo.svg").read_text(encoding="utf-8")
+    assert picture.startswith("<svg")
+    assert "url(http" not in picture.replace('"', "")
 
 
 def test_each_island_has_the_same_streams_and_a_port_of_its_own(tmp_path: Path) -> None:
