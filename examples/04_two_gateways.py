@@ -38,9 +38,7 @@ def gateway(address: int, port: int, water: SimMedium) -> Gateway:
     assert config.zenoh_config is not None
     # Two islands on one computer cannot both have the port of the file.
     config.zenoh_config.insert_json5("listen/endpoints", f'["tcp/127.0.0.1:{port}"]')
-    return Gateway(
-        config, link=water.link(address), notify=lambda notice: print(config.name, notice)
-    )
+    return Gateway(config, link=water.link(address), notify=print)
 
 
 def applications(shore_port: int, auv1_port: int) -> None:

@@ -23,7 +23,9 @@ ANSWER = Answer(CallKind.RESPONSE, b"done")
 KEY = CallKey(client=1, epoch=1, stream_id=20, number=0)
 
 
-def begin(calls: ClientCalls, now: int = 0, *, wait: int = 100, served: int = 100) -> tuple[int, int]:
+def begin(
+    calls: ClientCalls, now: int = 0, *, wait: int = 100, served: int = 100
+) -> tuple[int, int]:
     return calls.begin(20, 2, deadline_at=now + wait, served_ns=served, now=now)
 
 
@@ -69,7 +71,7 @@ def test_lives_in_a_row_begin_with_numbers_of_their_own() -> None:
 
 def test_number_of_an_answered_call_rests_for_two_settling_times() -> None:
     calls = ClientCalls()
-    first = [begin(calls)[0] for _ in range(CALL_NUMBERS)][0]
+    first, *_ = [begin(calls)[0] for _ in range(CALL_NUMBERS)]
     calls.respond(first, "value", now=10, settling_ns=5)
     with pytest.raises(QueueFullError):
         begin(calls, 19)
@@ -82,7 +84,7 @@ def test_number_of_an_unanswered_call_rests_until_the_server_has_given_it_up(
 ) -> None:
     calls = ClientCalls()
     # The caller waits for 10 only; the server, by its own definition, works for 100.
-    first = [begin(calls, wait=10)[0] for _ in range(CALL_NUMBERS)][0]
+    first, *_ = [begin(calls, wait=10)[0] for _ in range(CALL_NUMBERS)]
     calls.fail(first, failure, "", now=10, settling_ns=5)
     with pytest.raises(QueueFullError):
         begin(calls, 10 + 100 + 2 * 5 - 1)

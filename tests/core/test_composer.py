@@ -179,8 +179,10 @@ def test_real_time_sample_is_in_the_very_next_frame_behind_a_thousand_background
     for mtu_bytes in MTUS:
         for introduced in (False, True):
             capabilities = link(mtu_bytes=mtu_bytes)
-            rig = known(capabilities) if introduced else Rig(
-                dict.fromkeys(NODES, fleet()), capabilities=capabilities
+            rig = (
+                known(capabilities)
+                if introduced
+                else Rig(dict.fromkeys(NODES, fleet()), capabilities=capabilities)
             )
             for number in range(1000):
                 rig.publish(1, 6, b"%04d" % number)

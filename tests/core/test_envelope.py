@@ -2,6 +2,7 @@
 
 import itertools
 import random
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -18,14 +19,12 @@ MTUS = (17, 32, 64, 255, 256, 257, 258, 512)
 LIMITS = (8, *MTUS)
 
 
-def envelope(address: int, mtu_bytes: int = 64, **settings: bool) -> Envelope:
+def envelope(address: int, mtu_bytes: int = 64, **settings: Any) -> Envelope:
     return Envelope(LinkCapabilities(mtu_bytes=mtu_bytes, bit_rate_bps=1, **settings), address)
 
 
 def received(piece: bytes, source: int = 1, destination: int = BROADCAST) -> ReceivedFrame:
-    return ReceivedFrame(
-        frame_bytes=piece, received_at=0, source=source, destination=destination
-    )
+    return ReceivedFrame(frame_bytes=piece, received_at=0, source=source, destination=destination)
 
 
 def stream(receiver: Envelope, pieces: list[bytes]) -> list[Opened | Damaged]:
@@ -78,9 +77,7 @@ def test_room_of_a_byte_stream_is_used_to_the_last_byte(mtu_bytes: int) -> None:
 
 @pytest.mark.parametrize("settings", [each for each in COMBINATIONS if not each["framed"]])
 @pytest.mark.parametrize("seed", range(10))
-def test_byte_stream_opens_the_same_however_it_is_cut(
-    settings: dict[str, bool], seed: int
-) -> None:
+def test_byte_stream_opens_the_same_however_it_is_cut(settings: dict[str, bool], seed: int) -> None:
     rng = random.Random(seed)
     sender = envelope(1, 64, **settings)
     sent = [rng.randbytes(rng.randint(1, sender.room_bytes)) for _ in range(10)]

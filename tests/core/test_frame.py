@@ -20,7 +20,7 @@ from zacoustic.core.frame import (
     parse_frame,
 )
 
-CONTROLS = (
+CONTROLS: tuple[Hello | Tag | Confirm | Ask | TableRow, ...] = (
     Hello(1, 0x1234, b"abcd"),
     Tag(0xFFFF),
     Confirm(254, 7),
@@ -109,9 +109,7 @@ def test_prefixes_mark_deletes_and_encodings() -> None:
     assert parse(b"\xb3\x01\x02x") == [Record(1, b"", delete=True), Record(2, b"x")]
     assert parse(b"\xb4\x05\x02{}") == [Record(2, b"{}", encoding="application/json")]
     assert parse(b"\xb4\xff\x03a/b\x02x") == [Record(2, b"x", encoding="a/b")]
-    assert parse(b"\xb4\x05\xb3\x01") == [
-        Record(1, b"", delete=True, encoding="application/json")
-    ]
+    assert parse(b"\xb4\x05\xb3\x01") == [Record(1, b"", delete=True, encoding="application/json")]
 
 
 @pytest.mark.parametrize(

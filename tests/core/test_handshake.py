@@ -170,10 +170,9 @@ def test_missing_stream_differs_and_is_reported_at_both_ends() -> None:
     rig.publish(1, 11, b"z")
     rig.publish(1, 10, b"x")
     rig.run(5)
-    assert set(values(rig, 2)) == {b"z"} or values(rig, 2) == [b"y", b"z"]
+    assert values(rig, 2) == [b"z"]
     for address in (1, 2):
-        differing = [event.stream_id for event in rig[address].got(StreamsDiffer)]
-        assert differing == [10] or (address == 1 and differing == [])
+        assert [event.stream_id for event in rig[address].got(StreamsDiffer)] == [10]
 
 
 def test_table_with_another_list_of_nodes_still_exchanges_the_streams_that_agree() -> None:
@@ -256,7 +255,7 @@ def test_declared_stream_begins_a_new_epoch_and_is_understood_when_both_have_it(
     rig.publish(1, 11, b"y")
     rig.run(1)
     assert rig[1].engine.epoch == 2
-    assert values(rig, 2)[2:] in ([b"y"], [])
+    assert set(values(rig, 2)[2:]) <= {b"y"}
     rig[2].engine.declare(spec, rig.now)
     rig[2].settle()
     for _ in range(4):

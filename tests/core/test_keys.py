@@ -46,7 +46,9 @@ def test_wildcards_are_numbered_in_the_order_of_the_name_not_of_the_list() -> No
 
 def test_every_instance_matches_its_own_key_and_no_other() -> None:
     names = pattern("{a}/{b}", wildcard("a", "x", "x.y", "x+"), wildcard("b", "1", "11"))
-    keys = {(first, second): names.key(1, (first, second)) for first in range(3) for second in (0, 1)}
+    keys = {
+        (first, second): names.key(1, (first, second)) for first in range(3) for second in (0, 1)
+    }
     assert len(set(keys.values())) == 6
     for instance, key in keys.items():
         assert names.match(key, 1) == instance

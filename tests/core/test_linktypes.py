@@ -1,5 +1,7 @@
 """Link types: what no link may claim, and how long its frames last."""
 
+from typing import Any
+
 import pytest
 
 from zacoustic.core.linktypes import LinkCapabilities
@@ -16,7 +18,7 @@ from zacoustic.core.linktypes import LinkCapabilities
     ],
 )
 def test_frame_must_have_room_for_a_hello(lacks: tuple[str, ...], least: int) -> None:
-    settings = dict.fromkeys(lacks, False)
+    settings: dict[str, Any] = dict.fromkeys(lacks, False)
     LinkCapabilities(mtu_bytes=least, bit_rate_bps=1, **settings)
     with pytest.raises(ValueError, match=f"mtu_bytes is {least - 1}; allowed: at least {least}"):
         LinkCapabilities(mtu_bytes=least - 1, bit_rate_bps=1, **settings)

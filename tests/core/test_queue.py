@@ -47,9 +47,7 @@ def test_equals_go_in_the_order_of_publication() -> None:
     assert [stream_id for stream_id, _ in drain(queue, 10)] == list(range(10, 0, -1))
 
 
-PAIRS = [
-    (slow, fast) for slow in Priority for fast in Priority if Priority.REAL_TIME < fast < slow
-]
+PAIRS = [(slow, fast) for slow in Priority for fast in Priority if Priority.REAL_TIME < fast < slow]
 
 
 @pytest.mark.parametrize(("slow", "fast"), PAIRS)
@@ -169,6 +167,6 @@ def test_smaller_link_drops_what_does_not_fit_any_more() -> None:
         queue.push((1,), item(1, bytes(size)), Qos(depth=9))
     assert queue.limit(10) == 1
     assert [len(text) for _, text in drain(queue, 0)] == [3, 5]
-    with pytest.raises(PayloadTooLargeError, match="nav: the record is 11 bytes; .* for 10"):
+    with pytest.raises(PayloadTooLargeError, match=r"nav: the record is 11 bytes; .* for 10"):
         queue.check_size("nav", 11)
     queue.check_size("nav", 10)

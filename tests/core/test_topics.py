@@ -39,8 +39,7 @@ def fleet() -> StreamTable:
 
 
 def ends() -> Rig:
-    rig = Rig({1: fleet(), 2: fleet()})
-    return rig
+    return Rig({1: fleet(), 2: fleet()})
 
 
 def last(rig: Rig, address: int) -> SampleReceived:

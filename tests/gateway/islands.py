@@ -213,6 +213,18 @@ class Heard:
         return (await self.next()).payload.to_bytes()
 
 
+async def hear(session: zenoh.Session, expression: str) -> Heard:
+    """Subscribe; returns when the router knows it."""
+    heard = Heard(session, expression)
+    await fence(session)
+    return heard
+
+
+async def fence(session: zenoh.Session) -> None:
+    """Wait until the router has taken in all that a client has declared and put."""
+    assert not (await get(session, "nobody/answers/this")).good
+
+
 async def matched(session: zenoh.Session, key: str, *, matching: bool = True) -> None:
     """Wait until somebody, or nobody, subscribes to a key, as seen from a session."""
     found = asyncio.Event()

@@ -17,10 +17,10 @@ import zenoh
 from tests.gateway.islands import (
     LIMIT_S,
     SECTION,
-    Heard,
     cbor,
     free_port,
     get,
+    hear,
     matched,
     run,
     zenoh_config,
@@ -108,7 +108,7 @@ def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> 
                 clients.append(stack.enter_context(zenoh.open(settings)))
             shore, auv = clients
             await matched(auv, "auv1/nav")
-            heard = Heard(shore, "auv1/nav")
+            heard = await hear(shore, "auv1/nav")
             auv.put("auv1/nav", cbor(depth=12.5, mode="survey"), encoding="application/cbor")
             assert cbor2.loads(await heard.payload()) == {"depth": 12.5, "mode": "survey"}
             assert (
@@ -140,7 +140,7 @@ def test_gateway_that_is_killed_is_replaced_by_its_sibling(tmp_path: Path) -> No
             shore = stack.enter_context(zenoh.open(zenoh_config("client", connect=router)))
             auv = stack.enter_context(zenoh.open(zenoh_config("client", connect=beyond)))
             await matched(shore, "chat")
-            heard = Heard(auv, "chat")
+            heard = await hear(auv, "chat")
             shore.put("chat", b"by the first")
             assert await heard.payload() == b"by the first"
             processes[1].kill()

@@ -9,7 +9,7 @@ from typing import Any
 
 import zenoh
 
-from tests.gateway.islands import LIMIT_S, Heard, Water, get, island, matched, run, zenoh_config
+from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, zenoh_config
 from zacoustic.core.encoding import LARGEST_VALUE_BYTES
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.lastvalues import LastValue, LastValues
@@ -110,8 +110,7 @@ def test_stalled_loop_keeps_the_newest_samples_and_one_wake_up(count: Count) -> 
             b = await stack.enter_async_context(island(2, water))
             shore, auv = stack.enter_context(a.client()), stack.enter_context(b.client())
             await matched(shore, "chat")
-            heard = Heard(auv, "chat")
-            await get(auv, "nothing")
+            heard = await hear(auv, "chat")
             tracemalloc.start()
             flood(a.port, "chat", total)
             # The loop has stood still, and Zenoh's threads have not.
@@ -156,7 +155,7 @@ def test_flood_reaches_the_other_island_with_its_newest_sample(count: Count) -> 
             b = await stack.enter_async_context(island(2, water))
             shore, auv = stack.enter_context(a.client()), stack.enter_context(b.client())
             await matched(shore, "auv1/text")
-            heard = Heard(auv, "auv1/text")
+            heard = await hear(auv, "auv1/text")
             loop = asyncio.get_running_loop()
             await loop.run_in_executor(None, flood, a.port, "auv1/text", total)
             while await heard.payload() != str(total - 1).encode():
@@ -180,7 +179,7 @@ def test_subscriber_that_stands_still_does_not_stop_the_gateway(count: Count) ->
             shore = stack.enter_context(a.client())
             stack.callback(go_on.set)
             slow.declare_subscriber("auv1/text", lambda _: bool(go_on.wait(LIMIT_S)) and None)
-            heard = Heard(quick, "auv1/text")
+            heard = await hear(quick, "auv1/text")
             await matched(shore, "auv1/text")
             for number in range(total):
                 payload = str(number).encode().ljust(400)

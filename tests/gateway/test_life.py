@@ -8,12 +8,12 @@ import zenoh
 
 from tests.gateway.islands import (
     LIMIT_S,
-    Heard,
     Water,
     cbor,
     config_of,
     free_port,
     get,
+    hear,
     island,
     matched,
     run,
@@ -162,7 +162,7 @@ def test_client_of_a_router_is_back_by_itself_after_the_router_restarts() -> Non
                 with zenoh.open(zenoh_config("client", connect=port)) as shore, b.client() as auv:
                     await matched(shore, "chat")
                     await matched(auv, "chat")
-                    at_shore, at_auv = Heard(shore, "chat"), Heard(auv, "chat")
+                    at_shore, at_auv = await hear(shore, "chat"), await hear(auv, "chat")
                     shore.put("chat", b"there")
                     assert await at_auv.payload() == b"there"
                     auv.put("chat", b"back")

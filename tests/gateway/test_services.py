@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 import cbor2
 import zenoh
 
-from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, get, island, run
+from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
 from zacoustic.gateway import Marker, read_marker
 from zacoustic.gateway.queries import QueryDesk
 from zacoustic.gateway.worker import Worker
@@ -30,7 +30,7 @@ async def shore_and_server(
 
         auv.declare_queryable(key, on_query, complete=True)
         # The island must know the server before the first call arrives.
-        await get(auv, "auv1/unknown")
+        await fence(auv)
     return stack.enter_context(a.client())
 
 
@@ -148,7 +148,7 @@ def test_call_without_an_answer_ends_at_the_deadline_of_the_stream() -> None:
             b = await stack.enter_async_context(island(2, water))
             auv, shore = stack.enter_context(b.client()), stack.enter_context(a.client())
             auv.declare_queryable("auv1/hasty", held.append)
-            await get(auv, "auv1/unknown")
+            await fence(auv)
             replies = await get(shore, "auv1/hasty", b"")
             assert replies.errors == ["auv1/hasty: TIMED_OUT: no answer before the deadline"]
         for query in held:
@@ -200,7 +200,7 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
 
             desk = QueryDesk(worker, ring, limit=1)
             server.declare_queryable("desk", lambda query: desk.admit(lambda held: None, query))
-            await get(client, "nothing")
+            await fence(client)
             first = asyncio.ensure_future(get(client, "desk"))
             await rung.wait()
             assert (await get(client, "desk")).errors == ["1 queries are held already"]

@@ -8,12 +8,12 @@ import zenoh
 
 from tests.gateway.islands import (
     SECTION,
-    Heard,
     Island,
     Water,
     cbor,
     config_of,
     get,
+    hear,
     island,
     matched,
     run,
@@ -72,7 +72,7 @@ def alive(of: Island) -> tuple[int, ...]:
 def test_one_put_is_one_transmission_and_one_delivery_without_echo() -> None:
     async def main() -> None:
         async with fleet() as here:
-            at_shore, at_auv = Heard(here.shore, "chat"), Heard(here.auv, "chat")
+            at_shore, at_auv = await hear(here.shore, "chat"), await hear(here.auv, "chat")
             for number in range(5):
                 payload = f"shore {number}".encode()
                 here.shore.put("chat", payload)
@@ -102,7 +102,7 @@ def test_standby_takes_over_when_the_active_gateway_is_gone() -> None:
             await here.first_stack.aclose()
             await until(lambda: alive(here.second) == (3,), here.second.changed)
             await declared(here.shore, 3)
-            at_shore, at_auv = Heard(here.shore, "chat"), Heard(here.auv, "chat")
+            at_shore, at_auv = await hear(here.shore, "chat"), await hear(here.auv, "chat")
             here.shore.put("chat", b"through the other one")
             assert await at_auv.payload() == b"through the other one"
             assert await at_shore.payload() == b"through the other one"
@@ -118,7 +118,7 @@ def test_standby_takes_over_when_the_active_gateway_is_gone() -> None:
 def test_last_value_is_answered_once_and_by_the_one_that_takes_over() -> None:
     async def main() -> None:
         async with fleet() as here:
-            at_shore = Heard(here.shore, "auv1/nav")
+            at_shore = await hear(here.shore, "auv1/nav")
             await matched(here.auv, "auv1/nav")
             here.auv.put("auv1/nav", cbor(depth=1, mode="idle"))
             await at_shore.next()

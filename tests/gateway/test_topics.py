@@ -6,7 +6,7 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.gateway.islands import Heard, Water, cbor, get, island, matched, run, until
+from tests.gateway.islands import Water, cbor, get, hear, island, matched, run, until
 from zacoustic.gateway import Marker, read_marker
 
 NAV = {"depth": 12.5, "mode": "survey"}
@@ -30,7 +30,7 @@ class Pair:
     async def settle(self) -> None:
         """Let what is under way cross: another sample behind it, there and back."""
         for sender, receiver in ((self.auv, self.shore), (self.shore, self.auv)):
-            heard = Heard(receiver, "chat")
+            heard = await hear(receiver, "chat")
             sender.put("chat", b"settle")
             await heard.next()
 
@@ -53,7 +53,7 @@ def with_pair(test: Any) -> Any:
 
 @with_pair
 async def test_typed_sample_crosses_as_cbor_with_its_origin_and_age(pair: Pair) -> None:
-    heard = Heard(pair.shore, "auv1/**")
+    heard = await hear(pair.shore, "auv1/**")
     pair.auv.put("auv1/nav", cbor(**NAV), encoding="application/cbor")
     sample = await heard.next()
     assert str(sample.key_expr) == "auv1/nav"
@@ -69,7 +69,7 @@ async def test_typed_sample_crosses_as_cbor_with_its_origin_and_age(pair: Pair) 
 
 @with_pair
 async def test_sample_without_an_encoding_is_read_as_its_stream_says(pair: Pair) -> None:
-    heard = Heard(pair.shore, "auv1/**")
+    heard = await hear(pair.shore, "auv1/**")
     pair.auv.put("auv1/nav", cbor(**NAV))
     assert cbor2.loads(await heard.payload()) == NAV
     await matched(pair.auv, "auv1/json")
@@ -81,7 +81,7 @@ async def test_sample_without_an_encoding_is_read_as_its_stream_says(pair: Pair)
 
 @with_pair
 async def test_json_of_a_sample_stays_json_where_the_stream_is_cbor(pair: Pair) -> None:
-    heard = Heard(pair.shore, "auv1/nav")
+    heard = await hear(pair.shore, "auv1/nav")
     pair.auv.put(
         "auv1/nav", b'{"depth": 1, "mode": "idle"}', encoding="application/json;charset=utf-8"
     )
@@ -93,7 +93,7 @@ async def test_json_of_a_sample_stays_json_where_the_stream_is_cbor(pair: Pair) 
 @with_pair
 async def test_opaque_bytes_cross_with_their_encoding_and_priority(pair: Pair) -> None:
     await matched(pair.shore, "auv1/text")
-    heard = Heard(pair.auv, "auv1/text")
+    heard = await hear(pair.auv, "auv1/text")
     pair.shore.put("auv1/text", b"\x00\xff", encoding="text/plain")
     sample = await heard.next()
     assert sample.payload.to_bytes() == b"\x00\xff"
@@ -107,7 +107,7 @@ async def test_each_node_publishes_its_own_key_of_a_stream_with_node_in_its_name
     pair: Pair,
 ) -> None:
     await matched(pair.auv, "fleet/auv1/status")
-    heard = Heard(pair.shore, "fleet/**")
+    heard = await hear(pair.shore, "fleet/**")
     pair.auv.put("fleet/shore/status", b"not mine")
     pair.auv.put("fleet/auv1/status", b"mine")
     sample = await heard.next()
@@ -117,7 +117,7 @@ async def test_each_node_publishes_its_own_key_of_a_stream_with_node_in_its_name
 @with_pair
 async def test_wildcard_takes_the_listed_values_and_complains_about_others(pair: Pair) -> None:
     await matched(pair.auv, "sonar/raw/auv1")
-    heard = Heard(pair.shore, "*/raw/*")
+    heard = await hear(pair.shore, "*/raw/*")
     pair.auv.put("lidar/raw/auv1", b"not listed")
     pair.auv.put("sonar/raw/auv1", b"1")
     pair.auv.put("ctd/raw/auv1", b"2")
@@ -133,7 +133,7 @@ async def test_wildcard_takes_the_listed_values_and_complains_about_others(pair:
 
 @with_pair
 async def test_last_value_answers_a_get_until_the_key_is_deleted(pair: Pair) -> None:
-    heard = Heard(pair.shore, "auv1/nav")
+    heard = await hear(pair.shore, "auv1/nav")
     assert (await get(pair.shore, "auv1/nav")).good == {}
     pair.auv.put("auv1/nav", cbor(depth=1, mode="idle"))
     pair.auv.put("auv1/nav", cbor(**NAV))
@@ -158,7 +158,7 @@ async def test_last_value_answers_a_get_until_the_key_is_deleted(pair: Pair) -> 
 async def test_get_on_the_island_of_the_publisher_is_not_answered_by_the_gateway(
     pair: Pair,
 ) -> None:
-    heard = Heard(pair.shore, "auv1/nav")
+    heard = await hear(pair.shore, "auv1/nav")
     pair.auv.put("auv1/nav", cbor(**NAV))
     await heard.next()
     assert (await get(pair.auv, "auv1/nav")).good == {}
@@ -166,7 +166,7 @@ async def test_get_on_the_island_of_the_publisher_is_not_answered_by_the_gateway
 
 @with_pair
 async def test_nothing_comes_back_and_nothing_is_sent_twice(pair: Pair) -> None:
-    at_shore, at_auv = Heard(pair.shore, "chat"), Heard(pair.auv, "chat")
+    at_shore, at_auv = await hear(pair.shore, "chat"), await hear(pair.auv, "chat")
     pair.shore.put("chat", b"from shore")
     assert await at_auv.payload() == b"from shore"
     pair.auv.put("chat", b"from the vehicle")  # would arrive behind an echo
@@ -180,7 +180,7 @@ async def test_nothing_comes_back_and_nothing_is_sent_twice(pair: Pair) -> None:
 
 @with_pair
 async def test_sample_that_came_off_the_water_is_not_sent_again(pair: Pair) -> None:
-    heard = Heard(pair.auv, "chat")
+    heard = await hear(pair.auv, "chat")
     pair.shore.put("chat", b"another gateway's", attachment=Marker(acoustic=3).encode())
     pair.shore.put("chat", b"ours", attachment=b"an application's")
     assert await heard.payload() == b"ours"
@@ -190,7 +190,7 @@ async def test_sample_that_came_off_the_water_is_not_sent_again(pair: Pair) -> N
 async def test_bad_payloads_are_counted_and_the_next_good_one_crosses(
     pair: Pair,
 ) -> None:
-    heard = Heard(pair.shore, "auv1/json")
+    heard = await hear(pair.shore, "auv1/json")
     await matched(pair.auv, "auv1/json")
     bad: list[tuple[bytes, str | None]] = [
         (b"{", None),
@@ -213,8 +213,8 @@ async def test_bad_payloads_are_counted_and_the_next_good_one_crosses(
 
 @with_pair
 async def test_health_is_answered_published_and_stays_on_its_island(pair: Pair) -> None:
-    here, beyond = Heard(pair.auv, "@acoustic/**"), Heard(pair.shore, "@acoustic/2/**")
-    at_shore = Heard(pair.shore, "auv1/nav")
+    here, beyond = await hear(pair.auv, "@acoustic/**"), await hear(pair.shore, "@acoustic/2/**")
+    at_shore = await hear(pair.shore, "auv1/nav")
     pair.auv.put("auv1/nav", cbor(**NAV))
     await at_shore.next()
     names = ("dropped", "ledger", "link", "peers", "streams")
@@ -262,7 +262,7 @@ def test_samples_cross_water_with_airtime_and_delay(profile: str) -> None:
         async with AsyncExitStack() as stack:
             pair = Pair(stack)
             await pair.open(profile=profile, time_scale=20.0)
-            heard = Heard(pair.shore, "auv1/nav")
+            heard = await hear(pair.shore, "auv1/nav")
             pair.auv.put("auv1/nav", cbor(**NAV))
             assert cbor2.loads(await heard.payload()) == NAV
 

@@ -49,9 +49,7 @@ def fleet() -> StreamTable:
                 qos=Qos(depth=1000, stamp=Stamp.AGE),
             ),
             TopicSpec(stream_id=4, name="one", subscribers=(2,), type_name="T", qos=DEEP),
-            TopicSpec(
-                stream_id=5, name="now", qos=Qos(depth=1000, priority=Priority.REAL_TIME)
-            ),
+            TopicSpec(stream_id=5, name="now", qos=Qos(depth=1000, priority=Priority.REAL_TIME)),
             ServiceSpec(stream_id=20, name="arm", server=2, request_type="T"),
             ServiceSpec(stream_id=21, name="mine", server=1, response_type="T"),
         ],
@@ -67,9 +65,7 @@ SAMPLES = st.one_of(
     st.tuples(st.just(4), VALUES, st.just(())),
     st.tuples(st.just(5), st.binary(max_size=8), st.just(())),
 )
-LACKS = st.fixed_dictionaries(
-    {name: st.booleans() for name in ("addressed", "checked", "framed")}
-)
+LACKS = st.fixed_dictionaries({name: st.booleans() for name in ("addressed", "checked", "framed")})
 
 
 @given(
@@ -123,7 +119,9 @@ def test_every_call_gets_its_own_answer(
 DIGESTS = st.sampled_from([fleet().digest, bytes(4), b"abcd", fleet().by_id(1).digest])
 PIECES = st.one_of(
     st.binary(max_size=12),
-    st.builds(lambda v, e, d: Hello(v, e, d).encode(), st.integers(0, 2), st.integers(0, 3), DIGESTS),
+    st.builds(
+        lambda v, e, d: Hello(v, e, d).encode(), st.integers(0, 2), st.integers(0, 3), DIGESTS
+    ),
     st.builds(lambda e: Tag(e).encode(), st.integers(0, 3)),
     st.builds(lambda a, e: Confirm(a, e).encode(), st.integers(0, 3), st.integers(0, 3)),
     st.builds(lambda a, s: Ask(a, s).encode(), st.integers(0, 3), st.integers(0, 255)),

@@ -10,6 +10,7 @@ another value.
 import itertools
 import random
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -326,17 +327,13 @@ class Trial:
             for stream_id in VARIANTS:
                 self._go_on(address, stream_id, 0.0)
             for _ in range(rng.randint(0, self._most_restarts)):
-                network.at(
-                    rng.uniform(0, self.fault_s), lambda address=address: self._restart(address)
-                )
+                network.at(rng.uniform(0, self.fault_s), partial(self._restart, address))
             if rng.random() < 0.3:
                 begin_s = rng.uniform(0, self.fault_s)
-                network.at(
-                    begin_s, lambda address=address: network.set_link(address, up=False)
-                )
+                network.at(begin_s, partial(network.set_link, address, up=False))
                 network.at(
                     min(self.fault_s, begin_s + rng.uniform(1, 40)),
-                    lambda address=address: network.set_link(address, up=True),
+                    partial(network.set_link, address, up=True),
                 )
         network.run(until_s=self.fault_s + self.calm_s)
 

@@ -3,6 +3,7 @@
 import hashlib
 import random
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -28,10 +29,12 @@ def five_nodes(
         trace=trace,
         deliver=lambda address, event: None,
     )
+
+    def publish(address: int) -> None:
+        water.publish(address, 10, rng.randbytes(30))
+
     for address in range(1, 6):
-        water.every(
-            10, lambda a=address: water.publish(a, 10, rng.randbytes(30)), first_s=2.0 * address
-        )
+        water.every(10, partial(publish, address), first_s=2.0 * address)
     water.run(until_s=hours * 3600)
     return water
 

@@ -59,19 +59,19 @@ def test_nothing_is_misread_in_a_storm_of_restarts(
     for seed in block(number, count(20_000)):
         rng = random.Random(f"storm {seed}")
         nodes = rng.choice((2, 2, 3))
-        settings = {"mtu_bytes": rng.choice((8, 16, 64)), "repeat": rng.choice((0.0, 0.5, 0.9))}
+        mtu_bytes, repeat = rng.choice((8, 16, 64)), rng.choice((0.0, 0.5, 0.9))
         trial = Trial(
             seed,
             nodes=nodes,
-            mtu_bytes=settings["mtu_bytes"],
-            repeat=settings["repeat"],
+            mtu_bytes=mtu_bytes,
+            repeat=repeat,
             fault_s=150,
             calm_s=0,
             change=rng.choice((0.1, 0.4)),
             most_restarts=8,
         )
         trial.run()
-        assert not trial.oracle.wrong, f"seed {seed}, {nodes}, {settings}: {trial.oracle.wrong[0]}"
+        assert not trial.oracle.wrong, f"seed {seed}: {trial.oracle.wrong[0]}"
 
 
 @pytest.mark.parametrize("number", BLOCKS)

@@ -1,5 +1,7 @@
 """An idle system transmits nothing, and a sample costs one byte beside its payload."""
 
+from functools import partial
+
 import pytest
 
 from tests.virtual.fleet import line
@@ -63,7 +65,7 @@ def test_nodes_fall_silent_when_their_traffic_has_ended(nodes: int, differing: b
             for stream_id in (10, 11):
                 water.at(
                     step * 20 + address * 3 + stream_id,
-                    lambda a=address, s=stream_id: water.publish(a, s, b"x"),
+                    partial(water.publish, address, stream_id, b"x"),
                 )
     water.run(until_s=DAY_S)
     control_only = [record for record in sent if not record.streams]
@@ -106,7 +108,7 @@ def test_one_way_traffic_is_confirmed_once_and_then_costs_one_byte() -> None:
 def test_five_nodes_all_reach_one_byte_a_sample() -> None:
     water, sent = network(5)
     for address in range(1, 6):
-        water.every(50, lambda a=address: water.publish(a, 11, b"x"), first_s=7 * address)
+        water.every(50, partial(water.publish, address, 11, b"x"), first_s=7 * address)
     water.run(until_s=3600)
     late = [record for record in sent if record.at > 3000 * 10**9]
     assert len(late) >= 60

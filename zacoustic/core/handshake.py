@@ -20,12 +20,20 @@ From the receiver's side, three rules:
 3. Everything else is dropped as ``unconfirmed``, and the source is asked (ASK) for what is missing.
 
 So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
-and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Both rules
-need no clock. Tables contain the list of nodes, so "all have confirmed" means the same to both.
+and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Tables contain
+the list of nodes, so "all have confirmed" means the same to both; a node that is in the water and
+not in the list of a new table is not protected from that table's untagged broadcasts.
+
+Frames may also come twice, the second time within a *settling time* (`SETTLING_UNITS`). What
+carries an epoch does no harm then. A frame without one may be from a life that is over, so for
+that time after a new epoch was heard no such frame is decoded, and the epoch is not confirmed
+either: when the source omits its TAG, everything of its former lives has arrived, HELLOs included.
 
 Silence: what is owed to a peer (a confirmation, an answer, a question) rides on frames that go
 anyway; only after a random pause does it get a frame of its own, and each repetition doubles the
-pause. Nothing of this happens unless a frame was received, so an idle system stays silent.
+pause. Nothing of this happens unless a frame was received, so an idle system stays silent. Ends
+that differ can never confirm each other: they introduce themselves unasked until the pause has
+grown to its longest, and then only when asked.
 """
 
 import random

@@ -39,13 +39,6 @@ class LinkPort:
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
     @property
-    def frame_time_ns(self) -> int:
-        """Time in which the largest frame arrives: airtime and propagation delay, ns."""
-        capabilities = self.capabilities
-        airtime_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
-        return airtime_ns + seconds_to_ns(capabilities.propagation_s)
-
-    @property
     def is_busy(self) -> bool:
         """A transmission is under way."""
         return self._outstanding is not None

@@ -68,6 +68,7 @@ class Island:
             # Opening goes on in its thread and cannot be stopped: the session is closed when it is
             # there.
             worker.submit(lambda: _close(opened[0]) if opened else None)
+            worker.end()
             raise
         return cls(opened[0], worker)
 

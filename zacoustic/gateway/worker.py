@@ -70,9 +70,13 @@ class Worker:
         async with asyncio.timeout(limit_s):
             return await done
 
-    async def close(self, *, limit_s: float) -> None:
-        """Take the steps that are there, then end; gives up after `limit_s`, s."""
+    def end(self) -> None:
+        """Take the steps that are there, then end; does not wait."""
         self._steps.put(_END)
+
+    async def close(self, *, limit_s: float) -> None:
+        """Take the steps that are there, then end; gives up to wait after `limit_s`, s."""
+        self.end()
         await asyncio.to_thread(self._thread.join, limit_s)
 
     def _run(self) -> None:
