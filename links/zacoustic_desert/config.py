@@ -1,0 +1,88 @@
+"""Settings of the link to DESERT, and what follows from them about the link.
+
+DESERT says nothing about itself on its socket. The settings repeat what its Tcl script says; where
+they differ from it frames are split (`max_read_length` too large) or pile up in DESERT (`period_s`
+or `listen_s` too small), and nothing tells.
+
+How long a packet takes is the longer of two things, since both work on different packets at the
+same time: the application module hands out one packet in each `period_`, and the medium access
+listens before each packet. Then comes the packet itself, with four bytes of headers. Measured at
+saturation with the sample script: 2.77 packets of 64 bytes in a second, 2.21 of 512 bytes.
+"""
+
+import math
+from typing import Final, Literal
+
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.link import LinkConfig
+from zacoustic_desert.framing import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
+
+READ_LIMIT_BYTES: Final = 4096
+"""Largest `max_read_length` of DESERT, bytes: beyond it a buffer of its own overflows."""
+HEADER_BYTES: Final = 4
+"""What DESERT adds to a packet on the air, bytes: two of its UDP and two of its IP module."""
+
+# HELLO, addresses, check and delimiters: what `LinkCapabilities` demands of any link.
+_LEAST_NATIVE_BYTES: Final = 8 + 2 + 4 + 3
+_LEAST_PAYLOAD_BYTES: Final = 8 + 2 + 4
+_LONGEST_S: Final = 3600.0
+
+
+class DesertConfig(LinkConfig, frozen=True, kw_only=True):
+    """Settings of the link; they must match DESERT's script."""
+
+    max_read_length: int = 64
+    """`max_read_length` of the script, bytes: 17…4096, at least 18 with `rmw_desert` framing."""
+    period_s: float = 0.2
+    """`period_` of the application module, s, > 0; DESERT's own default is 10, its samples' 0.2."""
+    listen_s: float = 0.4
+    """How long the medium access listens before a packet, s, ≥ 0; 0 without CSMA. The sample's CSMA
+    takes 0.35 on average; at exactly that the queue in DESERT would still grow."""
+    bit_rate_bps: float = 48_000.0
+    """Bit rate of the modems in the script, bit/s, > 0."""
+    latency_s: float = 1.0
+    """From one socket to the other through an idle DESERT, s, ≥ 0; what time-outs start from.
+    Measured: 0.7 over one hop, 1.1 over two."""
+    framing: Literal["native", "rmw_desert"] = "native"
+    """`native`: a byte stream, which the core delimits. `rmw_desert`: that middleware's packet
+    around each frame; it has no check of its own."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: A value outside its range.
+        """
+        least = _LEAST_NATIVE_BYTES
+        if self.framing == "rmw_desert":
+            least = _LEAST_PAYLOAD_BYTES + OVERHEAD_BYTES
+        if not least <= self.max_read_length <= READ_LIMIT_BYTES:
+            raise ValueError(
+                f"max_read_length is {self.max_read_length}; allowed: {least}..{READ_LIMIT_BYTES}"
+            )
+        if not 0 < self.period_s <= _LONGEST_S:
+            raise ValueError(f"period_s is {self.period_s:g}; allowed: above 0, to {_LONGEST_S:g}")
+        for name, value in (("listen_s", self.listen_s), ("latency_s", self.latency_s)):
+            if not 0 <= value <= _LONGEST_S:
+                raise ValueError(f"{name} is {value:g}; allowed: 0..{_LONGEST_S:g}")
+        if not 0 < self.bit_rate_bps < math.inf:
+            raise ValueError(f"bit_rate_bps is {self.bit_rate_bps:g}; allowed: above 0")
+
+    def capabilities(self) -> LinkCapabilities:
+        """What the link can do."""
+        is_native = self.framing == "native"
+        around_bytes = HEADER_BYTES + (0 if is_native else OVERHEAD_BYTES)
+        mtu_bytes = self.max_read_length
+        if not is_native:
+            mtu_bytes = min(PAYLOAD_LIMIT_BYTES, mtu_bytes - OVERHEAD_BYTES)
+        return LinkCapabilities(
+            mtu_bytes=mtu_bytes,
+            bit_rate_bps=self.bit_rate_bps,
+            preamble_s=max(self.period_s, self.listen_s) + around_bytes * 8 / self.bit_rate_bps,
+            propagation_s=self.latency_s,
+            half_duplex=False,  # the socket is not; what the modems are is DESERT's affair
+            addressed=False,
+            checked=False,
+            framed=not is_native,
+            controls_access=True,
+        )

@@ -1,0 +1,121 @@
+"""The packets of rmw_desert on the byte stream of DESERT's socket.
+
+They are::
+
+    99 99 | LEN | payload, LEN bytes | 55
+
+LEN is the length of the payload modulo 256, and its sender makes payloads of up to 512 bytes. There
+is no check and no escaping: any byte may stand in a payload, markers too. So:
+
+- *Out* go payloads of 1…255 bytes only; longer ones its receiver may cut short.
+- *In* comes all that its sender makes. Behind a LEN without its end marker the payload may be one
+  of LEN + 256 bytes, or damaged. It counts as the longer one when the end marker is there, and no
+  whole short packet lies inside; that one would be swallowed.
+- What is no packet costs one byte: the search goes on behind its first marker byte. So a damaged
+  packet takes no intact one with it, but for this: its LEN may, by chance, point at a 55 in or at
+  the end of a later packet. Without a check nobody can tell that from a payload with markers in it;
+  the check of the core finds the false packet, and what it has swallowed is lost.
+- Whether the head is a packet may be known only when 516 bytes have come. `flush` decides without
+  them, when nothing has come for a while.
+
+The result depends on the bytes and on `flush` only, not on how they were cut into pieces.
+
+Source:
+    Measured on the wire of rmw_desert 4.0.2.
+"""
+
+from typing import Final
+
+PAYLOAD_LIMIT_BYTES: Final = 255
+"""Longest payload that LEN can tell, bytes."""
+RECEIVED_LIMIT_BYTES: Final = 512
+"""Longest payload that rmw_desert sends, bytes."""
+OVERHEAD_BYTES: Final = 4
+"""Start markers, LEN and end marker."""
+
+_START: Final = b"\x99\x99"
+_END: Final = 0x55
+_HEAD_BYTES: Final = len(_START) + 1
+
+
+def encode_packet(payload: bytes) -> bytes:
+    """Return a payload of 1…255 bytes as a packet.
+
+    Raises:
+        ValueError: Another length.
+    """
+    if not 1 <= len(payload) <= PAYLOAD_LIMIT_BYTES:
+        raise ValueError(f"payload of {len(payload)} bytes; allowed: 1..{PAYLOAD_LIMIT_BYTES}")
+    return _START + bytes((len(payload),)) + payload + bytes((_END,))
+
+
+class PacketDecoder:
+    """Finds packets in a byte stream; keeps less than one packet of the longest kind."""
+
+    def __init__(self) -> None:
+        self.discarded_bytes = 0
+        """What belonged to no packet."""
+        self._buffer = bytearray()
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether bytes are kept that may become a packet: `flush` after a silence."""
+        return bool(self._buffer)
+
+    def feed(self, data: bytes) -> list[bytes]:
+        """Take bytes; return the payloads that they complete."""
+        self._buffer += data
+        return self._take(is_over=False)
+
+    def flush(self) -> list[bytes]:
+        """Give up what is incomplete, and return the payloads that it hid."""
+        return self._take(is_over=True)
+
+    def _take(self, *, is_over: bool) -> list[bytes]:
+        payloads: list[bytes] = []
+        position = 0
+        while (start := self._buffer.find(_START, position)) >= 0:
+            self.discarded_bytes += start - position
+            position = start
+            end = self._end_of_packet(start)
+            if end is None and not is_over:
+                break
+            if end:
+                payloads.append(bytes(self._buffer[start + _HEAD_BYTES : end - 1]))
+                position = end
+            else:
+                self.discarded_bytes += 1
+                position += 1
+        else:
+            # The first half of a start may be there already.
+            keep = not is_over and self._buffer.endswith(_START[:1], position)
+            rest = len(self._buffer) - position - keep
+            self.discarded_bytes += rest
+            position += rest
+        del self._buffer[:position]
+        return payloads
+
+    def _end_of_packet(self, start: int) -> int | None:
+        """Index behind the packet that starts here; 0: there is none; None: not known yet."""
+        if len(self._buffer) < start + _HEAD_BYTES:
+            return None
+        length = self._buffer[start + 2]
+        for size_bytes in range(length or 256, RECEIVED_LIMIT_BYTES + 1, 256):
+            end = start + _HEAD_BYTES + size_bytes + 1
+            if len(self._buffer) < end:
+                return None
+            is_ended = self._buffer[end - 1] == _END
+            if is_ended and (size_bytes <= PAYLOAD_LIMIT_BYTES or not self._hides(start, end)):
+                return end
+        return 0
+
+    def _hides(self, start: int, end: int) -> bool:
+        """Whether a whole short packet lies between, which a long one would swallow."""
+        inner = start + 1
+        while (inner := self._buffer.find(_START, inner, end)) >= 0:
+            length = self._buffer[inner + 2] if inner + 2 < end else 0
+            behind = inner + _HEAD_BYTES + length + 1
+            if length and behind <= end and self._buffer[behind - 1] == _END:
+                return True
+            inner += 1
+        return False

@@ -1,0 +1,282 @@
+"""The link to DESERT Underwater: a TCP client of the socket of its application module.
+
+DESERT listens, some seconds after its start, and serves one client on each port. What it reads at
+once becomes a packet of its own network, what arrives is written to the client; there are no
+addresses, no boundaries, no reports. `pacing` sees to it that a frame becomes a packet of its own.
+
+What can be known about the other side:
+
+- Nobody listens: DESERT is not there, or not yet. The link waits and says so.
+- The connection ends: DESERT has ended, or was ended (its socket threads can crash it under load in
+  both directions). The link connects again, for ever.
+- An attempt to connect times out: more clients than DESERT's backlog holds.
+- A connection may be *deaf*: the kernel accepts it while DESERT serves another client. Then nothing
+  arrives, and what is written is sent when the other client leaves. That looks like a silent sea.
+  After `SUSPECT_FRAMES` frames without hearing anything on a connection the detail of the state
+  says so; when DESERT has not read until the buffers are full, the connection is given up.
+"""
+
+import asyncio
+import time
+from typing import Final, Self
+
+from zacoustic.bytestream import ByteStream
+from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.linktypes import (
+    BROADCAST,
+    LinkState,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+)
+from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
+from zacoustic.link import Link, LinkConfig, LinkReceiver
+from zacoustic_desert.config import DesertConfig
+from zacoustic_desert.framing import PacketDecoder, encode_packet
+from zacoustic_desert.pacing import Pacer
+
+LAST_DELAY_S: Final = 2.0
+"""Longest pause between two attempts to connect, s: DESERT needs five to start."""
+SUSPECT_FRAMES: Final = 20
+"""Frames sent on a connection without hearing anything, after which it may be a deaf one."""
+
+# Silence after which a packet of rmw_desert is not completed any more, in frames of full size: one
+# of 512 bytes comes in up to nine packets.
+_PATIENCE_FRAMES: Final = 4
+
+
+class DesertLink(Link):
+    """DESERT Underwater's application socket; the locator is desert/HOST:PORT.
+
+    Args:
+        address: `HOST:PORT` of the application module.
+        config: What its script says.
+        clock: Where instants come from.
+
+    Raises:
+        ConfigError: The address is none.
+    """
+
+    config_type = DesertConfig
+
+    def __init__(
+        self,
+        address: str,
+        config: DesertConfig | None = None,
+        *,
+        clock: Clock = time.monotonic_ns,
+    ) -> None:
+        try:
+            self._stream = ByteStream(f"tcp:{address}", clock=clock, last_delay_s=LAST_DELAY_S)
+        except ConfigError as error:
+            raise ConfigError(
+                f"address {address!r}; allowed: HOST:PORT, such as 127.0.0.1:4000"
+            ) from error
+        self._address = address
+        self._config = config or DesertConfig()
+        self._clock = clock
+        self.capabilities = self._config.capabilities()
+        full_ns = self.capabilities.airtime_ns(self.capabilities.mtu_bytes)
+        self._patience_ns = _PATIENCE_FRAMES * full_ns
+        self._pacer = Pacer(self.capabilities)
+        self._decoder = PacketDecoder() if self._config.framing == "rmw_desert" else None
+        self._flush_at: int | None = None
+        self._receiver: LinkReceiver | None = None
+        self._state = LinkState.OPENING
+        self._detail = ""
+        self._timer: asyncio.TimerHandle | None = None
+        self._frames_sent = 0
+        # Frames written on this connection before anything was heard on it.
+        self._unheard = 0
+        self._is_heard = False
+        self._discarded_before = 0
+
+    @classmethod
+    def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
+        """Build the link to the application module at `HOST:PORT`.
+
+        Raises:
+            ConfigError: The address is none, or the node address is outside 1…254.
+        """
+        assert isinstance(config, DesertConfig)
+        if not 1 <= node_address <= 254:
+            raise ConfigError(f"node address is {node_address}; allowed: 1..254")
+        return cls(address, config)
+
+    async def open(self, receiver: LinkReceiver) -> None:
+        """Start to connect, and return; DESERT may come later.
+
+        Raises:
+            LinkOpenError: It is open already.
+        """
+        if self._receiver is not None:
+            raise LinkOpenError(f"the link to DESERT at {self._address} is open already")
+        self._receiver = receiver
+        self._state, self._detail = LinkState.OPENING, ""
+        self._change_state(LinkState.OPENING, self._waiting())
+        self._stream.open(self)
+
+    async def close(self) -> None:
+        """Leave DESERT; what has no report yet is reported as ABORTED before."""
+        # Without a receiver first: a report may make it transmit again, which must fail.
+        receiver, self._receiver = self._receiver, None
+        self._disarm()
+        now = self._clock()
+        self._pacer.abort("link closed", now)
+        while (report := self._pacer.poll_report(now)) is not None:
+            if receiver is not None:
+                receiver.transmit_finished(report)
+        self._state, self._detail = LinkState.DOWN, "closed"
+        await self._stream.close()
+
+    def transmit(self, transmission: Transmission) -> None:
+        """Write a frame as soon as the pace allows.
+
+        Raises:
+            LinkClosedError: Not open.
+        """
+        if self._receiver is None:
+            raise LinkClosedError(f"the link to DESERT at {self._address} is not open")
+        now = self._clock()
+        if self._state is not LinkState.UP:
+            reason = f"no connection: {self._detail}"
+            self._pacer.refuse(transmission, TransmitOutcome.ABORTED, reason, now)
+        elif reason := self._objection(transmission):
+            self._pacer.refuse(transmission, TransmitOutcome.REJECTED, reason, now)
+        else:
+            self._pacer.submit(transmission, now)
+        self._arm()
+
+    def diagnostics(self) -> dict[str, int | float | str]:
+        """Counts, the state, and what it waits for."""
+        readings: dict[str, int | float | str] = {
+            "frames_sent": self._frames_sent,
+            "frames_unheard": 0 if self._is_heard else self._unheard,
+            "bytes_read": self._stream.bytes_read,
+            "bytes_written": self._stream.bytes_written,
+            "connections": self._stream.connections,
+            "state": self._state.value,
+            "detail": self._detail,
+        }
+        if self._decoder is not None:
+            readings["bytes_discarded"] = self._discarded_before + self._decoder.discarded_bytes
+        return readings
+
+    def stream_opened(self) -> None:
+        """DESERT, or its kernel, has accepted; called by the stream."""
+        self._unheard = 0
+        self._is_heard = False
+        if self._decoder is not None:
+            self._discarded_before += self._decoder.discarded_bytes
+            self._decoder = PacketDecoder()
+            self._flush_at = None
+        self._change_state(LinkState.UP, self._connected())
+
+    def bytes_received(self, data: bytes, received_at: int) -> None:
+        """Pass on what has arrived; called by the stream."""
+        self._is_heard = True
+        if self._state is LinkState.UP:
+            self._change_state(LinkState.UP, self._connected())
+        if self._decoder is None:
+            self._hear(data, received_at)
+            return
+        for payload in self._decoder.feed(data):
+            self._hear(payload, received_at)
+        # Each piece grants the packet in the decoder new patience.
+        self._flush_at = received_at + self._patience_ns if self._decoder.is_waiting else None
+        self._arm()
+
+    def stream_lost(self, reason: str) -> None:
+        """DESERT is gone, or was not reached; called by the stream."""
+        reason = reason.removeprefix(f"{self._stream.address}: ")
+        if self._state is LinkState.UP:
+            self._go_down(reason)
+            self._service()
+        else:
+            self._change_state(self._state, self._waiting(reason))
+
+    def _go_down(self, reason: str) -> None:
+        self._change_state(
+            LinkState.DOWN, f"DESERT at {self._address}: {reason}; waits for it to come back"
+        )
+        self._pacer.abort(reason, self._clock())
+
+    def _service(self) -> None:
+        """Write and report what is due, then arm the timer."""
+        self._disarm()
+        now = self._clock()
+        frame_bytes = self._pacer.poll_write(now) if self._state is LinkState.UP else None
+        if frame_bytes is not None:
+            self._write(frame_bytes, now)
+        while (report := self._pacer.poll_report(now)) is not None:
+            if self._receiver is not None:
+                self._receiver.transmit_finished(report)
+        if self._decoder is not None and self._flush_at is not None and self._flush_at <= now:
+            self._flush_at = None
+            for payload in self._decoder.flush():
+                self._hear(payload, now)
+        self._arm()
+
+    def _write(self, frame_bytes: bytes, now: int) -> None:
+        written = frame_bytes if self._decoder is None else encode_packet(frame_bytes)
+        if not self._stream.write(written):
+            # Paced as they are, frames fill no buffer that anybody reads.
+            reason = "it takes no more bytes; it is gone, or serves another program on this port"
+            self._go_down(reason)
+            self._stream.reset(reason)
+            return
+        self._frames_sent += 1
+        if not self._is_heard:
+            self._unheard += 1
+            if self._unheard == SUSPECT_FRAMES:
+                self._change_state(
+                    LinkState.UP,
+                    f"{self._connected()}, but nothing heard there after {SUSPECT_FRAMES} frames: "
+                    "DESERT serves one program per port, see that no other one holds it",
+                )
+
+    def _hear(self, frame_bytes: bytes, at: int) -> None:
+        if self._receiver is not None:
+            self._receiver.frame_received(ReceivedFrame(frame_bytes=frame_bytes, received_at=at))
+
+    def _objection(self, transmission: Transmission) -> str:
+        """Why this transmission cannot be one packet; empty if it can."""
+        size, limit = len(transmission.frame_bytes), self.capabilities.mtu_bytes
+        if not 1 <= size <= limit:
+            return f"frame of {size} bytes; allowed: 1..{limit}"
+        if not 1 <= transmission.destination <= BROADCAST:
+            return f"destination {transmission.destination}; allowed: 1..{BROADCAST}"
+        return ""
+
+    def _change_state(self, state: LinkState, detail: str) -> None:
+        if (state, detail) == (self._state, self._detail):
+            return
+        self._state, self._detail = state, detail
+        if self._receiver is not None:
+            self._receiver.state_changed(state, detail)
+
+    def _connected(self) -> str:
+        return f"connected to DESERT at {self._address}"
+
+    def _waiting(self, reason: str = "") -> str:
+        reason = f": {reason}" if reason else ""
+        return (
+            f"waits for DESERT at {self._address}{reason} "
+            "(it listens a few seconds after its start, and serves one program per port)"
+        )
+
+    def _arm(self) -> None:
+        """Set the one timer for what is due first; it never fires at once."""
+        self._disarm()
+        if self._receiver is None:
+            return
+        instants = (self._flush_at, self._pacer.poll_timeout())
+        due_at = min((at for at in instants if at is not None), default=None)
+        if due_at is not None:
+            delay_s = max(0.0, ns_to_seconds(due_at - self._clock()))
+            self._timer = asyncio.get_running_loop().call_later(delay_s, self._service)
+
+    def _disarm(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
