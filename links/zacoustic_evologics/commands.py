@@ -1,0 +1,190 @@
+"""What a host says to a modem, one record for each form of command.
+
+Queries and settings are open: `Query("XY")` exists whether a modem knows it or not, since their
+number grows with each firmware; which are known, with their limits, is in `settings`. Values out of
+range can be put into a record, because an emulator must be able to read and refuse them; writing
+them is what `encoder` refuses.
+"""
+
+import enum
+from typing import TypeAlias
+
+import msgspec
+
+from zacoustic_evologics.notifications import ImFlag
+
+
+class SendIm(msgspec.Struct, frozen=True, kw_only=True):
+    """`AT*SENDIM`: an instant message, at once."""
+
+    payload: bytes
+    """1…64 bytes."""
+    destination: int
+    """1…254, or 255 for everybody, which goes without acknowledgement only."""
+    flag: ImFlag = ImFlag.NOACK
+    """Whether the other modem acknowledges."""
+    pid: int | None = None
+    """Protocol id 0…7, with extended networking only."""
+
+
+class SendIms(msgspec.Struct, frozen=True, kw_only=True):
+    """`AT*SENDIMS`: an instant message at an instant; nobody acknowledges it."""
+
+    payload: bytes
+    """1…64 bytes."""
+    destination: int
+    """1…255."""
+    start_us: int | None = None
+    """Modem's clock at which it begins; None: at once."""
+    pid: int | None = None
+    """Protocol id 0…7, with extended networking only."""
+
+
+class SendPbm(msgspec.Struct, frozen=True, kw_only=True):
+    """`AT*SENDPBM`: kept until the modem sends something else to that address, and goes with it."""
+
+    payload: bytes
+    """1…64 bytes."""
+    destination: int
+    """1…254."""
+    pid: int | None = None
+    """Protocol id 0…7, with extended networking only."""
+
+
+class SendBurst(msgspec.Struct, frozen=True, kw_only=True):
+    """`AT*SEND`: burst data, over a connection that the modem sets up."""
+
+    payload: bytes
+    """1…1024 bytes."""
+    destination: int
+    """1…254."""
+    pid: int | None = None
+    """Protocol id 0…7, with extended networking only."""
+
+
+class SendProbe(msgspec.Struct, frozen=True, kw_only=True):
+    """`AT*SENDPROBE`: a probe signal."""
+
+    bit: int
+    """What it carries."""
+    follow: int
+    """As the modem takes it; no source says what it means."""
+    start_us: int | None = None
+    """Modem's clock at which it begins; None: at once."""
+
+
+class Query(msgspec.Struct, frozen=True):
+    """`AT?NAME`: read a setting or a measurement."""
+
+    name: str
+    """Capital letters."""
+
+
+class Set(msgspec.Struct, frozen=True):
+    """`AT!NAME<n>`: change a setting of the modem until the power goes."""
+
+    name: str
+    """Capital letters."""
+    value: int
+    """The new one."""
+
+
+class SetOption(msgspec.Struct, frozen=True):
+    """`AT@NAME[<n>]`: change an option of this port, or do what has no other form."""
+
+    name: str
+    """Capital letters."""
+    value: int | None = None
+    """None for those that have none, such as `AT@CTRL`."""
+
+
+class Action(enum.Enum):
+    """The commands of one letter; the value is the letter."""
+
+    ATTENTION = ""
+    """Nothing; answered `OK`."""
+    LISTEN = "A"
+    """Leave any other state, and listen."""
+    COMMAND_MODE = "C"
+    """Leave data mode."""
+    CONNECT = "D"
+    """Connect to the remote address, or to the one given."""
+    HANG_UP = "H"
+    """Close the connection: 0 gracefully, 1 at once."""
+    INFORMATION = "I"
+    """0 or none firmware, 1 its parts, 2 serial number, 7 manufacturer."""
+    MEASURE_NOISE = "N"
+    """Go to the state that measures noise, without connections."""
+    DATA_MODE = "O"
+    """Go to data mode; not answered."""
+    PHYSICAL = "P"
+    """Give the physical layer over to another protocol."""
+    DEAF = "S"
+    """Stop listening."""
+    RESET = "Z"
+    """0 restart, not answered; 1 drop burst data; 3 drop instant messages; 4 empty the buffer."""
+    SHOW_SETTINGS = "&V"
+    """All settings in many lines."""
+    STORE_SETTINGS = "&W"
+    """Keep the settings without power."""
+    FACTORY_SETTINGS = "&F"
+    """Back to what it was delivered with."""
+
+
+class Act(msgspec.Struct, frozen=True):
+    """`AT<letter>[<n>]`: have the modem do something."""
+
+    action: Action
+    """What."""
+    value: int | None = None
+    """The number behind the letter, if there is one."""
+
+
+class Help(msgspec.Struct, frozen=True):
+    """`AT<key>$`: explain a command."""
+
+    key: str
+    """What stands between."""
+
+
+class ExtensionCommand(msgspec.Struct, frozen=True):
+    """`AT%KEY[,parameters]`: of the vendor's middleware, not of a modem."""
+
+    key: str
+    """Capital letters."""
+    parameters: str = ""
+    """Behind the first comma."""
+
+
+class Escape(msgspec.Struct, frozen=True):
+    """`+++` alone, with a second of silence around it: leave data mode."""
+
+
+PayloadCommand: TypeAlias = SendIm | SendIms | SendPbm | SendBurst
+"""Commands that carry a payload."""
+LineCommand: TypeAlias = (
+    SendProbe | Query | Set | SetOption | Act | Help | ExtensionCommand | Escape
+)
+"""Commands that do not."""
+Command: TypeAlias = PayloadCommand | LineCommand
+"""What can be said to a modem."""
+
+
+class Mistake(enum.Enum):
+    """What is wrong with a command that cannot be read; the value is how a modem answers."""
+
+    WRONG_FORMAT = "ERROR WRONG FORMAT"
+    """A number is missing, a payload has another length than announced, `+++` where none goes."""
+    UNKNOWN_COMMAND = "ERROR UNKNOWN COMMAND"
+    """There is no such letter."""
+
+
+class InvalidCommand(msgspec.Struct, frozen=True):
+    """Something that a host said and that is no command."""
+
+    raw: bytes
+    """What came, without line end; shortened where it is long."""
+    mistake: Mistake
+    """Why."""
+    name: str = ""
+    """Name of the command that it seems to be, for the header of the answer in data mode."""

@@ -1,0 +1,94 @@
+"""Settings of the driver: what stands behind `#` in its locator."""
+
+from typing import Final, Literal
+
+from zacoustic.link import LinkConfig
+from zacoustic_evologics.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.settings import SETTINGS
+
+IN_AIR_SOURCE_LEVEL: Final = 3
+"""The quietest one, 20 dB below the loudest; the only one that a transducer in air bears."""
+
+_RETRIES_MAX: Final = 10
+
+
+class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
+    """Settings of the driver. What is None here is left as it is in the modem.
+
+    Nothing is stored in the modem (`AT&W`): what the driver sets lasts until the power goes.
+    """
+
+    baudrate: int = 19_200
+    """Of a serial port, baud."""
+    service: Literal["auto", "im", "ims", "burst"] = "auto"
+    """What carries frames. `im`: instant messages. `ims`: synchronous instant messages, which carry
+    the instant of their start and are never acknowledged. `burst`: burst data, where there is one
+    receiver. `auto`: instant messages up to 64 bytes, burst data above."""
+    mtu: int = IM_LIMIT_BYTES
+    """Largest frame, bytes, 16…64, with burst data up to 1024. Above 64 only frames for one
+    receiver can be sent: burst data knows no broadcast."""
+    check: bool = False
+    """The core adds a check to each frame: the modem protects the water, not a serial cable."""
+    set_address: bool = False
+    """Give the modem the address of this node; otherwise another one is an error."""
+    highest_address: int | None = None
+    """Highest address of the network, `AT!AM`, equal in all modems: 2, 6, 14, 30, 62, 126, 254."""
+    source_level: int | None = None
+    """0 the loudest, then 1: -6 dB, 2: -12 dB, 3: -20 dB."""
+    deck: bool = False
+    """The transducer is in air: source level 3, whatever the modem was set to, or no link."""
+    gain: int | None = None
+    """Of the receiver: 0 normal, 1 low, for short ranges."""
+    retries: int = 0
+    """How often the modem repeats an instant message that is not acknowledged, 0…10. Repetitions
+    can arrive twice; the core retransmits by itself."""
+    extended_notifications: bool = True
+    """Have the modem say when sounds begin and end, `AT@ZX1`. Without it, it is asked by `AT?DI`
+    whether a message has left, and `senses_carrier` is not there."""
+    usbl: bool = True
+    """Have a modem with an ultra-short baseline head say where others are, `AT@ZU1`."""
+    propagation_s: float = 1.0
+    """Longest propagation delay to reckon with, one way, s, above 0: 1 s is 1500 m."""
+    busy_s: float = 10.0
+    """How long a frame may wait while the modem says BUSY, s, ≥ 0."""
+    reply_s: float = 1.0
+    """How long an answer may take, s, above 0, besides the time on a serial port."""
+    wait_s: float = 15.0
+    """How long `open` waits for the modem, s, above 0; it boots in about 5 s."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: A value is outside its range, or two contradict each other.
+        """
+        limit = BURST_LIMIT_BYTES if self.service in ("auto", "burst") else IM_LIMIT_BYTES
+        _check_range("mtu", self.mtu, 16, limit)
+        _check_range("baudrate", self.baudrate, 300, 4_000_000)
+        _check_range("retries", self.retries, 0, _RETRIES_MAX)
+        for name, value in (
+            ("AM", self.highest_address),
+            ("L", self.source_level),
+            ("G", self.gain),
+        ):
+            setting = SETTINGS[name]
+            if value is not None and not setting.allows(value):
+                allowed = setting.choices or (f"{setting.low}..{setting.high}",)
+                raise ValueError(
+                    f"{setting.label.lower()} is {value}; allowed: {', '.join(map(str, allowed))}"
+                )
+        if self.deck and self.source_level not in (None, IN_AIR_SOURCE_LEVEL):
+            raise ValueError(
+                f"source_level is {self.source_level} on deck; allowed: {IN_AIR_SOURCE_LEVEL}"
+            )
+        for name in ("propagation_s", "reply_s", "wait_s"):
+            if not 0 < getattr(self, name) <= 3600:
+                raise ValueError(f"{name} is {getattr(self, name)}; allowed: above 0, up to 3600")
+        if not 0 <= self.busy_s <= 3600:
+            raise ValueError(f"busy_s is {self.busy_s}; allowed: 0..3600")
+
+
+def _check_range(name: str, value: int, low: int, high: int) -> None:
+    if not low <= value <= high:
+        raise ValueError(f"{name} is {value}; allowed: {low}..{high}")

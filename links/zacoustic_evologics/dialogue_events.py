@@ -1,0 +1,71 @@
+"""What the dialogue tells its shell: `AtDialogue.poll_event`."""
+
+from typing import TypeAlias
+
+import msgspec
+
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    TransmitReport,
+)
+
+
+class FrameHeard(msgspec.Struct, frozen=True):
+    """A frame arrived."""
+
+    frame: ReceivedFrame
+    """The frame, with what the modem measured on it."""
+
+
+class TransmissionEnded(msgspec.Struct, frozen=True):
+    """A transmission has ended; exactly one for each."""
+
+    report: TransmitReport
+    """How it ended."""
+
+
+class LinkChanged(msgspec.Struct, frozen=True):
+    """The link went up or down, or waits for something else."""
+
+    state: LinkState
+    """What it is."""
+    detail: str
+    """Which modem, or what is waited for."""
+    capabilities: LinkCapabilities | None = None
+    """With UP: what the link can do."""
+
+
+class CarrierChanged(msgspec.Struct, frozen=True):
+    """A sound that is not ours began or ended."""
+
+    busy: bool
+    """It began."""
+
+
+class ConnectionUseless(msgspec.Struct, frozen=True):
+    """The connection is to be given up and made anew."""
+
+    reason: str
+    """Why."""
+
+
+class OpeningHopeless(msgspec.Struct, frozen=True):
+    """The modem is there and cannot serve this node; waiting changes nothing, people do."""
+
+    reason: str
+    """What is wrong."""
+    hint: str
+    """What to do about it."""
+
+
+Event: TypeAlias = (
+    FrameHeard
+    | TransmissionEnded
+    | LinkChanged
+    | CarrierChanged
+    | ConnectionUseless
+    | OpeningHopeless
+)
+"""All of them."""

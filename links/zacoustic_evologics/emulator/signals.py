@@ -1,0 +1,120 @@
+"""What goes through the water between emulated modems, and what a modem makes of what it hears."""
+
+import enum
+
+import msgspec
+
+from zacoustic_evologics.notifications import ImFlag
+
+
+class SignalKind(enum.Enum):
+    """The kinds of signals; the value is the word in SENDSTART, SENDEND and RECVSRV.
+
+    Seen in captures are `im` and `ims`; the others are ours.
+    """
+
+    IM = "im"
+    """Instant message."""
+    IMS = "ims"
+    """Synchronous instant message."""
+    ACK = "ack"
+    """Acknowledgement of an instant message."""
+    PROBE = "probe"
+    """Probe signal."""
+    CONNECT = "connect"
+    """Asks for a connection."""
+    ACCEPT = "accept"
+    """Grants it."""
+    TRAIN = "data"
+    """Burst packets, one behind the other."""
+    TRAIN_ACK = "dataack"
+    """Acknowledges a train."""
+
+
+class Piggyback(msgspec.Struct, frozen=True):
+    """A piggyback message, on a signal that goes to its destination anyway."""
+
+    payload: bytes
+    """1…64 bytes."""
+    pid: int
+    """Protocol id."""
+
+
+class BurstPacket(msgspec.Struct, frozen=True):
+    """One packet of a train."""
+
+    payload: bytes
+    """1…1024 bytes."""
+    pid: int
+    """Protocol id."""
+    is_raw: bool
+    """From the data mode of a port, and for the data mode of others."""
+
+
+class Signal(msgspec.Struct, frozen=True, kw_only=True):
+    """One signal."""
+
+    kind: SignalKind
+    """What it is."""
+    source: int
+    """Network address of the sender."""
+    destination: int
+    """Network address of the receiver, 255 for everybody."""
+    duration_ns: int
+    """How long it sounds, whole microseconds."""
+    number: int
+    """Of the exchange: an answer has that of what it answers, a repetition that of the first."""
+    payload: bytes = b""
+    """Of a message."""
+    flag: ImFlag = ImFlag.NOACK
+    """Of an instant message."""
+    pid: int = 0
+    """Protocol id of a message."""
+    piggyback: Piggyback | None = None
+    """What goes with it."""
+    packets: tuple[BurstPacket, ...] = ()
+    """Of a train."""
+    bit_rate_bps: int = 0
+    """Of a train, and what an accepting modem proposes."""
+    bit: int = 0
+    """Of a probe signal."""
+    level: int = 0
+    """Source level, 0 loudest … 3."""
+
+
+class Hearing(msgspec.Struct, frozen=True, kw_only=True):
+    """A signal that has ended at a modem."""
+
+    sound: int
+    """Which sound: as it was announced when it began."""
+    signal: Signal
+    """What was sent."""
+    is_received: bool
+    """Whether the modem could read it."""
+    starts_at: int
+    """Instant of its first sound here, ns."""
+    duration_ns: int
+    """How long it sounded here."""
+    rssi_db: int
+    """Level, dB re 1 V."""
+    integrity: int
+    """Signal integrity."""
+    snr_db: float
+    """Level over noise, dB."""
+    velocity_m_s: float
+    """Relative velocity, positive when the distance grows."""
+    propagation_us: int
+    """Propagation delay, one way."""
+    offset_m: tuple[float, float, float]
+    """Where the sender is from here: east, north, up, m."""
+    sound_speed_m_s: float
+    """True speed of sound."""
+    corrupt_seed: int | None = None
+    """If set, the payload is damaged, and the modem does not notice."""
+    duplicates_after_s: tuple[float, ...] = ()
+    """When the modem reports it again."""
+
+    @property
+    def ends_at(self) -> int:
+        """Instant of its last sound here, ns."""
+        return self.starts_at + self.duration_ns

@@ -1,0 +1,194 @@
+"""What stands between two commas: kinds of fields, each with its text and its limits.
+
+The same field reads and writes, so that a value which cannot be written is not read either: a
+number outside its limits makes the record unrecognised. Limits are the widest that a source shows,
+or that the width of the number allows; only what is said to be fixed (addresses, flags) is narrow.
+
+A float always gets its decimal point, since a parser of the vendor refuses one without it. Times
+in seconds become integers of microseconds: six decimals of a Unix time fit a float, sums of them
+do not.
+
+All methods here raise `ValueError` for what is not allowed; the decoders turn that into data.
+"""
+
+import enum
+import re
+from typing import Final, Protocol
+
+_INTEGER: Final = re.compile(r"-?[0-9]{1,19}")
+_DECIMAL: Final = re.compile(r"-?[0-9]{1,19}(\.[0-9]{1,12})?")
+_SECONDS: Final = re.compile(r"([0-9]{1,10})(?:\.([0-9]{1,12}))?")
+_WORD: Final = re.compile(r"[!-+\--~ ]{1,40}")
+
+
+class Field(Protocol):
+    """One kind of field."""
+
+    def decode(self, text: str) -> object:
+        """Return the value of a text; raise ValueError if it is none."""
+        ...
+
+    def encode(self, value: object) -> str:
+        """Return the text of a value; raise ValueError if it is not allowed."""
+        ...
+
+
+class Integer:
+    """A whole number from `low` to `high`."""
+
+    def __init__(self, low: int, high: int) -> None:
+        self.low = low
+        self.high = high
+
+    def decode(self, text: str) -> int:
+        """Read digits, a minus before them at most."""
+        if not _INTEGER.fullmatch(text):
+            raise ValueError(f"{text!r} is no whole number")
+        return self._checked(int(text))
+
+    def encode(self, value: object) -> str:
+        """Write a number."""
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise ValueError(f"{value!r} is no whole number")
+        return str(self._checked(value))
+
+    def _checked(self, value: int) -> int:
+        if not self.low <= value <= self.high:
+            raise ValueError(f"{value} is out of range; allowed: {self.low}..{self.high}")
+        return value
+
+
+class Level(Integer):
+    """A whole number that may come with decimals, which are rounded away."""
+
+    def decode(self, text: str) -> int:
+        """Read a number."""
+        if not _DECIMAL.fullmatch(text):
+            raise ValueError(f"{text!r} is no number")
+        return self._checked(round(float(text)))
+
+
+class Decimal:
+    """A number written with a fixed count of decimals; magnitude up to `limit`."""
+
+    def __init__(self, decimals: int, limit: float) -> None:
+        self.decimals = decimals
+        self.limit = limit
+
+    def decode(self, text: str) -> float:
+        """Read a number, with or without decimals."""
+        if not _DECIMAL.fullmatch(text):
+            raise ValueError(f"{text!r} is no number")
+        return self._checked(float(text))
+
+    def encode(self, value: object) -> str:
+        """Write a number; more decimals than there is room for are rounded away."""
+        if not isinstance(value, float | int) or isinstance(value, bool):
+            raise ValueError(f"{value!r} is no number")
+        return f"{self._checked(round(float(value), self.decimals)):.{self.decimals}f}"
+
+    def _checked(self, value: float) -> float:
+        if not abs(value) <= self.limit:
+            raise ValueError(f"{value} is out of range; allowed: -{self.limit}..{self.limit}")
+        return value
+
+
+class Seconds:
+    """Seconds with six decimals on the wire, whole microseconds in the record."""
+
+    def decode(self, text: str) -> int:
+        """Read seconds; decimals behind the sixth are cut."""
+        match = _SECONDS.fullmatch(text)
+        if not match:
+            raise ValueError(f"{text!r} is no time in seconds")
+        return int(match[1]) * 1_000_000 + int((match[2] or "").ljust(6, "0")[:6])
+
+    def encode(self, value: object) -> str:
+        """Write microseconds as seconds."""
+        if not isinstance(value, int) or not 0 <= value < 10**16:
+            raise ValueError(f"{value!r} is no time in µs; allowed: 0..{10**16 - 1}")
+        return f"{value // 1_000_000}.{value % 1_000_000:06d}"
+
+
+class Word:
+    """Printable ASCII without a comma, 1…40 characters."""
+
+    def decode(self, text: str) -> str:
+        """Take the text as it is."""
+        if not _WORD.fullmatch(text):
+            raise ValueError(f"{text!r} is no word")
+        return text
+
+    def encode(self, value: object) -> str:
+        """Write the text as it is."""
+        if not isinstance(value, str):
+            raise ValueError(f"{value!r} is no word")
+        return self.decode(value)
+
+
+class Choice:
+    """One of the values of an enumeration whose values are the words on the wire."""
+
+    def __init__(self, kind: type[enum.Enum]) -> None:
+        self.kind = kind
+
+    def decode(self, text: str) -> enum.Enum:
+        """Look the word up; `ValueError` when it is not there."""
+        return self.kind(text)
+
+    def encode(self, value: object) -> str:
+        """Write the word of a member."""
+        if not isinstance(value, self.kind):
+            raise ValueError(f"{value!r} is no {self.kind.__name__}")
+        return str(value.value)
+
+
+class Maybe:
+    """A field that may be empty, which is None in the record."""
+
+    def __init__(self, field: Field) -> None:
+        self.field = field
+
+    def decode(self, text: str) -> object:
+        """Read the field, if there is something."""
+        return None if text == "" else self.field.decode(text)
+
+    def encode(self, value: object) -> str:
+        """Write the field, or nothing."""
+        return "" if value is None else self.field.encode(value)
+
+
+ADDRESS: Final = Integer(0, 255)
+"""Any address: 0 nobody or anybody, 1…254 a modem, 255 everybody."""
+MODEM: Final = Integer(1, 254)
+"""The address of one modem."""
+TARGET: Final = Integer(1, 255)
+"""The address of one modem, or of all."""
+PROTOCOL_ID: Final = Integer(0, 7)
+"""The `p<pid>` of extended networking."""
+CLOCK_US: Final = Integer(0, 2**32 - 1)
+"""The modem's clock, µs: drivers read it into 32 bits, so it wraps after 71.6 minutes."""
+DURATION_US: Final = Integer(0, 2**32 - 1)
+"""A duration, µs; the longest known are bursts of some seconds."""
+COUNT: Final = Integer(0, 2**32 - 1)
+"""A count of packets or bytes."""
+BIT_RATE_BPS: Final = Integer(0, 10_000_000)
+"""Bits per second on the water; the fastest modem known makes 62 500."""
+RSSI_DB: Final = Level(-1000, 1000)
+"""Received level, dB re 1 V; seen are -20…-85."""
+INTEGRITY: Final = Level(-100_000, 100_000)
+"""Signal integrity; above 100 is good, which proves nothing about delivery."""
+VELOCITY_M_S: Final = Decimal(4, 10_000.0)
+"""Relative velocity, m/s."""
+METRES: Final = Decimal(4, 1_000_000.0)
+"""A distance, m."""
+ANGLE_RAD: Final = Decimal(4, 100.0)
+"""An angle, rad."""
+ACCURACY: Final = Decimal(4, 1_000_000.0)
+"""Uncertainty of a fix, m or rad; negative when there is none."""
+SECONDS: Final = Seconds()
+"""Time of the modem's system clock: since it started, or Unix time."""
+SIGNED: Final = Integer(-(2**63) + 1, 2**63 - 1)
+"""A number of which no limits are known."""
+WORD: Final = Word()
+"""A word of which no list is known."""

@@ -1,0 +1,161 @@
+"""How the bytes of a connection are divided: into lines, or into raw data with packets in it.
+
+A modem has two interpreters, and one of them two modes:
+
+- NET: lines, always.
+- AT, in command mode: lines.
+- AT, in data mode (after power-up and reset): every byte is data for the water, or from it, except
+  commands that begin with `+++AT`, and their answers, which come as packets
+  ``+++AT<name>:<length>:<body>CRLF``. Vendor word: TIES, time-independent escape sequence.
+
+So a connection is either in LINES or in PACKETS. While packets are read, only the length protects:
+a body may contain CR LF and whole packets.
+"""
+
+import enum
+import re
+from typing import Final
+
+import msgspec
+
+PACKET_START: Final = b"+++AT"
+"""Begins a command in data mode, and every packet."""
+CRLF: Final = b"\r\n"
+"""Ends all that a modem says, on every kind of port."""
+TCP_LINE_END: Final = b"\n"
+"""Ends a command on a TCP port."""
+SERIAL_LINE_END: Final = b"\r"
+"""Ends a command on a serial port. A modem that is given CR LF there may see an empty line."""
+PAYLOAD_LIMIT_BYTES: Final = 16_384
+"""Longest payload that is waited for: a whole default transmit pool. The longest known are the 1024
+bytes of a burst."""
+HEADER_LIMIT_BYTES: Final = 160
+"""Longest text before a payload; ten fields of ten digits are 110."""
+BODY_LIMIT_BYTES: Final = PAYLOAD_LIMIT_BYTES + HEADER_LIMIT_BYTES
+"""Longest body of a packet that is waited for."""
+
+_PACKET_HEADER: Final = re.compile(rb"\+{3}AT([!-*,-9;-~]{0,32}):([0-9]{1,5}):")
+_PACKET_HEADER_PART: Final = re.compile(rb"\+{3}AT[!-*,-9;-~]{0,32}(:[0-9]{0,5})?")
+_PACKET_HEADER_LIMIT: Final = len("+++AT") + 32 + 1 + 5 + 1
+
+
+class Interpreter(enum.Enum):
+    """Who reads the commands on a port; the answer to `AT?MODE`."""
+
+    NET = "NET"
+    """Networking interpreter."""
+    AT = "AT"
+    """AT interpreter, with its two modes."""
+
+
+class Framing(enum.Enum):
+    """How the bytes are divided."""
+
+    LINES = "lines"
+    """NET interpreter, or AT interpreter in command mode."""
+    PACKETS = "packets"
+    """AT interpreter in data mode."""
+
+
+class Gap(enum.Enum):
+    """Why something could not be read at this place."""
+
+    INCOMPLETE = "incomplete"
+    """More bytes decide."""
+    MALFORMED = "malformed"
+    """No byte that may follow makes it right."""
+
+
+class Packet(msgspec.Struct, frozen=True):
+    """A whole packet."""
+
+    name: str
+    """The command it answers, without parameters; empty in a notification."""
+    body: bytes
+    """What is in it."""
+    end: int
+    """How many bytes it took."""
+
+
+class Header(msgspec.Struct, frozen=True):
+    """What stands before a payload."""
+
+    values: tuple[str, ...]
+    """The fields, without token, protocol id and length."""
+    pid: int | None
+    """Protocol id, None if the header has none."""
+    payload_start: int
+    """Where the payload begins."""
+    payload_end: int
+    """Where it ends."""
+
+
+def read_packet(buffer: bytes | bytearray, start: int = 0) -> Packet | Gap:
+    """Read the packet whose `+++AT` is at `start`.
+
+    Returns:
+        The packet; MALFORMED if this is no packet, or CR LF is not where the length says.
+    """
+    head = bytes(buffer[start : start + _PACKET_HEADER_LIMIT])
+    match = _PACKET_HEADER.match(head)
+    if not match:
+        return Gap.INCOMPLETE if _PACKET_HEADER_PART.fullmatch(head) else Gap.MALFORMED
+    length = int(match[2])
+    body_start = start + match.end()
+    body_end = body_start + length
+    if length > BODY_LIMIT_BYTES:
+        return Gap.MALFORMED
+    found = bytes(buffer[body_end : body_end + len(CRLF)])
+    if not CRLF.startswith(found):
+        return Gap.MALFORMED
+    if found != CRLF:
+        return Gap.INCOMPLETE
+    return Packet(match[1].decode("ascii"), bytes(buffer[body_start:body_end]), body_end + 2)
+
+
+def packet_start_overlap(buffer: bytes | bytearray) -> int:
+    """Return how many of the last bytes may be the beginning of a `+++AT`, at most four."""
+    counts = range(len(PACKET_START) - 1, 0, -1)
+    return next((count for count in counts if buffer.endswith(PACKET_START[:count])), 0)
+
+
+def encode_packet(name: str, body: bytes) -> bytes:
+    """Wrap a body.
+
+    Raises:
+        ValueError: The body is too long, or the name cannot be one.
+    """
+    packet = b"%s%s:%d:%s\r\n" % (PACKET_START, name.encode("ascii"), len(body), body)
+    if len(body) > BODY_LIMIT_BYTES or not _PACKET_HEADER.match(packet):
+        raise ValueError(f"no packet {name!r} of {len(body)} bytes; allowed: {BODY_LIMIT_BYTES}")
+    return packet
+
+
+def read_header(buffer: bytes | bytearray, field_count: int, payload_limit: int) -> Header | Gap:
+    """Read ``TOKEN,[p<pid>,]<length>,<field>,…,`` from the beginning of a buffer.
+
+    Args:
+        buffer: Begins with the token.
+        field_count: How many fields stand between length and payload.
+        payload_limit: Longest payload that may be announced, bytes.
+    """
+    head = bytes(buffer[:HEADER_LIMIT_BYTES])
+    after_token = head.find(b",") + 1
+    has_pid = head.startswith(b"p", after_token)
+    commas = 2 + field_count + has_pid
+    columns = head.split(b",", commas)
+    short = len(columns) <= commas
+    text = b",".join(columns[:commas])
+    if b"\r" in text or b"\n" in text or (short and len(head) == HEADER_LIMIT_BYTES):
+        return Gap.MALFORMED
+    if short:
+        return Gap.INCOMPLETE
+    fields = [column.decode("latin-1") for column in columns[1:commas]]
+    pid = fields.pop(0)[1:] if has_pid else None
+    length = fields.pop(0)
+    if not re.fullmatch("[0-9]{1,6}", length) or int(length) > payload_limit:
+        return Gap.MALFORMED
+    if pid is not None and not re.fullmatch("[0-9]{1,3}", pid):
+        return Gap.MALFORMED
+    start = len(text) + 1
+    return Header(tuple(fields), None if pid is None else int(pid), start, start + int(length))

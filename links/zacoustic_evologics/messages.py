@@ -1,0 +1,54 @@
+"""What the decoder of a modem's bytes gives to the dialogue.
+
+The decoder knows no pending command, so it does not say what a reply means: it gives `Reply` with
+the text, and `replies.decode_reply` reads that text by the command which was sent. All that a modem
+says unasked is a record of `notifications`. Nothing is lost silently: bytes that are neither become
+`Unrecognised`, or in data mode `RawData`.
+"""
+
+from typing import TypeAlias
+
+import msgspec
+
+from zacoustic_evologics.notifications import Notification
+
+
+class Reply(msgspec.Struct, frozen=True):
+    """An answer to a command, or one line of it."""
+
+    text: str
+    """Without line end. From a packet all lines at once, each with its line feed; else one line,
+    and an empty one ends an answer of several."""
+    command: str | None = None
+    """Name of the command that is answered, e.g. `?AL` or `*SENDIM`; None where only lines come."""
+
+
+class Noise(msgspec.Struct, frozen=True, kw_only=True):
+    """The answer to `AT?NOISE`: a recording. No source names the three numbers for certain."""
+
+    first: int
+    """Perhaps the sample rate."""
+    second: int
+    """Perhaps the gain."""
+    third: int
+    """Perhaps the received level."""
+    payload: bytes
+    """The recording."""
+
+
+class RawData(msgspec.Struct, frozen=True):
+    """Data mode: bytes outside packets, from or for the water. Cut anywhere."""
+
+    content: bytes
+    """One byte or more."""
+
+
+class Unrecognised(msgspec.Struct, frozen=True):
+    """Bytes that are nothing of the grammar, or damaged."""
+
+    raw: bytes
+    """What came, without the line end."""
+
+
+Message: TypeAlias = Notification | Reply | Noise | RawData | Unrecognised
+"""What can come from a modem."""

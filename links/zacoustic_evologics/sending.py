@@ -1,0 +1,282 @@
+"""One frame, from the first question to its one report.
+
+::
+
+    CHECKING ─LISTENING─► PREPARING ─COUNTED─► GIVING ─ACCEPTED─► FLYING ─PROVEN─► OVER
+       ▲  │ OCCUPIED          ▲                 │ │                │ ▲ │
+       │  ▼                   │ DONE            │ │ UNANSWERED DUE ▼ │ │ EXPIRED
+     PAUSING ◄──── NOT_NOW ───┼─────────────────┤ ▼         POLLING ─┘ └─► DROPPING ─► OVER
+                           MENDING ◄─ MENDABLE ─┘ DOUBTING     │ IDLE
+                                                   └► OVER  VERIFYING ─► OVER
+
+What must never happen, and what prevents it:
+
+- *A frame is sent twice.* It is given again only after the modem has refused it in words. Once it
+  may have it (an answer that got lost is enough), it is never given again.
+- *An old word is taken for a new one.* Words about instant messages name a destination and no
+  message. So one counts only if the frame has been given, and later than half of its airtime after
+  that; what is left of a frame that was given up is dropped in the modem (DROPPING), and after a
+  loss of the connection `startup` waits for it.
+- *A frame is called sent that was not.* When the modem stops saying what it always says, it may
+  have been restarted with the frame in it. So before silence is taken for success, it is asked
+  whether it still has the extended notifications switched on (VERIFYING).
+"""
+
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic_evologics.commands import Command, Query
+from zacoustic_evologics.dialogue_channel import Answer, CommandChannel
+from zacoustic_evologics.encoder import encode_message
+from zacoustic_evologics.notifications import (
+    Notification,
+    RecvEnd,
+    RecvFailed,
+    SendEnd,
+    SendStart,
+    Status,
+)
+from zacoustic_evologics.replies import DeliveryReply, DeliveryState, Number, Refused
+from zacoustic_evologics.sending_answers import read_answer, said
+from zacoustic_evologics.sending_service import (
+    Carriage,
+    Remedy,
+    Service,
+    remedy_command,
+    remedy_for,
+)
+from zacoustic_evologics.sending_states import HAS_FRAME, TRANSITIONS, Phase, Word
+from zacoustic_evologics.sending_times import BUSY_PAUSE_S, MARGIN_S, Timetable
+from zacoustic_evologics.session import ModemSession
+
+_STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
+
+
+class Sending:
+    """One frame on its way.
+
+    Args:
+        transmission: What is to be sent.
+        carriage: By which service.
+        channel: Where commands go.
+        session: What is known of the modem.
+        now: Instant of the call of `transmit`, ns.
+    """
+
+    def __init__(
+        self,
+        transmission: Transmission,
+        carriage: Carriage,
+        channel: CommandChannel,
+        session: ModemSession,
+        now: int,
+    ) -> None:
+        self.phase = Phase.CHECKING if carriage.service is Service.BURST else Phase.PREPARING
+        self.carriage = carriage
+        self.ticket: int | None = None
+        """Of the command whose answer is waited for."""
+        self.due_at: int | None = None
+        """When `handle_timeout` is to be called, ns."""
+        self.report: TransmitReport | None = None
+        """There in the phase OVER."""
+        self.suspicion = ""
+        """Why the modem is not to be trusted any more; empty if it is."""
+        self._transmission = transmission
+        self._channel = channel
+        self._session = session
+        self._called_at = self._started_at = self._given_at = now
+        self._times = Timetable(carriage, session)
+        self._busy_until = now + self._times.busy_ns
+        self._limit_at = 0
+        self._counter: int | None = None
+        self._ends_at: int | None = None
+        self._answer = ""
+        self._refusal = ""
+        self._state: DeliveryState | None = None
+        self._remedy = Remedy.NONE
+        self._mended: set[Remedy] = set()
+        self._proof: TransmitOutcome | None = None
+        self._detail = ""
+
+    def start(self, now: int) -> None:
+        """Begin."""
+        self._enter(now)
+
+    def handle_answer(self, answer: Answer, now: int) -> None:
+        """Take the answer to the command of `ticket`."""
+        reply = answer.reply
+        if answer.late:
+            self._session.count("late_replies")
+            return
+        self.ticket = None
+        self._answer = said(reply) if reply is not None else "no answer"
+        word = read_answer(self.phase, answer, self.carriage, self._counter)
+        if isinstance(reply, Refused) and word in (Word.NOT_NOW, Word.MENDABLE):
+            self._remedy = remedy_for(reply)
+            self._refusal = self._answer
+            word = Word.NOT_NOW if self._remedy in self._mended else word
+        elif isinstance(reply, Number) and self.phase is Phase.PREPARING:
+            self._counter = reply.value
+        elif isinstance(reply, DeliveryReply):
+            self._state = reply.state
+        self._step(word, now)
+
+    def handle_notification(self, record: Notification, now: int) -> None:
+        """Take what the modem says; most of it is about something else."""
+        if isinstance(record, _STIRRING):
+            self._step(Word.STIRRED, now)
+        if self.phase not in HAS_FRAME:
+            return
+        if isinstance(record, SendStart) and self.carriage.begins(record):
+            self._begin(record, now)
+        outcome = self.carriage.verdict(record, self._counter)
+        is_instant = self.carriage.service is not Service.BURST
+        if outcome is None or (is_instant and 2 * (now - self._given_at) < self._times.airtime_ns):
+            return
+        self._proof = outcome
+        self._detail = encode_message(record).decode("ascii", "replace").strip()
+        if isinstance(record, SendEnd):
+            self._started_at = now - record.duration_us * 1000
+        self._step(Word.PROVEN, now)
+
+    def handle_timeout(self, now: int) -> None:
+        """The time of the phase is over."""
+        if self.due_at is None or now < self.due_at:
+            return
+        end_at = self._busy_until if self.phase is Phase.PAUSING else self._limit_at
+        self._step(Word.EXPIRED if now >= end_at else Word.DUE, now)
+
+    def handle_lost(self, reason: str, now: int) -> None:
+        """The connection, or the modem, is gone."""
+        self._detail = reason
+        self._step(Word.LOST, now)
+
+    def _step(self, word: Word, now: int) -> None:
+        """Look the next phase up, and do what it is for."""
+        before = self.phase
+        after = TRANSITIONS.get((before, word))
+        if after is None or after is before:
+            return
+        self.phase = after
+        self.due_at = None
+        if after is Phase.OVER:
+            self._conclude(before, word, now)
+        else:
+            self._enter(now)
+
+    def _enter(self, now: int) -> None:
+        """Do what the phase is for."""
+        match self.phase:
+            case Phase.CHECKING:
+                self._ask(Query("S"), now)
+            case Phase.PREPARING if self.carriage.service is Service.BURST:
+                self._ask(Query("PC"), now)
+            case Phase.PREPARING:
+                self._step(Word.COUNTED, now)
+            case Phase.GIVING:
+                self._given_at = self._started_at = now
+                self._proof = self._ends_at = None
+                self._limit_at = 0
+                self._ask(self.carriage.command(), now)
+            case Phase.DOUBTING | Phase.POLLING:
+                self._ask(self.carriage.state_query(), now)
+            case Phase.PAUSING:
+                self._proof = None
+                self.due_at = min(now + seconds_to_ns(BUSY_PAUSE_S), self._busy_until)
+            case Phase.MENDING:
+                self._proof = None
+                self._mended.add(self._remedy)
+                self._ask(remedy_command(self._remedy), now)
+            case Phase.FLYING if self._proof is not None:
+                self._step(Word.PROVEN, now)
+            case Phase.FLYING:
+                self._fly(now)
+            case Phase.VERIFYING if self._session.has_extended_notifications:
+                self._ask(Query("ZX"), now)
+            case Phase.VERIFYING:
+                self._step(Word.DONE, now)
+            case Phase.DROPPING:
+                self._ask(self.carriage.drop_command(), now)
+            case Phase.OVER:
+                pass
+
+    def _ask(self, command: Command, now: int) -> None:
+        self.ticket = self._channel.ask(command, now)
+
+    def _begin(self, record: SendStart, now: int) -> None:
+        """The sound begins: its end is known from now on."""
+        self._started_at = now + record.delay_us * 1000
+        self._ends_at = self._started_at + record.duration_us * 1000
+        if self.phase is Phase.FLYING and not self.carriage.acknowledged:
+            self.due_at = self._ends_at + seconds_to_ns(MARGIN_S)
+
+    def _fly(self, now: int) -> None:
+        """Wait for the end, at first for as long as it takes."""
+        if self._limit_at:
+            due_at = now + self._times.poll_ns
+        else:
+            self._limit_at = self._given_at + self._times.limit_ns
+            due_at = self._times.first_poll_at(self._given_at, self._ends_at)
+        self.due_at = min(max(now, due_at), self._limit_at)
+
+    def _conclude(self, before: Phase, word: Word, now: int) -> None:
+        """Make the report."""
+        outcome, detail = self._judge(before, word)
+        is_silent = outcome is TransmitOutcome.REJECTED or before not in HAS_FRAME
+        started_at = self._called_at if is_silent else self._started_at
+        self.report = TransmitReport(
+            transmission_id=self._transmission.transmission_id,
+            outcome=outcome,
+            started_at=min(now, max(self._called_at, started_at)),
+            finished_at=now,
+            detail=detail,
+        )
+
+    def _judge(self, before: Phase, word: Word) -> tuple[TransmitOutcome, str]:
+        """Return what is to be reported, and the modem's words."""
+        if self._proof is not None and word is not Word.REFUSED:
+            return self._proof, self._detail
+        match before, word:
+            case _, Word.REFUSED:
+                return TransmitOutcome.REJECTED, self._answer
+            case _, Word.EXPIRED:
+                waited_s = self._session.config.busy_s
+                return (
+                    TransmitOutcome.REJECTED,
+                    f"{self._refusal or 'no time'}, {waited_s:g} s long",
+                )
+            case Phase.VERIFYING, Word.DONE:
+                return self._judge_silence()
+            case Phase.DROPPING, _:
+                return TransmitOutcome.ABORTED, "the modem says nothing of its end; dropped"
+            case _, Word.LOST:
+                return TransmitOutcome.ABORTED, self._detail
+            case Phase.DOUBTING, Word.IDLE:
+                asked = self.carriage.state_query().name
+                return TransmitOutcome.ABORTED, f"no answer; then AT?{asked}: {self._answer}"
+            case _, Word.RESTARTED:
+                self.suspicion = "the modem has been restarted"
+            case _, Word.STRANGE:
+                self.suspicion = f"the modem answers {self._answer!r} where it cannot"
+            case _:
+                self.suspicion = "the modem does not answer"
+        return TransmitOutcome.ABORTED, self.suspicion
+
+    def _judge_silence(self) -> tuple[TransmitOutcome, str]:
+        """The modem is done with the frame and has not said how; it was asked."""
+        state = self._state
+        if self.carriage.service is Service.BURST or state is None:
+            return TransmitOutcome.ABORTED, f"the modem does not know it: {self._answer}"
+        words = f"AT?DI: {state.value}"
+        if self.carriage.acknowledged:
+            return _OUTCOME_OF_ACKNOWLEDGED.get(state, TransmitOutcome.ABORTED), words
+        if state is DeliveryState.EXPIRED:
+            return TransmitOutcome.REJECTED, words
+        return TransmitOutcome.SENT, words
+
+
+_OUTCOME_OF_ACKNOWLEDGED: Final = {
+    DeliveryState.DELIVERED: TransmitOutcome.DELIVERED,
+    DeliveryState.FAILED: TransmitOutcome.NOT_DELIVERED,
+}

@@ -1,0 +1,188 @@
+"""Which of the modem's services carries a frame, and what each of them proves.
+
+=============  ===========================  ======================================================
+service        for                          how it ends
+=============  ===========================  ======================================================
+instant        up to 64 bytes; broadcast    `SENDEND`: on the air. Nothing else is known
+… with ack     up to 64 bytes, one receiver `DELIVEREDIM`: the other modem has it. `FAILEDIM`: no
+                                            acknowledgement came back
+synchronous    as instant, if configured    as instant; the receiver learns the instant of start
+burst          above 64 bytes, or if        `DELIVERED` and `FAILED`, with the number that
+               configured; one receiver     `AT?PC` gave for it: no doubt which frame is meant
+=============  ===========================  ======================================================
+
+An instant message takes 0.2…0.9 s, the connection of a burst alone about that; so up to 64 bytes
+an instant message is sooner there. Piggyback messages are received but not sent: their success is
+silent, and a link owes a report for each frame.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.linktypes import BROADCAST, Transmission, TransmitOutcome
+from zacoustic_evologics.commands import (
+    Act,
+    Action,
+    Command,
+    PayloadCommand,
+    Query,
+    SendBurst,
+    SendIm,
+    SendIms,
+)
+from zacoustic_evologics.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.notifications import (
+    CanceledIm,
+    CanceledIms,
+    Delivered,
+    DeliveredIm,
+    ExpiredIms,
+    Failed,
+    FailedIm,
+    ImFlag,
+    Notification,
+    SendEnd,
+    SendStart,
+)
+from zacoustic_evologics.replies import RefusalKind, Refused
+from zacoustic_evologics.session import ModemSession
+
+
+class Service(enum.Enum):
+    """What carries a frame; the value is how SENDSTART and SENDEND call it."""
+
+    IM = "im"
+    """Instant message."""
+    IMS = "ims"
+    """Synchronous instant message."""
+    BURST = "burst"
+    """Burst data; no source says what SENDSTART calls it."""
+
+
+class Remedy(enum.Enum):
+    """What a refusal of a frame asks for."""
+
+    WAIT = "wait"
+    """Ask again when the modem has time."""
+    CLEAR = "clear"
+    """Empty its buffer first."""
+    LISTEN = "listen"
+    """Bring it back to listening first."""
+    NONE = "none"
+    """It will be refused again."""
+
+
+class Carriage(msgspec.Struct, frozen=True, kw_only=True):
+    """How one frame is carried."""
+
+    service: Service
+    """By what."""
+    acknowledged: bool
+    """The other modem acknowledges."""
+    payload: bytes
+    """The frame."""
+    destination: int
+    """Address, or BROADCAST."""
+
+    def command(self) -> PayloadCommand:
+        """Return the command that gives the frame to the modem."""
+        to, payload = self.destination, self.payload
+        if self.service is Service.BURST:
+            return SendBurst(payload=payload, destination=to)
+        if self.service is Service.IMS:
+            return SendIms(payload=payload, destination=to)
+        flag = ImFlag.ACK if self.acknowledged else ImFlag.NOACK
+        return SendIm(payload=payload, destination=to, flag=flag)
+
+    def state_query(self) -> Query:
+        """Return the question whether the modem has the frame still."""
+        return Query("PC" if self.service is Service.BURST else "DI")
+
+    def drop_command(self) -> Act:
+        """Return the command that makes the modem forget the frame."""
+        return Act(Action.RESET, 1 if self.service is Service.BURST else 3)
+
+    def begins(self, record: SendStart) -> bool:
+        """Tell whether this is the beginning of the frame's sound."""
+        return record.kind == self.service.value and record.destination == self.destination
+
+    def verdict(self, record: Notification, counter: int | None) -> TransmitOutcome | None:
+        """Return what a notification proves about the frame, if it is about it.
+
+        Args:
+            record: What the modem says.
+            counter: What `AT?PC` answered before a burst.
+        """
+        if getattr(record, "destination", None) != self.destination:
+            return None
+        match self.service, record:
+            case Service.BURST, Delivered() if record.counter == counter:
+                return TransmitOutcome.DELIVERED
+            case Service.BURST, Failed() if record.counter == counter:
+                return TransmitOutcome.NOT_DELIVERED
+            case Service.IM, DeliveredIm() if self.acknowledged:
+                return TransmitOutcome.DELIVERED
+            case Service.IM, FailedIm() if self.acknowledged:
+                return TransmitOutcome.NOT_DELIVERED
+            case (Service.IM, CanceledIm()) | (Service.IMS, CanceledIms()):
+                return TransmitOutcome.ABORTED
+            case Service.IMS, ExpiredIms():
+                return TransmitOutcome.REJECTED
+            case _, SendEnd() if not self.acknowledged and record.kind == self.service.value:
+                return TransmitOutcome.SENT
+            case _:
+                return None
+
+
+def choose_carriage(transmission: Transmission, session: ModemSession) -> Carriage | str:
+    """Return how a frame goes, or why it cannot."""
+    size, to, wanted = len(transmission.frame_bytes), transmission.destination, session.config
+    if not 1 <= size <= wanted.mtu:
+        return f"frame of {size} bytes; allowed: 1..{wanted.mtu}"
+    if to != BROADCAST and not 1 <= to <= session.highest_address:
+        return (
+            f"destination {to}; allowed: 1..{session.highest_address} "
+            f"(highest address of the network) and {BROADCAST}"
+        )
+    if to == session.address:
+        return f"destination {to} is this node"
+    if size > IM_LIMIT_BYTES or (wanted.service == "burst" and to != BROADCAST):
+        if to == BROADCAST:
+            return (
+                f"broadcast of {size} bytes; allowed: 1..{IM_LIMIT_BYTES}, bursts have one receiver"
+            )
+        service = Service.BURST
+    else:
+        service = Service.IMS if wanted.service == "ims" else Service.IM
+    asked = transmission.acknowledge and to != BROADCAST and session.acknowledges
+    return Carriage(
+        service=service,
+        acknowledged=asked or service is Service.BURST,
+        payload=transmission.frame_bytes,
+        destination=to,
+    )
+
+
+def remedy_for(refusal: Refused) -> Remedy:
+    """Return what a refusal asks for, by the words that drivers have met."""
+    if refusal.kind is RefusalKind.BUSY:
+        return Remedy.WAIT
+    if refusal.reason.startswith("BUFFER") and refusal.reason.endswith("NOT EMPTY"):
+        return Remedy.CLEAR  # three spellings of it are known
+    return _REMEDIES.get(refusal.reason, Remedy.NONE)
+
+
+def remedy_command(remedy: Remedy) -> Command:
+    """Return the command that a remedy consists of."""
+    return Act(Action.RESET, 4) if remedy is Remedy.CLEAR else Act(Action.LISTEN)
+
+
+_REMEDIES: Final = {
+    "BUFFER FULL": Remedy.WAIT,
+    "CONNECTION CLOSED": Remedy.WAIT,
+    "NOT ACCEPTED": Remedy.WAIT,
+    "OUT OF CONTEXT": Remedy.LISTEN,
+    "PHY OFF": Remedy.LISTEN,
+}

@@ -1,0 +1,177 @@
+"""What is known of the modem and of others, and what has been counted; nothing here acts.
+
+Readings of other modems are of the last exchange with each. A propagation delay that was measured
+in an exchange is given with frames from that modem for `DELAY_HOLDS_NS` after it.
+"""
+
+from typing import Final
+
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.linktypes import LinkCapabilities, TransmitOutcome
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.framing import Interpreter
+from zacoustic_evologics.usbl import UsblAngles, UsblLong
+
+PREAMBLE_S: Final = 0.1503
+"""Airtime of an instant message without a byte, s: straight line through the published airtimes of
+1…64 bytes, 14 ms off at most."""
+BIT_RATE_BPS: Final = 8 / 0.011094
+"""Marginal bit rate of instant messages; 64 bytes last 0.860 s."""
+GAP_S: Final = 0.0904
+"""Pause between instant messages, measured 88…93 ms."""
+DELAY_HOLDS_NS: Final = 60 * NS_PER_S
+"""Two vehicles of 2 m/s change their distance by 240 m meanwhile, 0.16 s of sound."""
+
+_LEVELS: Final = ("0 dB", "-6 dB", "-12 dB", "-20 dB, for air")
+
+
+class PeerReadings:
+    """What was measured of one other modem."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, float] = {}
+        self.propagation_s: float | None = None
+        self.propagation_at = 0
+
+
+class ModemSession:
+    """One modem, as far as it is known.
+
+    Args:
+        config: Settings of the driver.
+        node_address: Address of this node.
+    """
+
+    def __init__(self, config: EvologicsConfig, node_address: int) -> None:
+        self.config = config
+        self.node_address = node_address
+        self.interpreter = Interpreter.NET
+        self.firmware = ""
+        self.address = 0
+        self.highest_address = 254
+        self.source_level: int | None = None
+        self.gain: int | None = None
+        self.retries: int | None = None
+        self.sound_speed_m_s: int | None = None
+        self.battery_v: float | None = None
+        self.clock_us: int | None = None
+        self.has_extended_notifications = False
+        self.has_usbl = False
+        self.changes: list[str] = []
+        """What was set at the last start, in words."""
+        self.was_interrupted = False
+        """A frame was with the modem when the connection was lost: it may still be sending it."""
+        self.needs_clearing = False
+        """A filler was sent, which in data mode waits in the buffer."""
+        self.may_fill = True
+        """The filler of the probe has not been used since the modem was last there."""
+        self.counts: dict[str, int] = {}
+        self.readings: dict[str, float] = {}
+        self._peers: dict[int, PeerReadings] = {}
+
+    def count(self, name: str, by: int = 1) -> None:
+        """Count something for `diagnostics`."""
+        self.counts[name] = self.counts.get(name, 0) + by
+
+    def count_outcome(self, outcome: TransmitOutcome) -> None:
+        """Count how a transmission ended."""
+        self.count(outcome.value)
+
+    @property
+    def acknowledges(self) -> bool:
+        """The other modem can be asked for an acknowledgement, and is asked once for each frame."""
+        repeats_as_told = self.retries in (None, self.config.retries)
+        return self.config.service != "ims" and repeats_as_told
+
+    def capabilities(self) -> LinkCapabilities:
+        """Return what the link can do; bursts are given the airtime of instant messages."""
+        return LinkCapabilities(
+            mtu_bytes=self.config.mtu,
+            bit_rate_bps=BIT_RATE_BPS,
+            preamble_s=PREAMBLE_S,
+            gap_s=GAP_S,
+            propagation_s=self.config.propagation_s,
+            half_duplex=True,
+            addressed=True,
+            checked=not self.config.check,
+            framed=True,
+            acknowledges=self.acknowledges,
+            controls_access=False,
+            senses_carrier=self.has_extended_notifications,
+            address_range=(1, self.highest_address),
+            reports=frozenset({"received_level_db", "integrity", "range_rate_m_s"}),
+        )
+
+    def description(self) -> str:
+        """One line for people, with what was set and how loud the modem is."""
+        parts = [f"S2C firmware {self.firmware or 'unknown'} ({self.interpreter.value})"]
+        parts.append(f"address {self.address} of {self.highest_address}")
+        if self.source_level is not None:
+            parts.append(f"source level {self.source_level} ({_LEVELS[self.source_level]})")
+        if self.changes:
+            parts.append("set " + ", ".join(self.changes))
+        return ", ".join(parts)
+
+    def note_delay(self, address: int, delay_us: int, now: int) -> None:
+        """Note a propagation delay that was measured; 0 and less is none."""
+        if delay_us <= 0:
+            return
+        peer = self._peer(address)
+        peer.propagation_s = delay_us / 1e6
+        peer.propagation_at = now
+        peer.values["propagation_s"] = peer.propagation_s
+        if self.sound_speed_m_s:
+            peer.values["range_m"] = round(peer.propagation_s * self.sound_speed_m_s, 3)
+
+    def delay_s(self, address: int, now: int) -> float | None:
+        """Return the propagation delay to another modem, s, if it was measured lately."""
+        peer = self._peers.get(address)
+        if peer is None or now - peer.propagation_at > DELAY_HOLDS_NS:
+            return None
+        return peer.propagation_s
+
+    def note_position(self, fix: UsblLong, now: int) -> None:
+        """Note where another modem is."""
+        self.note_delay(fix.address, fix.propagation_us, now)
+        self._peer(fix.address).values |= {
+            "east_m": fix.east_m,
+            "north_m": fix.north_m,
+            "up_m": fix.up_m,
+            "accuracy_m": fix.accuracy_m,
+        }
+
+    def note_angles(self, fix: UsblAngles) -> None:
+        """Note from where another modem is heard, if the head knows it."""
+        if fix.accuracy_rad < 0:
+            return
+        self._peer(fix.address).values |= {
+            "bearing_rad": fix.bearing_rad,
+            "elevation_rad": fix.elevation_rad,
+            "accuracy_rad": fix.accuracy_rad,
+        }
+
+    def diagnostics(self) -> dict[str, int | float | str]:
+        """Counters and readings; those of another modem are called `peer_<address>_…`."""
+        known = {
+            "firmware": self.firmware,
+            "interpreter": self.interpreter.value,
+            "address": self.address,
+            "highest_address": self.highest_address,
+            "source_level": self.source_level,
+            "gain": self.gain,
+            "retries": self.retries,
+            "sound_speed_m_s": self.sound_speed_m_s,
+            "battery_v": self.battery_v,
+            "modem_clock_us": self.clock_us,
+            "changed": ", ".join(self.changes),
+        }
+        peers = {
+            f"peer_{address}_{name}": value
+            for address, peer in sorted(self._peers.items())
+            for name, value in peer.values.items()
+        }
+        told = {name: value for name, value in known.items() if value is not None}
+        return {**told, **self.readings, **peers, **self.counts}
+
+    def _peer(self, address: int) -> PeerReadings:
+        return self._peers.setdefault(address, PeerReadings())

@@ -1,0 +1,290 @@
+"""From a connection to a modem that is ready: what is asked and set, in order.
+
+Written as generators, since it is a list of questions with a few branches: each yields a `Command`
+and is sent its answer (None: none came in time), or a `Pause`, or a `Reached` when a stage is done.
+The dialogue runs them. A question is asked twice before the modem counts as gone; everything here
+may be said twice without harm.
+
+Nothing is changed that is not configured, but four things without which the driver cannot work:
+the modem's own repetitions of instant messages are off (`AT!RI0`, by the setting `retries`), the
+options of this port say what it tells (`AT@ZX1`, `AT@ZU1`), and a modem that does not listen is made
+to listen. Nothing is stored, and nothing is put back.
+"""
+
+from collections.abc import Generator
+from typing import Final, TypeAlias
+
+import msgspec
+
+from zacoustic.errors import LinkError
+from zacoustic_evologics.answers import reply_text
+from zacoustic_evologics.commands import Act, Action, Command, Query, Set, SetOption
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
+from zacoustic_evologics.dialogue_channel import FENCE, CommandChannel
+from zacoustic_evologics.dialogue_states import Input
+from zacoustic_evologics.encoder import command_name
+from zacoustic_evologics.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.replies import (
+    Accepted,
+    CommandReply,
+    DeliveryReply,
+    DeliveryState,
+    LinkStatus,
+    Measurement,
+    ModeReply,
+    NetStatus,
+    Number,
+    Refused,
+    TextReply,
+)
+from zacoustic_evologics.session import ModemSession
+
+DATA_MODE_PAUSE_S: Final = 0.2
+"""After `ATO`, which is not answered, s; the vendor's middleware does not wait at all."""
+FLIGHT_POLL_S: Final = 0.5
+"""Between two questions whether a message of before is still under way, s."""
+FLIGHT_POLLS: Final = 5
+"""How often; then it is dropped."""
+
+_NOT_LISTENING: Final = ("NOISE", "DEAF", "PHY")
+
+
+class Pause(msgspec.Struct, frozen=True):
+    """Wait."""
+
+    duration_s: float
+    """How long, s."""
+
+
+class Reached(msgspec.Struct, frozen=True):
+    """A stage is done."""
+
+    stage: Input
+    """Which."""
+
+
+Step: TypeAlias = Command | Pause | Reached
+"""What a start-up does next."""
+Stages: TypeAlias = Generator[Step, CommandReply | None, None]
+"""A start-up, or a part of one."""
+Question: TypeAlias = Generator[Step, CommandReply | None, CommandReply]
+"""A part that has a result."""
+
+
+class StartupError(LinkError):
+    """The modem does not answer, or cannot serve this node; never leaves the dialogue.
+
+    Args:
+        message: What is wrong.
+        hint: What people can do about it.
+        is_hopeless: Only people can.
+    """
+
+    def __init__(self, message: str, *, hint: str = "", is_hopeless: bool = False) -> None:
+        super().__init__(message, hint=hint)
+        self.message = message
+        self.is_hopeless = is_hopeless
+
+
+def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
+    """Bring a modem that has given a sign to where frames can be sent.
+
+    Raises:
+        StartupError: It does not answer, or cannot serve.
+    """
+    yield from _confirm(channel)
+    yield Reached(Input.FOUND)
+    yield from _leave(channel, session)
+    yield Reached(Input.LEFT)
+    yield from _read(session)
+    yield Reached(Input.READ)
+    yield from _configure(session)
+    yield Reached(Input.CONFIGURED)
+
+
+def _ask(command: Command) -> Question:
+    """Ask, and once more if there is no answer."""
+    for _ in range(2):
+        reply = yield command
+        if reply is not None:
+            return reply
+    raise StartupError(f"the modem does not answer AT{command_name(command)}")
+
+
+def _confirm(channel: CommandChannel) -> Stages:
+    """Find out who reads. Late answers to the questions of the probe end here."""
+    reply = yield FENCE
+    if reply is None:
+        other = TCP_LINE_END if channel.line_end == SERIAL_LINE_END else SERIAL_LINE_END
+        channel.line_end = other
+        reply = yield from _ask(FENCE)
+    assert isinstance(reply, ModeReply)
+    channel.interpreter = reply.interpreter
+    if reply.interpreter is Interpreter.NET and channel.framing is Framing.PACKETS:
+        raise StartupError("the modem says NET and talks as in data mode")
+
+
+def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
+    """Leave command mode, deafness, and what is under way."""
+    if channel.interpreter is Interpreter.AT and channel.framing is Framing.LINES:
+        channel.tell(Act(Action.DATA_MODE))
+        channel.framing = Framing.PACKETS
+        yield Pause(DATA_MODE_PAUSE_S)
+        yield from _ask(FENCE)
+    session.interpreter = channel.interpreter
+    if session.needs_clearing and channel.framing is Framing.PACKETS:
+        yield from _ask(Act(Action.RESET, 4))
+    session.needs_clearing = False
+    state = yield from _ask_state()
+    if any(word in state for word in _NOT_LISTENING):
+        yield from _ask(Act(Action.LISTEN))
+        state = yield from _ask_state()
+        if any(word in state for word in _NOT_LISTENING):
+            raise StartupError(f"the modem does not listen: {state}")
+    yield from _await_landing()
+
+
+def _await_landing() -> Stages:
+    """Wait until no message of before is under way: its words would be taken for those of ours."""
+    for _ in range(FLIGHT_POLLS):
+        reply = yield from _ask(Query("DI"))
+        if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
+            return
+        yield Pause(FLIGHT_POLL_S)
+    yield from _ask(Act(Action.RESET, 3))
+
+
+def _ask_state() -> Generator[Step, CommandReply | None, str]:
+    reply = yield from _ask(Query("S"))
+    match reply:
+        case LinkStatus() | NetStatus():
+            return reply.state
+        case TextReply():
+            return reply.text
+        case _:
+            return ""
+
+
+def _read(session: ModemSession) -> Stages:
+    """Read what is to be known. What a firmware does not know stays unknown."""
+    firmware = yield from _ask(Act(Action.INFORMATION, 0))
+    session.firmware = firmware.text if isinstance(firmware, TextReply) else ""
+    address = yield from _ask_number("AL")
+    if address is None:
+        raise StartupError("the modem does not tell its address")
+    session.address = address
+    highest = yield from _ask_number("AM")
+    session.highest_address = 254 if highest is None else max(1, min(254, highest))
+    session.source_level = yield from _ask_number("L")
+    session.gain = yield from _ask_number("G")
+    session.retries = yield from _ask_number("RI")
+    session.sound_speed_m_s = yield from _ask_number("CA")
+    session.clock_us = yield from _ask_number("CLOCK")
+    battery = yield from _ask(Query("BV"))
+    session.battery_v = battery.value if isinstance(battery, Measurement) else None
+
+
+def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
+    reply = yield from _ask(Query(name))
+    return reply.value if isinstance(reply, Number) else None
+
+
+def _configure(session: ModemSession) -> Stages:
+    """Set what is to be otherwise, then the options of this port, then see whether it can serve."""
+    wanted = _wanted(session)
+    session.changes = []
+    if wanted:
+        yield from _ask(SetOption("CTRL"))  # older firmware does not know it, nor need it
+    for setting, before in wanted:
+        reply = yield from _ask(setting)
+        if isinstance(reply, Accepted):
+            session.changes.append(f"{setting.name} {before} to {setting.value}")
+            yield from _read_back(session, setting.name)
+        else:
+            _refuse(setting, reply)
+    _check(session)
+    config = session.config
+    if config.extended_notifications:
+        reply = yield from _ask(SetOption("ZX", 1))
+        session.has_extended_notifications = isinstance(reply, Accepted)
+    else:
+        yield from _ask(SetOption("ZX", 0))
+        session.has_extended_notifications = False
+    if config.usbl:
+        reply = yield from _ask(SetOption("ZU", 1))
+        session.has_usbl = isinstance(reply, Accepted)
+
+
+def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
+    """Return what must be set, with what it is now."""
+    config = session.config
+    wanted: list[tuple[Set, int | None]] = []
+
+    def want(name: str, now: int | None, value: int | None) -> None:
+        if value is not None and now != value:
+            wanted.append((Set(name, value), now))
+
+    want("AM", session.highest_address, config.highest_address)
+    if config.set_address:
+        want("AL", session.address, session.node_address)
+    want("L", session.source_level, IN_AIR_SOURCE_LEVEL if config.deck else config.source_level)
+    want("G", session.gain, config.gain)
+    if session.retries is not None:
+        want("RI", session.retries, config.retries)
+    return wanted
+
+
+def _read_back(session: ModemSession, name: str) -> Stages:
+    """Read what was set; `[*]OK` may mean that it does not hold yet, and is taken for OK."""
+    value = yield from _ask_number(name)
+    if value is None:
+        return
+    match name:
+        case "AM":
+            session.highest_address = value
+        case "AL":
+            session.address = value
+        case "L":
+            session.source_level = value
+        case "G":
+            session.gain = value
+        case _:
+            session.retries = value
+
+
+def _refuse(setting: Set, reply: CommandReply) -> None:
+    """See whether one can do without."""
+    if setting.name == "RI":
+        return  # then there are no acknowledgements: `ModemSession.acknowledges`
+    words = reply_text(reply)
+    is_controlled = isinstance(reply, Refused) and reply.reason == "NO CONTROL"
+    raise StartupError(
+        f"the modem refuses AT!{setting.name}{setting.value}: {words}",
+        hint="another program has the control (AT@CTRL), or this port's AT?ZS is not 0"
+        if is_controlled
+        else "",
+        is_hopeless=True,
+    )
+
+
+def _check(session: ModemSession) -> None:
+    """See whether the modem can serve this node."""
+    here = session.node_address
+    if session.address != here:
+        raise StartupError(
+            f"the modem has address {session.address}, this node {here}",
+            hint=f"set_address=true gives it {here}",
+            is_hopeless=True,
+        )
+    if here > session.highest_address:
+        raise StartupError(
+            f"highest address of the network is {session.highest_address}, this node has {here}",
+            hint="highest_address=14 (or 30, 62, …) in all modems",
+            is_hopeless=True,
+        )
+    if session.config.deck and session.source_level != IN_AIR_SOURCE_LEVEL:
+        raise StartupError(
+            f"on deck, and the source level is {session.source_level}, not {IN_AIR_SOURCE_LEVEL}",
+            hint="take deck=true away in water only",
+            is_hopeless=True,
+        )

@@ -1,0 +1,113 @@
+"""Where other modems are: what a modem with an ultra-short baseline head says unasked.
+
+Switched on for each port by `AT@ZU1`. The head's frame is x, y, z; with its attitude (roll, pitch,
+yaw) turned to east, north, up. The system clock counts from the start of the modem, or is Unix time
+if somebody has set it; it is not the modem's clock of 32 bits.
+"""
+
+from typing import TypeAlias
+
+import msgspec
+
+
+class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
+    """Where the other modem is, measured by the answer to a message."""
+
+    clock_us: int
+    """System clock at this notification, µs."""
+    measured_us: int
+    """System clock at the measurement, µs."""
+    address: int
+    """The other modem."""
+    x_m: float
+    """In the frame of the head, m; four decimals, as all that follow."""
+    y_m: float
+    """In the frame of the head, m."""
+    z_m: float
+    """In the frame of the head, m."""
+    east_m: float
+    """Turned by the head's attitude, m."""
+    north_m: float
+    """Turned by the head's attitude, m."""
+    up_m: float
+    """Turned by the head's attitude, m."""
+    roll_rad: float
+    """Attitude of the head, rad."""
+    pitch_rad: float
+    """Attitude of the head, rad."""
+    yaw_rad: float
+    """Attitude of the head, rad."""
+    propagation_us: int
+    """Propagation delay, one way, µs."""
+    rssi_db: int
+    """Received level, dB re 1 V."""
+    integrity: int
+    """Signal integrity."""
+    accuracy_m: float
+    """Uncertainty, m; about the range itself when there is no fix."""
+
+
+class UsblAngles(msgspec.Struct, frozen=True, kw_only=True):
+    """From where a message came, without a range."""
+
+    clock_us: int
+    """System clock at this notification, µs."""
+    measured_us: int
+    """System clock at the measurement, µs."""
+    address: int
+    """The other modem."""
+    local_bearing_rad: float
+    """In the frame of the head, rad; four decimals, as all that follow."""
+    local_elevation_rad: float
+    """In the frame of the head, rad."""
+    bearing_rad: float
+    """Turned by the head's attitude, rad."""
+    elevation_rad: float
+    """Turned by the head's attitude, rad."""
+    roll_rad: float
+    """Attitude of the head, rad."""
+    pitch_rad: float
+    """Attitude of the head, rad."""
+    yaw_rad: float
+    """Attitude of the head, rad."""
+    rssi_db: int
+    """Received level, dB re 1 V."""
+    integrity: int
+    """Signal integrity."""
+    accuracy_rad: float
+    """Uncertainty, rad; negative when the angles are invalid."""
+
+
+class UsblPhyD(msgspec.Struct, frozen=True, kw_only=True):
+    """Delays between hydrophones."""
+
+    clock_us: int
+    """System clock at this notification, µs."""
+    measured_us: int
+    """System clock at the measurement, µs."""
+    address: int
+    """The other modem."""
+    fix: int
+    """As the modem says it."""
+    delays: tuple[int, ...]
+    """Eight: hydrophones 1-5, 2-5, 3-5, 4-5, 1-2, 4-1, 3-2, 3-4; 16777215 is invalid. No source
+    states the unit."""
+
+
+class UsblPhyP(msgspec.Struct, frozen=True, kw_only=True):
+    """Positions from groups of three hydrophones."""
+
+    clock_us: int
+    """System clock at this notification, µs."""
+    measured_us: int
+    """System clock at the measurement, µs."""
+    address: int
+    """The other modem."""
+    fix: int
+    """As the modem says it."""
+    positions_m: tuple[float, ...]
+    """Eighteen: x, y, z, m, from hydrophones 123, 432, 341, 412, 153, 254."""
+
+
+UsblNotification: TypeAlias = UsblLong | UsblAngles | UsblPhyD | UsblPhyP
+"""What a head says."""
