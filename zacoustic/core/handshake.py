@@ -21,8 +21,9 @@ From the receiver's side, three rules:
 
 So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
 and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Tables contain
-the list of nodes, so "all have confirmed" means the same to both; a node that is in the water and
-not in the list of a new table is not protected from that table's untagged broadcasts.
+the list of nodes, so "all have confirmed" means the same to both. A node that is in the water and
+in nobody's list is marked for once it has introduced itself; one that keeps silent is not protected
+from a new table's broadcasts, and has to be restarted with it.
 
 Frames may also come twice, the second time within a *settling time* (`SETTLING_UNITS`). What
 carries an epoch does no harm then. A frame without one may be from a life that is over, so for
@@ -375,7 +376,14 @@ class Handshake:
     def _audience(self, destination: int) -> list[Peer]:
         if destination != BROADCAST:
             return [self._peer(destination)]
-        return [self._peer(address) for address in self._table.nodes if address != self._address]
+        listed = [self._peer(address) for address in self._table.nodes if address != self._address]
+        # Whoever has introduced itself is in the water, listed or not.
+        strangers = [
+            peer
+            for address, peer in self._peers.items()
+            if address not in self._table.nodes and peer.epoch is not None
+        ]
+        return listed + strangers
 
     def _row(self, stream_id: int) -> bytes:
         stream = self._table.get(stream_id)

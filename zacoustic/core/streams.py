@@ -5,7 +5,8 @@ later version) an action. Its id is the first byte of each of its records, so a 
 byte whatever its length. That only works
 while both ends hold the same table, so everything that changes the meaning of bytes goes into a
 digest: of each stream, and of the whole table with its nodes. What only changes *when* something
-is sent (priority, depth, lifespan, intervals) is left out; each end may tune it alone.
+is sent (priority, depth, lifespan, intervals) is left out; each end may tune it alone. The timeout
+of a service is in it: from it both ends derive when a call number may be used again.
 """
 
 import hashlib
@@ -131,7 +132,7 @@ class Stream:
         ]
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
         if isinstance(spec, ServiceSpec):
-            return ["service", *head, spec.server]
+            return ["service", *head, spec.server, spec.timeout_s]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
         nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
         audience = [

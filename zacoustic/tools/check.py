@@ -13,6 +13,7 @@ import msgspec
 from zacoustic import registry
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.config import Config
+from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.payload import CborCodec, PayloadCodec
 from zacoustic.core.qos import Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
@@ -189,22 +190,24 @@ def _link_row(locator: str, address: int) -> LinkRow:
 
 
 def _notes(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+    # The engine takes a record only if it fits beside a TAG: it may have to be sent with one.
+    room_bytes = profile.mtu_bytes - TAG_BYTES
     for row in rows:
         what = f"stream {row.stream_id} ({row.name}), {row.kind}"
-        if row.smallest_bytes > profile.mtu_bytes:
+        if row.smallest_bytes > room_bytes:
             yield (
                 f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
-                f"a frame of {profile.mtu_bytes} bytes: it never crosses"
+                f"the {room_bytes} bytes that a frame has for it: it never crosses"
             )
         elif row.largest_bytes is None and row.type is not None:
             yield (
-                f"{what}: {row.type} has no largest size; what does not fit a frame of "
-                f"{profile.mtu_bytes} bytes is refused (give its texts and bytes a max_length)"
+                f"{what}: {row.type} has no largest size; what does not fit the "
+                f"{room_bytes} bytes of a frame is refused (give its texts and bytes a max_length)"
             )
-        elif row.largest_bytes is not None and row.largest_bytes > profile.mtu_bytes:
+        elif row.largest_bytes is not None and row.largest_bytes > room_bytes:
             yield (
-                f"{what}: up to {row.largest_bytes} bytes; what does not fit a frame of "
-                f"{profile.mtu_bytes} bytes is refused"
+                f"{what}: up to {row.largest_bytes} bytes; what does not fit the "
+                f"{room_bytes} bytes of a frame is refused"
             )
     if not config.links:
         yield "no link: give one in the file (links: [ { locator } ]) or by --link"
