@@ -18,6 +18,7 @@ From the receiver's side, three rules:
 2. A frame *with* one is decoded only if its epoch is the one whose HELLO we have heard: all of it
    if the tables are equal, else those streams whose digests (TABLE rows) are known and equal.
 3. Everything else is dropped as ``unconfirmed``, and the source is asked (ASK) for what is missing.
+   A TAG of an epoch that we have no HELLO of wipes out what we knew of the source.
 
 So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
 and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Tables contain
@@ -189,13 +190,15 @@ class Handshake:
         audience = self._audience(destination)
         silent = [peer for peer in audience if not peer.confirmed_us]
         asked = self.introduces(destination)
-        if not silent and audience and not asked:
+        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
+        is_known = bool(audience) and (destination != BROADCAST or bool(self._table.nodes))
+        if is_known and not silent and not asked:
             return b""
         tag = Tag(self.epoch).encode()
         fits = room_bytes >= HELLO_BYTES
         if asked:
             wanted = fits or not urgent
-        elif audience and all(self._knows_difference(peer) for peer in silent):
+        elif is_known and all(self._knows_difference(peer) for peer in silent):
             wanted = False
         else:
             turn = self._since_hello.get(destination, 0) % HELLO_EVERY == 0
@@ -277,6 +280,9 @@ class Handshake:
         """A TAG arrived: its sender does not know that we know it."""
         peer = self._peer(source)
         if peer.epoch != epoch:
+            # What is known of it may be of a life that is over: better to know nothing.
+            self._forget(peer)
+            peer.epoch, peer.digest = None, b""
             self._ask(peer, _ASK_HELLO, now)
 
     def heard_introduced(self, source: int, epoch: int, now: int) -> None:
