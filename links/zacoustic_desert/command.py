@@ -34,6 +34,12 @@ class DesertEmulation(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare nodes, ports, what DESERT's script would say, and the form of the output."""
+        parser.epilog = (
+            "example: two nodes, and a gateway on each\n"
+            "  zacoustic emulate desert --listen 127.0.0.1:4000\n"
+            "  zacoustic gateway fleet.json5 --address 1 --link desert/127.0.0.1:4000\n"
+            "  zacoustic gateway fleet.json5 --address 2 --link desert/127.0.0.1:4001"
+        )
         add = parser.add_argument
         add("--modems", type=int, metavar="N", help="number of nodes (default: 2)")
         add("--scenario", metavar="FILE", help="water and nodes of a scenario, JSON5")
@@ -47,7 +53,8 @@ class DesertEmulation(Command):
         add("--no-csma", action="store_true", help="do not listen before a packet")
         add("--loss", type=float, default=0.0, metavar="SHARE",
             help="packets lost at random, without a scenario (default: %(default)s)")  # fmt: skip
-        add("--paired", action="store_true", help="first and second hear each other only, ...")
+        add("--paired", action="store_true", help="the first and the second node hear each "
+            "other only, the third and the fourth, and so on")  # fmt: skip
         add("--start-delay", type=float, default=0.0, metavar="S",
             help="refuse connections so long, as DESERT does for 5 s (default: 0)")  # fmt: skip
         add("--seed", type=int, help="replaces the seed of the scenario (default: 1)")

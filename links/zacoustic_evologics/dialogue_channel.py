@@ -146,6 +146,8 @@ class CommandChannel:
     def _send_next(self, now: int) -> None:
         if self._pending is not None or not self._waiting:
             return
+        ticket: int
+        command: Command
         if self._doubted is not None and self._waiting[0][1] != FENCE:
             ticket, command = FENCE_TICKET, FENCE
         else:

@@ -13,10 +13,9 @@ What must never happen, and what prevents it:
 
 - *A frame is sent twice.* It is given again only after the modem has refused it in words. Once it
   may have it (an answer that got lost is enough), it is never given again.
-- *An old word is taken for a new one.* Words about instant messages name a destination and no
-  message. So one counts only if the frame has been given, and later than half of its airtime after
-  that; what is left of a frame that was given up is dropped in the modem (DROPPING), and after a
-  loss of the connection `startup` waits for it.
+- *An old word is taken for a new one.* See `sending_evidence`. What is left of a frame that was
+  given up is dropped in the modem (DROPPING), and after a loss of the connection `startup` waits
+  for it.
 - *A frame is called sent that was not.* When the modem stops saying what it always says, it may
   have been restarted with the frame in it. So before silence is taken for success, it is asked
   whether it still has the extended notifications switched on (VERIFYING).
@@ -28,7 +27,6 @@ from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
 from zacoustic_evologics.commands import Command, Query
 from zacoustic_evologics.dialogue_channel import Answer, CommandChannel
-from zacoustic_evologics.encoder import encode_message
 from zacoustic_evologics.notifications import (
     Notification,
     RecvEnd,
@@ -39,6 +37,7 @@ from zacoustic_evologics.notifications import (
 )
 from zacoustic_evologics.replies import DeliveryReply, DeliveryState, Number, Refused
 from zacoustic_evologics.sending_answers import read_answer, said
+from zacoustic_evologics.sending_evidence import Evidence
 from zacoustic_evologics.sending_service import (
     Carriage,
     Remedy,
@@ -47,7 +46,7 @@ from zacoustic_evologics.sending_service import (
     remedy_for,
 )
 from zacoustic_evologics.sending_states import HAS_FRAME, TRANSITIONS, Phase, Word
-from zacoustic_evologics.sending_times import BUSY_PAUSE_S, MARGIN_S, Timetable
+from zacoustic_evologics.sending_times import BUSY_PAUSE_S, Timetable
 from zacoustic_evologics.session import ModemSession
 
 _STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
@@ -85,19 +84,19 @@ class Sending:
         self._transmission = transmission
         self._channel = channel
         self._session = session
-        self._called_at = self._started_at = self._given_at = now
+        self._called_at = now
         self._times = Timetable(carriage, session)
+        self._evidence = Evidence(carriage, session, self._times.airtime_ns)
         self._busy_until = now + self._times.busy_ns
         self._limit_at = 0
         self._counter: int | None = None
-        self._ends_at: int | None = None
-        self._answer = ""
+        self._has_asked = False
+        self._answer = self._asked = ""
         self._refusal = ""
         self._state: DeliveryState | None = None
         self._remedy = Remedy.NONE
         self._mended: set[Remedy] = set()
-        self._proof: TransmitOutcome | None = None
-        self._detail = ""
+        self._loss = ""
 
     def start(self, now: int) -> None:
         """Begin."""
@@ -106,9 +105,6 @@ class Sending:
     def handle_answer(self, answer: Answer, now: int) -> None:
         """Take the answer to the command of `ticket`."""
         reply = answer.reply
-        if answer.late:
-            self._session.count("late_replies")
-            return
         self.ticket = None
         self._answer = said(reply) if reply is not None else "no answer"
         word = read_answer(self.phase, answer, self.carriage, self._counter)
@@ -118,8 +114,10 @@ class Sending:
             word = Word.NOT_NOW if self._remedy in self._mended else word
         elif isinstance(reply, Number) and self.phase is Phase.PREPARING:
             self._counter = reply.value
-        elif isinstance(reply, DeliveryReply):
-            self._state = reply.state
+        elif self.phase is Phase.POLLING:
+            self._has_asked = True
+            self._asked = self._answer
+            self._state = reply.state if isinstance(reply, DeliveryReply) else None
         self._step(word, now)
 
     def handle_notification(self, record: Notification, now: int) -> None:
@@ -128,17 +126,11 @@ class Sending:
             self._step(Word.STIRRED, now)
         if self.phase not in HAS_FRAME:
             return
-        if isinstance(record, SendStart) and self.carriage.begins(record):
-            self._begin(record, now)
-        outcome = self.carriage.verdict(record, self._counter)
-        is_instant = self.carriage.service is not Service.BURST
-        if outcome is None or (is_instant and 2 * (now - self._given_at) < self._times.airtime_ns):
-            return
-        self._proof = outcome
-        self._detail = encode_message(record).decode("ascii", "replace").strip()
-        if isinstance(record, SendEnd):
-            self._started_at = now - record.duration_us * 1000
-        self._step(Word.PROVEN, now)
+        word = self._evidence.handle(record, self._counter, now)
+        if word is not None:
+            self._step(word, now)
+        elif isinstance(record, SendStart) and self.phase is Phase.FLYING:
+            self.due_at = self._first_poll_at(now)
 
     def handle_timeout(self, now: int) -> None:
         """The time of the phase is over."""
@@ -149,7 +141,7 @@ class Sending:
 
     def handle_lost(self, reason: str, now: int) -> None:
         """The connection, or the modem, is gone."""
-        self._detail = reason
+        self._loss = reason
         self._step(Word.LOST, now)
 
     def _step(self, word: Word, now: int) -> None:
@@ -175,24 +167,22 @@ class Sending:
             case Phase.PREPARING:
                 self._step(Word.COUNTED, now)
             case Phase.GIVING:
-                self._given_at = self._started_at = now
-                self._proof = self._ends_at = None
+                self._evidence.begin(now)
                 self._limit_at = 0
+                self._has_asked = False
                 self._ask(self.carriage.command(), now)
             case Phase.DOUBTING | Phase.POLLING:
                 self._ask(self.carriage.state_query(), now)
             case Phase.PAUSING:
-                self._proof = None
+                self._evidence.forget()
                 self.due_at = min(now + seconds_to_ns(BUSY_PAUSE_S), self._busy_until)
             case Phase.MENDING:
-                self._proof = None
+                self._evidence.forget()
                 self._mended.add(self._remedy)
                 self._ask(remedy_command(self._remedy), now)
-            case Phase.FLYING if self._proof is not None:
-                self._step(Word.PROVEN, now)
             case Phase.FLYING:
                 self._fly(now)
-            case Phase.VERIFYING if self._session.has_extended_notifications:
+            case Phase.VERIFYING if self._is_silence_suspect():
                 self._ask(Query("ZX"), now)
             case Phase.VERIFYING:
                 self._step(Word.DONE, now)
@@ -204,27 +194,25 @@ class Sending:
     def _ask(self, command: Command, now: int) -> None:
         self.ticket = self._channel.ask(command, now)
 
-    def _begin(self, record: SendStart, now: int) -> None:
-        """The sound begins: its end is known from now on."""
-        self._started_at = now + record.delay_us * 1000
-        self._ends_at = self._started_at + record.duration_us * 1000
-        if self.phase is Phase.FLYING and not self.carriage.acknowledged:
-            self.due_at = self._ends_at + seconds_to_ns(MARGIN_S)
-
     def _fly(self, now: int) -> None:
         """Wait for the end, at first for as long as it takes."""
-        if self._limit_at:
-            due_at = now + self._times.poll_ns
+        if self._evidence.outcome is not None and not self._has_asked:
+            self._step(Word.PROVEN if self._evidence.is_certain else Word.RUMOUR, now)
+        elif self._limit_at:
+            self.due_at = min(now + self._times.poll_ns, self._limit_at)
         else:
-            self._limit_at = self._given_at + self._times.limit_ns
-            due_at = self._times.first_poll_at(self._given_at, self._ends_at)
-        self.due_at = min(max(now, due_at), self._limit_at)
+            self._limit_at = self._evidence.given_at + self._times.limit_ns
+            self.due_at = self._first_poll_at(now)
+
+    def _first_poll_at(self, now: int) -> int:
+        given_at, ends_at = self._evidence.given_at, self._evidence.ends_at
+        return min(max(now, self._times.first_poll_at(given_at, ends_at)), self._limit_at)
 
     def _conclude(self, before: Phase, word: Word, now: int) -> None:
         """Make the report."""
         outcome, detail = self._judge(before, word)
         is_silent = outcome is TransmitOutcome.REJECTED or before not in HAS_FRAME
-        started_at = self._called_at if is_silent else self._started_at
+        started_at = self._called_at if is_silent else self._evidence.started_at
         self.report = TransmitReport(
             transmission_id=self._transmission.transmission_id,
             outcome=outcome,
@@ -235,8 +223,9 @@ class Sending:
 
     def _judge(self, before: Phase, word: Word) -> tuple[TransmitOutcome, str]:
         """Return what is to be reported, and the modem's words."""
-        if self._proof is not None and word is not Word.REFUSED:
-            return self._proof, self._detail
+        evidence = self._evidence
+        if evidence.outcome is not None and evidence.is_certain and word is not Word.REFUSED:
+            return evidence.outcome, evidence.words
         match before, word:
             case _, Word.REFUSED:
                 return TransmitOutcome.REJECTED, self._answer
@@ -251,7 +240,7 @@ class Sending:
             case Phase.DROPPING, _:
                 return TransmitOutcome.ABORTED, "the modem says nothing of its end; dropped"
             case _, Word.LOST:
-                return TransmitOutcome.ABORTED, self._detail
+                return TransmitOutcome.ABORTED, self._loss
             case Phase.DOUBTING, Word.IDLE:
                 asked = self.carriage.state_query().name
                 return TransmitOutcome.ABORTED, f"no answer; then AT?{asked}: {self._answer}"
@@ -263,20 +252,27 @@ class Sending:
                 self.suspicion = "the modem does not answer"
         return TransmitOutcome.ABORTED, self.suspicion
 
+    def _is_silence_suspect(self) -> bool:
+        """The modem has said nothing, and should have."""
+        return self._session.has_extended_notifications and self._evidence.outcome is None
+
     def _judge_silence(self) -> tuple[TransmitOutcome, str]:
-        """The modem is done with the frame and has not said how; it was asked."""
-        state = self._state
-        if self.carriage.service is Service.BURST or state is None:
-            return TransmitOutcome.ABORTED, f"the modem does not know it: {self._answer}"
-        words = f"AT?DI: {state.value}"
+        """The modem is done with the frame; it was asked, and there may be a rumour."""
+        state, rumour = self._state, self._evidence.outcome
+        outcome = TransmitOutcome.SENT
         if self.carriage.acknowledged:
-            return _OUTCOME_OF_ACKNOWLEDGED.get(state, TransmitOutcome.ABORTED), words
-        if state is DeliveryState.EXPIRED:
-            return TransmitOutcome.REJECTED, words
-        return TransmitOutcome.SENT, words
+            outcome = _OUTCOME_OF_ACKNOWLEDGED.get(state, rumour or TransmitOutcome.ABORTED)
+        elif state is DeliveryState.EXPIRED:
+            outcome = TransmitOutcome.REJECTED
+        elif rumour is not None:
+            outcome = rumour
+        # Without either: also a firmware that does not know AT?DI has taken the message, and the
+        # time is over.
+        asked = f"AT?{self.carriage.state_query().name}: {self._asked}"
+        return outcome, self._evidence.words if outcome is rumour else asked
 
 
-_OUTCOME_OF_ACKNOWLEDGED: Final = {
+_OUTCOME_OF_ACKNOWLEDGED: Final[dict[DeliveryState | None, TransmitOutcome]] = {
     DeliveryState.DELIVERED: TransmitOutcome.DELIVERED,
     DeliveryState.FAILED: TransmitOutcome.NOT_DELIVERED,
 }

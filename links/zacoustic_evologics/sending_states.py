@@ -21,7 +21,7 @@ class Phase(enum.Enum):
     MENDING = "mending"
     # It has taken the frame and will say what became of it.
     FLYING = "flying"
-    # It should have said so by now, or does not say such things; it is asked.
+    # It should have said so by now, or may have meant another frame; it is asked.
     POLLING = "polling"
     # It knows nothing of a frame any more; it is asked whether it was restarted.
     VERIFYING = "verifying"
@@ -62,6 +62,8 @@ class Word(enum.Enum):
     """No answer came in time."""
     PROVEN = "proven"
     """A notification says how it ended."""
+    RUMOUR = "rumour"
+    """A notification may say how it ended, or be about an earlier one."""
     STIRRED = "stirred"
     """Something ended that may have kept the modem busy."""
     DUE = "due"
@@ -100,6 +102,7 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.MENDING, Word.DONE): Phase.PREPARING,
     (Phase.MENDING, Word.UNANSWERED): Phase.PAUSING,
     (Phase.FLYING, Word.PROVEN): Phase.OVER,
+    (Phase.FLYING, Word.RUMOUR): Phase.POLLING,
     (Phase.FLYING, Word.DUE): Phase.POLLING,
     (Phase.FLYING, Word.EXPIRED): Phase.DROPPING,
     (Phase.POLLING, Word.HAS_IT): Phase.FLYING,

@@ -22,6 +22,14 @@ GAP_S: Final = 0.0904
 DELAY_HOLDS_NS: Final = 60 * NS_PER_S
 """Two vehicles of 2 m/s change their distance by 240 m meanwhile, 0.16 s of sound."""
 
+CLOCK_ERROR_NS: Final = 3 * NS_PER_S // 10
+"""How far the modem's clock may be off when it is read, ns."""
+CLOCK_DRIFT: Final = 10_000
+"""It may drift by the passed time over this: 100 ppm."""
+CLOCK_TRUST_NS: Final = 30 * NS_PER_S
+"""Nothing is said so much too late."""
+
+_CLOCK_SPAN_US: Final = 2**32
 _LEVELS: Final = ("0 dB", "-6 dB", "-12 dB", "-20 dB, for air")
 
 
@@ -50,17 +58,17 @@ class ModemSession:
         self.address = 0
         self.highest_address = 254
         self.source_level: int | None = None
+        self.source_level_control: int | None = None
         self.gain: int | None = None
         self.retries: int | None = None
         self.sound_speed_m_s: int | None = None
         self.battery_v: float | None = None
         self.clock_us: int | None = None
+        self.clock_read_at = 0
         self.has_extended_notifications = False
         self.has_usbl = False
         self.changes: list[str] = []
         """What was set at the last start, in words."""
-        self.was_interrupted = False
-        """A frame was with the modem when the connection was lost: it may still be sending it."""
         self.needs_clearing = False
         """A filler was sent, which in data mode waits in the buffer."""
         self.may_fill = True
@@ -112,6 +120,22 @@ class ModemSession:
             parts.append("set " + ", ".join(self.changes))
         return ", ".join(parts)
 
+    def note_setting(self, name: str, value: int) -> None:
+        """Note what a setting is now, by its name in the commands."""
+        match name:
+            case "AM":
+                self.highest_address = value
+            case "AL":
+                self.address = value
+            case "L":
+                self.source_level = value
+            case "LC":
+                self.source_level_control = value
+            case "G":
+                self.gain = value
+            case _:
+                self.retries = value
+
     def note_delay(self, address: int, delay_us: int, now: int) -> None:
         """Note a propagation delay that was measured; 0 and less is none."""
         if delay_us <= 0:
@@ -122,6 +146,24 @@ class ModemSession:
         peer.values["propagation_s"] = peer.propagation_s
         if self.sound_speed_m_s:
             peer.values["range_m"] = round(peer.propagation_s * self.sound_speed_m_s, 3)
+
+    def was_before(self, clock_us: int, instant: int, now: int) -> bool:
+        """Tell whether something was before an instant, and not long before.
+
+        What seems to be longer ago than `CLOCK_TRUST_NS` is of another clock than `AT?CLOCK` tells.
+
+        Args:
+            clock_us: The modem's clock then.
+            instant: What it is compared with, ns.
+            now: The present instant, ns.
+        """
+        if self.clock_us is None:
+            return False
+        passed_ns = now - self.clock_read_at
+        ago_us = (self.clock_us + passed_ns // 1000 - clock_us) % _CLOCK_SPAN_US
+        error_ns = CLOCK_ERROR_NS + passed_ns // CLOCK_DRIFT
+        is_of_that_clock = ago_us * 1000 < CLOCK_TRUST_NS + error_ns
+        return is_of_that_clock and now - ago_us * 1000 + error_ns < instant
 
     def delay_s(self, address: int, now: int) -> float | None:
         """Return the propagation delay to another modem, s, if it was measured lately."""

@@ -6,8 +6,9 @@ Three choices:
   is, as positive when the distance grows; the emulator does the same. Who has two modems and a boat
   can settle it.
 - *Repetitions.* A message that a modem has repeated looks like one that a host has sent again, so
-  most cannot be told. Certain are two: the same bytes from the same sender sooner than they can
-  have been on the air again, and a synchronous message with the same instant of start.
+  most cannot be told. Certain are three: the same bytes from the same sender sooner than they can
+  have been on the air again, or without any sound since, where the first one came behind a sound;
+  and a synchronous message with the same instant of start.
 - *Carrier.* Besides others' sounds also what the modem sends by itself (acknowledgements) counts,
   since the channel is not free then either. The end of a sound may get lost on a cable, so a
   carrier is taken to have ended after `CARRIER_LIMIT_S`.
@@ -58,7 +59,9 @@ class Reception:
         self.due_at: int | None = None
         """When `handle_timeout` is to be called, ns."""
         self._session = session
-        self._last: dict[int, tuple[Received, int]] = {}
+        self._last: dict[int, tuple[Received, int, int]] = {}
+        # Sounds that were told so far, and so many of them before the last message.
+        self._sounds = self._sounds_before = 0
 
     def handle(self, record: Notification, *, is_sending: bool, now: int) -> list[Event]:
         """Take a notification.
@@ -69,6 +72,8 @@ class Reception:
             now: The instant, ns.
         """
         session = self._session
+        if isinstance(record, RecvStart | RecvEnd | RecvFailed):
+            self._sounds += 1
         match record:
             case RecvIm() | RecvIms() | RecvPbm() | Recv():
                 return self._receive(record, now)
@@ -133,15 +138,20 @@ class Reception:
         return events
 
     def _is_repetition(self, record: Received, now: int) -> bool:
-        last, last_at = self._last.get(record.source, (None, 0))
-        self._last[record.source] = (record, now)
+        last, last_at, last_sounds = self._last.get(record.source, (None, 0, -1))
+        # A firmware that does not tell of a sound before each message proves nothing by silence.
+        is_told = self._sounds > self._sounds_before
+        self._sounds_before = self._sounds
         if last is None or type(last) is not type(record) or last.payload != record.payload:
+            self._last[record.source] = record, now, self._sounds if is_told else -1
             return False
+        self._last[record.source] = record, now, self._sounds if is_told else last_sounds
         if isinstance(record, RecvIms) and isinstance(last, RecvIms):
             return record.timestamp_us == last.timestamp_us
         duration_us = getattr(record, "duration_us", None) or 0
         least_ns = max(duration_us * 1000, seconds_to_ns(LEAST_REPEAT_S))
-        return last.destination == record.destination and now - last_at < least_ns
+        is_too_soon = now - last_at < least_ns or self._sounds == last_sounds
+        return last.destination == record.destination and is_too_soon
 
     def _frame(self, record: Received, now: int) -> ReceivedFrame:
         session = self._session

@@ -5,10 +5,10 @@ and is sent its answer (None: none came in time), or a `Pause`, or a `Reached` w
 The dialogue runs them. A question is asked twice before the modem counts as gone; everything here
 may be said twice without harm.
 
-Nothing is changed that is not configured, but four things without which the driver cannot work:
-the modem's own repetitions of instant messages are off (`AT!RI0`, by the setting `retries`), the
-options of this port say what it tells (`AT@ZX1`, `AT@ZU1`), and a modem that does not listen is made
-to listen. Nothing is stored, and nothing is put back.
+Nothing is changed that is not configured, but what the driver cannot work without: the modem's own
+repetitions of instant messages go off (`AT!RI0`, by the setting `retries`), this port is told what
+happens (`AT@ZX1`, `AT@ZU1`), and a modem that does not listen is made to listen. Nothing is stored,
+and nothing is put back.
 """
 
 from collections.abc import Generator
@@ -38,6 +38,7 @@ from zacoustic_evologics.replies import (
     TextReply,
 )
 from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.settings import SETTINGS
 
 DATA_MODE_PAUSE_S: Final = 0.2
 """After `ATO`, which is not answered, s; the vendor's middleware does not wait at all."""
@@ -174,42 +175,55 @@ def _read(session: ModemSession) -> Stages:
         raise StartupError("the modem does not tell its address")
     session.address = address
     highest = yield from _ask_number("AM")
-    session.highest_address = 254 if highest is None else max(1, min(254, highest))
+    session.highest_address = 254 if highest is None else highest
     session.source_level = yield from _ask_number("L")
+    session.source_level_control = yield from _ask_number("LC")
     session.gain = yield from _ask_number("G")
     session.retries = yield from _ask_number("RI")
     session.sound_speed_m_s = yield from _ask_number("CA")
-    session.clock_us = yield from _ask_number("CLOCK")
+    session.clock_us = yield from _ask_number("CLOCK")  # its instant: `StartupRun.handle_answer`
     battery = yield from _ask(Query("BV"))
     session.battery_v = battery.value if isinstance(battery, Measurement) else None
 
 
 def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
-    reply = yield from _ask(Query(name))
-    return reply.value if isinstance(reply, Number) else None
+    """Ask for a number, and again if it cannot be one; None if the modem does not know it."""
+    setting = SETTINGS.get(name)
+    for _ in range(2):
+        reply = yield from _ask(Query(name))
+        if isinstance(reply, Refused):
+            return None
+        if isinstance(reply, Number) and (setting is None or setting.allows(reply.value)):
+            return reply.value
+    return None
 
 
 def _configure(session: ModemSession) -> Stages:
-    """Set what is to be otherwise, then the options of this port, then see whether it can serve."""
+    """Set what is to be otherwise, see whether it can serve, then set the options of this port.
+
+    `[*]OK` may mean that it does not hold yet; it is taken for OK.
+    """
     wanted = _wanted(session)
     session.changes = []
     if wanted:
         yield from _ask(SetOption("CTRL"))  # older firmware does not know it, nor need it
     for setting, before in wanted:
-        reply = yield from _ask(setting)
-        if isinstance(reply, Accepted):
-            session.changes.append(f"{setting.name} {before} to {setting.value}")
-            yield from _read_back(session, setting.name)
-        else:
-            _refuse(setting, reply)
+        for _ in range(2):  # a modem that is restarted just now forgets the first one
+            reply = yield from _ask(setting)
+            if not isinstance(reply, Accepted):
+                _refuse(setting, reply)
+                break
+            value = yield from _ask_number(setting.name)
+            session.note_setting(setting.name, setting.value if value is None else value)
+            if value in (None, setting.value):
+                session.changes.append(f"{setting.name} {before} to {setting.value}")
+                break
     _check(session)
     config = session.config
+    session.has_extended_notifications = session.has_usbl = False
     if config.extended_notifications:
         reply = yield from _ask(SetOption("ZX", 1))
         session.has_extended_notifications = isinstance(reply, Accepted)
-    else:
-        yield from _ask(SetOption("ZX", 0))
-        session.has_extended_notifications = False
     if config.usbl:
         reply = yield from _ask(SetOption("ZU", 1))
         session.has_usbl = isinstance(reply, Accepted)
@@ -228,34 +242,20 @@ def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
     if config.set_address:
         want("AL", session.address, session.node_address)
     want("L", session.source_level, IN_AIR_SOURCE_LEVEL if config.deck else config.source_level)
+    if config.deck and session.source_level_control is not None:
+        want("LC", session.source_level_control, 0)  # nobody else may make it louder
     want("G", session.gain, config.gain)
     if session.retries is not None:
         want("RI", session.retries, config.retries)
     return wanted
 
 
-def _read_back(session: ModemSession, name: str) -> Stages:
-    """Read what was set; `[*]OK` may mean that it does not hold yet, and is taken for OK."""
-    value = yield from _ask_number(name)
-    if value is None:
-        return
-    match name:
-        case "AM":
-            session.highest_address = value
-        case "AL":
-            session.address = value
-        case "L":
-            session.source_level = value
-        case "G":
-            session.gain = value
-        case _:
-            session.retries = value
-
-
 def _refuse(setting: Set, reply: CommandReply) -> None:
     """See whether one can do without."""
-    if setting.name == "RI":
-        return  # then there are no acknowledgements: `ModemSession.acknowledges`
+    if setting.name in ("RI", "LC"):
+        # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without
+        # the second the level is set again when somebody changes it (`Errands.silence`).
+        return
     words = reply_text(reply)
     is_controlled = isinstance(reply, Refused) and reply.reason == "NO CONTROL"
     raise StartupError(

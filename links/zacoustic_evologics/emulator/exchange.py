@@ -85,6 +85,11 @@ class Exchange:
         self._sent_at = 0
         self._is_late = False
 
+    @property
+    def is_acknowledged(self) -> bool:
+        """Whether it asks for an answer."""
+        return self._answer is not None
+
     def look(self, now: int) -> None:
         """Go on, if something for which it waits has happened."""
         if self.state is ExchangeState.WAITING and self._is_free(now):

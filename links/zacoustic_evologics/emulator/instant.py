@@ -1,7 +1,7 @@
 """Messages that need no connection: instant, synchronous and piggyback ones.
 
-There is one slot for instant messages, whose state `AT?DI` tells, one for a synchronous message that
-waits for its instant, and one place for a piggyback message to each address.
+There is one slot for instant messages, whose state `AT?DI` tells, one for a synchronous message
+that waits for its instant, and one place for a piggyback message to each address.
 """
 
 from typing import Final
@@ -20,7 +20,7 @@ from zacoustic_evologics.emulator.chassis import (
     Chassis,
     Origin,
 )
-from zacoustic_evologics.emulator.exchange import Ending, Exchange
+from zacoustic_evologics.emulator.exchange import Ending, Exchange, ExchangeState
 from zacoustic_evologics.emulator.signals import Hearing, Piggyback, Signal, SignalKind
 from zacoustic_evologics.emulator.transducer import Transducer
 from zacoustic_evologics.layouts import IM_LIMIT_BYTES
@@ -50,8 +50,6 @@ class InstantMessages:
 
     def __init__(self, chassis: Chassis, transducer: Transducer) -> None:
         self.state = DeliveryState.EMPTY
-        # Of the burst service: until then only `force` is sent.
-        self.backoff_until = 0
         self._chassis = chassis
         self._transducer = transducer
         self._exchange: Exchange | None = None
@@ -157,7 +155,6 @@ class InstantMessages:
     def restart(self) -> None:
         """Forget everything."""
         self.state = DeliveryState.EMPTY
-        self.backoff_until = 0
         self._exchange = None
         self._scheduled = None
         self._piggybacks.clear()
@@ -171,7 +168,7 @@ class InstantMessages:
             is_occupied = transducer.is_receiving or transducer.owed > 0
             if is_occupied and behaviour.while_receiving == "busy":
                 return BACKOFF
-            if now < self.backoff_until:
+            if now < self._transducer.backoff_until:
                 return BACKOFF
         self._cancel_im()
         return None
@@ -193,8 +190,11 @@ class InstantMessages:
     def _cancel_im(self) -> None:
         exchange, self._exchange = self._exchange, None
         if exchange is not None:
+            # What goes out and asks for nothing is as good as sent.
+            is_sent = exchange.state is ExchangeState.SENDING and not exchange.is_acknowledged
             exchange.cancel()
-            self._chassis.say(CanceledIm(exchange.signal.destination), self._owner)
+            if not is_sent:
+                self._chassis.say(CanceledIm(exchange.signal.destination), self._owner)
 
     def _cancel_piggyback(self, destination: int) -> None:
         kept = self._piggybacks.pop(destination, None)
@@ -255,5 +255,3 @@ def check_message(
         return WRONG_FORMAT
     is_one = 1 <= destination <= chassis.store["AM"] and destination != chassis.address
     return None if is_one or destination == BROADCAST else WRONG_DESTINATION
-
-

@@ -1,8 +1,7 @@
 """What a modem does with a signal that it has received: report it, answer it, or only note it."""
 
 import random
-
-import msgspec
+from typing import Any
 
 from zacoustic.channel.faults import corrupt
 from zacoustic.core.clock import seconds_to_ns
@@ -28,9 +27,7 @@ _ANSWERS = {
     SignalKind.CONNECT: SignalKind.ACCEPT,
     SignalKind.TRAIN: SignalKind.TRAIN_ACK,
 }
-_SERVICES = frozenset(
-    {SignalKind.ACK, SignalKind.CONNECT, SignalKind.ACCEPT, SignalKind.TRAIN_ACK}
-)
+_SERVICES = frozenset({SignalKind.ACK, SignalKind.CONNECT, SignalKind.ACCEPT, SignalKind.TRAIN_ACK})
 
 
 class Listener:
@@ -75,9 +72,9 @@ class Listener:
             self._chassis.say(_service_record(hearing))
         if is_reported and signal.piggyback is not None:
             self._chassis.say(_piggyback_record(hearing))
-        if is_mine and (signal.kind in _ANSWERS) and signal.flag is not ImFlag.FORCE:
-            if signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK:
-                self._owe_answer(hearing)
+        is_asking = signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK
+        if is_mine and signal.kind in _ANSWERS and is_asking:
+            self._owe_answer(hearing)
 
     def _handle_service(self, hearing: Hearing, now: int) -> None:
         if hearing.signal.destination != self._chassis.address:
@@ -148,7 +145,7 @@ class Listener:
         )
 
 
-def _common(hearing: Hearing, pid: int) -> dict[str, object]:
+def _common(hearing: Hearing, pid: int) -> dict[str, Any]:
     return {
         "source": hearing.signal.source,
         "destination": hearing.signal.destination,
@@ -157,3 +154,25 @@ def _common(hearing: Hearing, pid: int) -> dict[str, object]:
         "velocity_m_s": hearing.velocity_m_s,
         "pid": pid,
     }
+
+
+def _piggyback_record(hearing: Hearing) -> RecvPbm:
+    piggyback = hearing.signal.piggyback
+    assert piggyback is not None
+    return RecvPbm(
+        payload=piggyback.payload,
+        duration_us=hearing.signal.duration_ns // 1000,
+        **_common(hearing, piggyback.pid),
+    )
+
+
+def _service_record(hearing: Hearing) -> RecvSrv:
+    return RecvSrv(
+        source=hearing.signal.source,
+        destination=hearing.signal.destination,
+        kind=hearing.signal.kind.value,
+        decoded=1,
+        transmitted=1,
+        rssi_db=hearing.rssi_db,
+        integrity=hearing.integrity,
+    )

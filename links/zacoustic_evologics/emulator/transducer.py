@@ -38,6 +38,8 @@ class Transducer:
         self.state = PhyState.LISTEN
         self.transmits_until = 0
         self.ready_at = 0
+        # Set by the burst service: until then only what is forced is taken.
+        self.backoff_until = 0
         # Answers that are due soon, of this modem; and the exchange that waits for one of another.
         self.owed = 0
         self.awaiting: object = None
@@ -86,10 +88,10 @@ class Transducer:
     def hear_begin(self, sound: int, now: int) -> None:
         """Notice that a sound begins."""
         self._sounds.add(sound)
-        if self.state is PhyState.LISTEN and not self.is_transmitting(now):
-            if self._following is None:
-                self._following = sound
-                self._chassis.say(RecvStart())
+        hears = self.state is PhyState.LISTEN and not self.is_transmitting(now)
+        if hears and self._following is None:
+            self._following = sound
+            self._chassis.say(RecvStart())
 
     def hear_end(self, hearing: Hearing) -> bool:
         """Notice that a sound ends; return whether it was received."""
@@ -128,6 +130,7 @@ class Transducer:
         """Forget what is heard; a signal that goes out still does."""
         self.state = PhyState.LISTEN
         self.owed = 0
+        self.backoff_until = 0
         self.awaiting = None
         self._sounds.clear()
         self._following = None

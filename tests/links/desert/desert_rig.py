@@ -1,6 +1,5 @@
 """A stand-in with its sockets, links to it, and a harness for the battery."""
 
-import asyncio
 import random
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -97,18 +96,13 @@ class DesertHarness:
         await self.server.close()
 
     async def cut(self) -> bool:
-        await self._connected()
         for proxy in self.proxies:
+            await proxy.wait_connected()
             proxy.cut()
         return True
 
     async def inject(self, nonsense: bytes) -> bool:
-        await self._connected()
         for proxy in self.proxies:
+            await proxy.wait_connected()
             proxy.inject(nonsense)
         return True
-
-    async def _connected(self) -> None:
-        """Let the proxies get as far as the links, which are UP when the kernel has accepted."""
-        while not all(proxy._lines for proxy in self.proxies):  # noqa: ASYNC110
-            await asyncio.sleep(0)

@@ -1,0 +1,380 @@
+"""The dialogue with one modem, without a port and without a clock.
+
+The contract with the shell that has both (`link`): after any input or command call `poll_output`
+until None and write that, `poll_event` until None, and arm one timer with `poll_timeout`; `now`
+never decreases. What comes from the modem never raises. States are in `dialogue_states`, what is
+done in them in `startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both speak through
+one `dialogue_channel`. Besides them there are *errands*: single questions that belong to no state,
+such as `AT?T` after an exchange. Their answers may come in any state, and a frame does not wait for
+more than one of them.
+
+A modem that gives cause for doubt (says what only a restarted one says, or nothing where it must
+say something) is not repaired bit by bit: the connection is given up and made again, and the
+start-up finds out. There is one way to become READY.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.errors import LocalError
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
+from zacoustic_evologics.decoder import AtDecoder
+from zacoustic_evologics.dialogue_channel import FENCE_TICKET, Answer, CommandChannel
+from zacoustic_evologics.dialogue_errands import Errands
+from zacoustic_evologics.dialogue_events import (
+    ConnectionUseless,
+    Event,
+    LinkChanged,
+    OpeningHopeless,
+    TransmissionEnded,
+)
+from zacoustic_evologics.dialogue_states import CONNECTED, TRANSITIONS, UP, Input, State
+from zacoustic_evologics.framing import Framing
+from zacoustic_evologics.messages import Message, Noise, RawData, Reply, Unrecognised
+from zacoustic_evologics.notifications import Notification, PhyOff, PhyOn, SourceLevel
+from zacoustic_evologics.replies import CommandReply, ModeReply
+from zacoustic_evologics.sending import Sending
+from zacoustic_evologics.sending_service import choose_carriage
+from zacoustic_evologics.sending_states import HAS_FRAME
+from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.session_reception import Reception
+from zacoustic_evologics.startup import StartupError
+from zacoustic_evologics.startup_probe import Probe
+from zacoustic_evologics.startup_run import StartupRun
+
+SETTLING_S: Final = 0.5
+"""What comes so soon after connecting is dropped, s; the vendor's own middleware does the same."""
+HELD_LIMIT_S: Final = 1.0
+"""After so much silence the rest of a record will not come any more, s."""
+HOPELESS_PAUSE_S: Final = 10.0
+"""Before a modem that cannot serve this node is looked at again, s: somebody must change it."""
+
+
+class AtDialogue:
+    """The dialogue with one modem.
+
+    Args:
+        config: Settings of the driver.
+        node_address: Acoustic address of this node, 1…254.
+        is_serial: The port is a serial one.
+    """
+
+    def __init__(self, config: EvologicsConfig, *, node_address: int, is_serial: bool) -> None:
+        self.state = State.CLOSED
+        self.detail = ""
+        """Which modem it is, or what is waited for."""
+        self._reply_ns = seconds_to_ns(config.reply_s)
+        self._byte_ns = 10 * NS_PER_S // config.baudrate if is_serial else 0
+        self._is_serial = is_serial
+        self._session = ModemSession(config, node_address)
+        self._channel = CommandChannel(reply_ns=self._reply_ns, byte_ns=self._byte_ns)
+        self._reception = Reception(self._session)
+        self._decoder = AtDecoder()
+        self._startup: StartupRun | None = None
+        self._sending: Sending | None = None
+        self._errands = Errands(self._channel, self._session)
+        self._events: deque[Event] = deque()
+        self._due_at: int | None = None
+        self._heard_at = 0
+        self._was_up = False
+
+    @property
+    def capabilities(self) -> LinkCapabilities:
+        """What the link can do; complete once it has been UP."""
+        return self._session.capabilities()
+
+    def diagnostics(self) -> dict[str, int | float | str]:
+        """Counters and readings."""
+        return {
+            "state": self.state.value,
+            "detail": self.detail,
+            "stray_replies": self._channel.stray_replies,
+            "missed_replies": self._channel.missed_replies,
+            **self._session.diagnostics(),
+        }
+
+    # Inputs
+
+    def handle_opened(self, now: int) -> None:
+        """A connection is there."""
+        if self.state in CONNECTED:
+            self._fall(Input.GONE, "connected anew", now)
+        self._step(Input.OPENED)
+        self._channel.reset()
+        self._decoder = AtDecoder()
+        self._due_at = now + seconds_to_ns(SETTLING_S)
+        self._say(LinkState.DOWN, "looking for the modem")
+
+    def handle_lost(self, reason: str, now: int) -> None:
+        """The connection is gone, or could not be made."""
+        self._fall(Input.GONE, reason, now)
+
+    def handle_bytes(self, received: bytes, now: int) -> None:
+        """The modem says something."""
+        if self.state is State.SETTLING:
+            self._session.count("settling_bytes", len(received))
+            return
+        self._heard_at = now
+        if self.state in CONNECTED:
+            self._take(self._decoder.feed(received), now)
+
+    def handle_timeout(self, now: int) -> None:
+        """The instant that `poll_timeout` named has come."""
+        if self._is_held_too_long(now):
+            self._take(self._decoder.flush(), now)
+        if self._due_at is not None and now >= self._due_at:
+            self._due_at = None
+            self._end_pause(now)
+        if answer := self._channel.handle_timeout(now):
+            self._handle_answer(answer, now)
+        if self._startup is not None:
+            self._run(self._startup.handle_timeout, now)
+        if self._sending is not None:
+            self._sending.handle_timeout(now)
+            self._collect(now)
+        self._events += self._reception.handle_timeout(now)
+        self._decoder.framing = self._channel.framing
+
+    # Commands
+
+    def transmit(self, transmission: Transmission, now: int) -> None:
+        """Send a frame; one `TransmissionEnded` follows."""
+        if self.state is State.SENDING:
+            self._refuse(
+                transmission, TransmitOutcome.REJECTED, "another frame is outstanding", now
+            )
+        elif self.state is not State.READY:
+            self._refuse(transmission, TransmitOutcome.ABORTED, f"link down: {self.detail}", now)
+        elif isinstance(carriage := choose_carriage(transmission, self._session), str):
+            self._refuse(transmission, TransmitOutcome.REJECTED, carriage, now)
+        else:
+            self._step(Input.TRANSMIT)
+            self._sending = Sending(transmission, carriage, self._channel, self._session, now)
+            self._sending.start(now)
+
+    def close(self, now: int) -> None:
+        """End; the frame that is outstanding is reported."""
+        if self._sending is not None:
+            self._sending.handle_lost("link closed", now)
+            self._report(self._sending)
+        self._step(Input.CLOSED)
+        self._clear(now)
+        self._was_up = False
+
+    # Outputs
+
+    def poll_output(self) -> bytes | None:
+        """Return what is to be written to the modem next."""
+        return self._channel.poll_output()
+
+    def poll_event(self) -> Event | None:
+        """Return what happened next."""
+        return self._events.popleft() if self._events else None
+
+    def poll_timeout(self) -> int | None:
+        """Return when `handle_timeout` is to be called, ns; None: not before another input."""
+        instants = [self._due_at, self._channel.due_at, self._reception.due_at, self._flush_at()]
+        instants += [each.due_at for each in (self._startup, self._sending) if each is not None]
+        return min((instant for instant in instants if instant is not None), default=None)
+
+    # What the modem says
+
+    def _take(self, messages: list[Message], now: int) -> None:
+        for message in messages:
+            if self.state not in CONNECTED:
+                return
+            self._handle_message(message, now)
+        self._decoder.framing = self._channel.framing
+
+    def _handle_message(self, message: Message, now: int) -> None:
+        startup = self._startup
+        if startup is not None and startup.is_probing:
+            self._run(lambda at: startup.handle_message(message, at), now)
+            return
+        match message:
+            case Reply():
+                if message.command is not None and self._channel.framing is Framing.LINES:
+                    self._give_up("the modem has changed to data mode", now)
+                elif answer := self._channel.handle_reply(message, now):
+                    self._handle_answer(answer, now)
+            case RawData():
+                self._session.count("raw_bytes", len(message.content))
+                if self.state is State.READY:
+                    self._errands.check(now)
+            case Unrecognised() | Noise():
+                self._session.count("unrecognised")
+            case _:
+                self._handle_notification(message, now)
+
+    def _handle_answer(self, answer: Answer, now: int) -> None:
+        startup, sending, ticket = self._startup, self._sending, answer.ticket
+        if answer.late:
+            self._session.count("late_replies")
+        elif ticket == FENCE_TICKET:
+            self._see_fence(answer.reply, now)
+        elif startup is not None and ticket == startup.ticket:
+            self._run(lambda at: startup.handle_answer(answer, at), now)
+        elif sending is not None and ticket == sending.ticket:
+            sending.handle_answer(answer, now)
+            self._collect(now)
+        elif suspicion := self._errands.handle_answer(answer, now):
+            self._give_up(suspicion, now)
+
+    def _handle_notification(self, record: Notification, now: int) -> None:
+        sending = self._sending
+        is_sending = sending is not None and sending.phase in HAS_FRAME
+        if self.state not in UP:
+            return
+        self._events += self._reception.handle(record, is_sending=is_sending, now=now)
+        if sending is not None:
+            sending.handle_notification(record, now)
+            self._collect(now)
+        on_deck = self._session.config.deck
+        match record:
+            case PhyOff():
+                self._give_up("the physical layer of the modem is off", now)
+            case PhyOn():
+                self._errands.check(now)
+            case SourceLevel() if on_deck and record.level != IN_AIR_SOURCE_LEVEL:
+                self._errands.silence(now)
+            case _:
+                pass
+
+    # What changes the state
+
+    def _step(self, event: Input) -> None:
+        """Look the next state up.
+
+        Raises:
+            LocalError: The dialogue has a fault.
+        """
+        after = TRANSITIONS.get((self.state, event))
+        if after is None:
+            raise LocalError(f"dialogue: {event.value} in state {self.state.value}")
+        self.state = after
+
+    def _end_pause(self, now: int) -> None:
+        if self.state is State.LOST:
+            self._events.append(ConnectionUseless(self.detail))
+            return
+        self._step(Input.SETTLED)
+        probe = Probe(
+            is_serial=self._is_serial,
+            may_fill=self._session.may_fill,
+            reply_ns=self._reply_ns,
+            byte_ns=self._byte_ns,
+        )
+        self._startup = StartupRun(self._channel, self._session, probe)
+        self._startup.start(now)
+
+    def _run(self, go_on: Callable[[int], list[Input]], now: int) -> None:
+        """Let the start-up go on."""
+        try:
+            for reached in go_on(now):
+                self._step(reached)
+        except StartupError as error:
+            self._give_up(error.message, now, hint=error.hint, is_hopeless=error.is_hopeless)
+            return
+        if self.state is State.READY:
+            self._startup = None
+            self._was_up = self._session.may_fill = True
+            self._say(LinkState.UP, self._session.description())
+
+    def _see_fence(self, reply: CommandReply | None, now: int) -> None:
+        if not isinstance(reply, ModeReply):
+            self._give_up("the modem does not answer", now)
+        elif reply.interpreter is not self._channel.interpreter:
+            self._give_up(f"the modem has changed to {reply.interpreter.value}", now)
+
+    def _collect(self, now: int) -> None:
+        """See whether the frame is over."""
+        sending = self._sending
+        if sending is None or sending.report is None:
+            return
+        if sending.suspicion:
+            self._give_up(sending.suspicion, now)
+            return
+        self._report(sending)
+        self._step(Input.ENDED)
+        if sending.report.outcome is TransmitOutcome.DELIVERED:
+            self._errands.measure_delay(sending.carriage.destination, now)
+
+    def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
+        """Give up the connection; it is made anew at once, or later where that changes nothing."""
+        self._session.count("restarts")
+        self._fall(Input.GIVEN_UP, f"{reason} ({hint})" if hint else reason, now)
+        if is_hopeless:
+            self._events.append(OpeningHopeless(reason, hint))
+            self._due_at = now + seconds_to_ns(HOPELESS_PAUSE_S)
+        else:
+            self._events.append(ConnectionUseless(reason))
+
+    def _fall(self, event: Input, reason: str, now: int) -> None:
+        """Leave whatever state for one without a modem: first DOWN, then the report."""
+        self._step(event)
+        sending = self._sending
+        self._clear(now)
+        self._say(LinkState.DOWN, reason)
+        if sending is not None:
+            sending.handle_lost(reason, now)
+            self._report(sending)
+
+    def _clear(self, now: int) -> None:
+        """End what the state had begun, and its timers."""
+        self._due_at = None
+        self._startup = self._sending = None
+        self._channel.reset()
+        self._errands.forget()
+        self._decoder = AtDecoder()
+        self._events += self._reception.stop(now)
+
+    # What is told
+
+    def _say(self, state: LinkState, detail: str) -> None:
+        self.detail = detail
+        if state is LinkState.DOWN and not self._was_up:
+            state = LinkState.OPENING
+        told = self._session.capabilities() if state is LinkState.UP else None
+        self._events.append(LinkChanged(state, detail, told))
+
+    def _report(self, sending: Sending) -> None:
+        assert sending.report is not None
+        self._sending = None
+        self._session.count_outcome(sending.report.outcome)
+        self._events.append(TransmissionEnded(sending.report))
+
+    def _refuse(
+        self, transmission: Transmission, outcome: TransmitOutcome, reason: str, now: int
+    ) -> None:
+        self._session.count_outcome(outcome)
+        report = TransmitReport(
+            transmission_id=transmission.transmission_id,
+            outcome=outcome,
+            started_at=now,
+            finished_at=now,
+            detail=reason,
+        )
+        self._events.append(TransmissionEnded(report))
+
+    def _flush_at(self) -> int | None:
+        """When what is held incomplete will not be completed any more."""
+        return self._heard_at + seconds_to_ns(HELD_LIMIT_S) if self._decoder.held_bytes else None
+
+    def _is_held_too_long(self, now: int) -> bool:
+        """Also when an answer is missing: it may be in what is held behind a damaged length."""
+        flush_at = self._flush_at()
+        if flush_at is None:
+            return False
+        instants = [flush_at, self._channel.due_at]
+        if self._startup is not None:
+            instants.append(self._startup.due_at)
+        return any(instant is not None and now >= instant for instant in instants)

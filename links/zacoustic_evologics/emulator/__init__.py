@@ -1,0 +1,36 @@
+"""Emulated S2C modems: what a host says is read and answered, what they send sounds in one water.
+
+From the bottom up:
+
+- `airtime`, `signals`, `agenda`, `store`: durations, what is sent, what is due, settings.
+- `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`, `listening`
+  and `queries`: one modem, sans-IO.
+- `port`, `faults`, `station`: its ports and what goes wrong there.
+- `water`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop.
+- `running`, `server`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
+"""
+
+from zacoustic_evologics.emulator.chassis import Behaviour
+from zacoustic_evologics.emulator.faults import FaultKind, FaultPlan, ScriptedFault
+from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
+from zacoustic_evologics.emulator.station import (
+    FleetOutput,
+    ModemDown,
+    ModemUp,
+    PortBytes,
+    PortClosed,
+)
+
+__all__ = [
+    "Behaviour",
+    "EmulatedFleet",
+    "FaultKind",
+    "FaultPlan",
+    "FleetOutput",
+    "ModemDown",
+    "ModemUp",
+    "PortBytes",
+    "PortClosed",
+    "ScriptedFault",
+    "scenario_of",
+]

@@ -1,0 +1,201 @@
+"""The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals."""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:
+    from zacoustic.channel.scenario import Scenario
+    from zacoustic_evologics.emulator.fleet import EmulatedFleet
+    from zacoustic_evologics.emulator.server import FleetServer, Place
+
+FIRST_PORT: Final = 9200
+"""Port of the first modem, as on a real one; the next modems have the next ports."""
+
+
+class EvologicsEmulation(Command):
+    """Serves emulated S2C modems until it is interrupted."""
+
+    name = "evologics"
+    summary = "EvoLogics S2C modems, on TCP ports and pseudo-terminals"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare modems, places, faults and form of the output."""
+        parser.add_argument(
+            "--modems", type=int, metavar="N",
+            help="how many, 500 m apart in calm water (default: those of the scenario, or 2)",
+        )  # fmt: skip
+        parser.add_argument("--scenario", metavar="FILE", help="who is where, JSON5")
+        parser.add_argument(
+            "--listen", metavar="HOST:PORT", nargs="+", action="extend", default=[],
+            help="of each modem in turn; after the last one the next ports are taken, port 0 takes "
+            f"any that is free (default: 127.0.0.1:{FIRST_PORT}, unless --pty)",
+        )  # fmt: skip
+        parser.add_argument("--pty", action="store_true", help="a pseudo-terminal for each modem")
+        parser.add_argument(
+            "--time-scale", type=float, default=1.0, metavar="X",
+            help="how many times faster than real (default: %(default)s)",
+        )  # fmt: skip
+        parser.add_argument("--faults", metavar="FILE", help="what goes wrong, JSON5")
+        parser.add_argument("--seed", type=int, help="replaces the seeds of scenario and faults")
+        parser.add_argument(
+            "--interpreter", choices=("NET", "AT"), default="NET",
+            help="who reads on the ports; AT begins in data mode (default: %(default)s)",
+        )  # fmt: skip
+        parser.add_argument(
+            "--set", metavar="NAME=VALUE", nargs="+", action="extend", default=[], dest="settings",
+            help="settings and port options of all modems, such as ZX=1 RI=0",
+        )  # fmt: skip
+        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Serve until SIGINT or SIGTERM.
+
+        Raises:
+            ConfigError: A file or an argument is wrong.
+            LinkOpenError: An address cannot be listened at.
+        """
+        with contextlib.suppress(KeyboardInterrupt):
+            asyncio.run(self._serve(arguments))
+        return EXIT_OK
+
+    async def _serve(self, arguments: argparse.Namespace) -> None:
+        from zacoustic_evologics.emulator.running import RunningFleet
+        from zacoustic_evologics.emulator.server import FleetServer
+
+        fleet = _create_fleet(arguments)
+        addresses = fleet.addresses
+        listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
+        stop = asyncio.Event()
+        # Signals first: whoever reads that we listen may stop us at once.
+        with _stopped_by_signals(stop):
+            running = RunningFleet(fleet, time_scale=arguments.time_scale)
+            server = FleetServer(running)
+            try:
+                for place in await _open_places(server, addresses, listens, arguments.pty):
+                    _print_place(place, as_json=arguments.json)
+                running.start()
+                await stop.wait()
+            finally:
+                await server.close()
+
+
+async def _open_places(
+    server: "FleetServer",
+    addresses: Sequence[int],
+    listens: Sequence[tuple[str, int]],
+    has_terminals: bool,
+) -> "list[Place]":
+    places = []
+    for index, address in enumerate(addresses):
+        if listens:
+            places.append(await server.listen(address, *listens[index]))
+        if has_terminals:
+            places.append(server.open_terminal(address))
+    return places
+
+
+def _print_place(place: "Place", *, as_json: bool) -> None:
+    if as_json:
+        record = {"event": "listening", "address": place.address, "locator": place.locator}
+        print(json.dumps(record), flush=True)
+    else:
+        link = f"--link evologics/{place.locator}"
+        print(f"modem {place.address} at {place.locator}: {link}", flush=True)
+
+
+def _create_fleet(arguments: argparse.Namespace) -> "EmulatedFleet":
+    import msgspec
+
+    from zacoustic.json5 import read_json5
+    from zacoustic_evologics.emulator.faults import NO_FAULTS, plan_from_mapping
+    from zacoustic_evologics.emulator.fleet import EmulatedFleet
+    from zacoustic_evologics.framing import Interpreter
+
+    faults = NO_FAULTS
+    if arguments.faults is not None:
+        faults = plan_from_mapping(read_json5(arguments.faults), source=arguments.faults)
+    scenario = _read_scenario(arguments)
+    if arguments.seed is not None:
+        faults = msgspec.structs.replace(faults, seed=arguments.seed)
+        scenario = msgspec.structs.replace(scenario, seed=arguments.seed)
+    return EmulatedFleet(
+        scenario,
+        interpreter=Interpreter(arguments.interpreter),
+        faults=faults,
+        settings=_parse_settings(arguments.settings),
+    )
+
+
+def _read_scenario(arguments: argparse.Namespace) -> "Scenario":
+    import msgspec
+
+    from zacoustic.channel.scenario import scenario_from_mapping
+    from zacoustic.json5 import read_json5
+    from zacoustic_evologics.emulator.fleet import scenario_of
+
+    if arguments.scenario is None:
+        return scenario_of(2 if arguments.modems is None else arguments.modems)
+    scenario = scenario_from_mapping(read_json5(arguments.scenario), source=arguments.scenario)
+    count = len(scenario.nodes) if arguments.modems is None else arguments.modems
+    if not 1 <= count <= len(scenario.nodes):
+        raise ConfigError(f"--modems {count}; the scenario has {len(scenario.nodes)} nodes")
+    nodes = scenario.nodes[:count]
+    there = {node.address for node in nodes}
+    links = tuple(link for link in scenario.links if {link.source, link.target} <= there)
+    return msgspec.structs.replace(scenario, nodes=nodes, links=links, traffic=())
+
+
+def _parse_settings(texts: Sequence[str]) -> Mapping[str, int]:
+    settings = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (equals and value.isascii() and value.isdigit()):
+            raise ConfigError(f"--set {text!r}; allowed: NAME=VALUE with a whole number")
+        settings[name] = int(value)
+    return settings
+
+
+def _listens(arguments: argparse.Namespace, addresses: Sequence[int]) -> list[tuple[str, int]]:
+    """Return host and port of each modem."""
+    texts = arguments.listen or [f"127.0.0.1:{FIRST_PORT}"]
+    given = [_parse_listen(text) for text in texts[: len(addresses)]]
+    host, port = given[-1]
+    for further in range(1, 1 + len(addresses) - len(given)):
+        if port + further > 65_535:
+            raise ConfigError(f"--listen {texts[-1]!r}; there is no port for every modem behind it")
+        given.append((host, port + further if port else 0))
+    return given
+
+
+def _parse_listen(listen: str) -> tuple[str, int]:
+    host, colon, port = listen.rpartition(":")
+    if not (colon and host and port.isascii() and port.isdigit() and int(port) <= 65_535):
+        raise ConfigError(f"--listen {listen!r}; allowed: HOST:PORT, port 0..65535")
+    return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+@contextlib.contextmanager
+def _stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
+    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
+    loop = asyncio.get_running_loop()
+    if sys.platform == "win32":
+        # There SIGINT is a KeyboardInterrupt, and a handler must wake the loop by itself.
+        signal.signal(signal.SIGTERM, lambda *_: loop.call_soon_threadsafe(stop.set))
+        yield
+        return
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
+    try:
+        yield
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.remove_signal_handler(number)

@@ -1,0 +1,256 @@
+r"""N emulated modems in one water, in virtual time: no clock, no socket, `now` is an argument.
+
+::
+
+    fleet = EmulatedFleet(scenario_of(2, spacing_m=1500.0))
+    port = fleet.open_port(1, now=0)
+    fleet.handle_bytes(port, b"AT?AL\n", now=0)
+    while (output := fleet.poll_output()) is not None: …     PortBytes, PortClosed, …
+    fleet.poll_timeout()                                     the next instant at which something is
+    fleet.handle_timeout(that)                               due, then `poll_output` again
+
+`now` is ns since the start of the scenario and never decreases. Each call first lets happen what
+was due before, at its own instant; but what comes of that is told afterwards, so who steps virtual
+time calls `handle_timeout` exactly at `poll_timeout`. The same class runs on a loop in
+`running`.
+
+Signals and timers lie on one agenda, each station with the first instant that it names. A fleet in
+which nothing is under way has no timer.
+"""
+
+import random
+from collections import deque
+from collections.abc import Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.errors import ConfigError
+from zacoustic_evologics.emulator.agenda import Agenda, Task
+from zacoustic_evologics.emulator.chassis import Behaviour
+from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
+from zacoustic_evologics.emulator.modem import EmulatedModem
+from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
+from zacoustic_evologics.emulator.store import PORT_OPTIONS
+from zacoustic_evologics.emulator.water import Sound, Water, sound_id
+from zacoustic_evologics.framing import Interpreter
+from zacoustic_evologics.settings import HIGHEST_ADDRESSES, SETTINGS
+
+PORTS_LIMIT: Final = 64
+"""Open ports of one modem; more are refused."""
+DEPTH_M: Final = 10.0
+"""Where `scenario_of` puts modems."""
+
+
+def scenario_of(modems: int, *, spacing_m: float = 500.0, seed: int = 1) -> Scenario:
+    """Return a scenario of modems in a line eastwards, in water that loses nothing at random.
+
+    Args:
+        modems: How many; their addresses are 1, 2, …
+        spacing_m: From each to the next.
+        seed: Of the scenario.
+
+    Raises:
+        ConfigError: More than there are addresses, or none.
+    """
+    if not 1 <= modems <= 254:
+        raise ConfigError(f"{modems} modems; allowed: 1..254")
+    nodes = tuple(
+        NodeSpec(address=number + 1, position=(spacing_m * number, 0.0, DEPTH_M))
+        for number in range(modems)
+    )
+    return Scenario(nodes=nodes, channel="none", seed=seed)
+
+
+class EmulatedFleet:
+    """All modems of a scenario.
+
+    Args:
+        scenario: The water and who is in it; its addresses become those of the modems. A profile
+            decides about levels and errors, not about durations: those are the S2C's.
+        interpreter: Who reads on the ports.
+        faults: What goes wrong between modems and hosts.
+        settings: Settings of all modems, and options of their ports, that differ from the usual
+            ones, by name: `{"RI": 0, "ZX": 1}`.
+        behaviour: What sources disagree about.
+
+    Raises:
+        ConfigError: A setting that does not exist or cannot have that value.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        interpreter: Interpreter = Interpreter.NET,
+        faults: FaultPlan = NO_FAULTS,
+        settings: Mapping[str, int] | None = None,
+        behaviour: Behaviour | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.interpreter = interpreter
+        self.now = 0
+        self._water = Water(scenario)
+        self._agenda = Agenda()
+        self._outputs: deque[FleetOutput] = deque()
+        self._stations: dict[int, Station] = {}
+        self._station_of_port: dict[int, Station] = {}
+        self._armed: dict[int, Task] = {}
+        self._next_port_id = 1
+        settings = settings or {}
+        _check_settings(settings)
+        behaviour = behaviour or Behaviour()
+        reach_s = max(behaviour.reach_s, 1.1 * self._water.reach_s(0))
+        behaviour = msgspec.structs.replace(behaviour, reach_s=reach_s)
+        highest = next(each for each in HIGHEST_ADDRESSES if each >= max(self._water.addresses))
+        common = {"AM": max(highest, SETTINGS["AM"].default)} | dict(settings)
+        options = {name: value for name, value in settings.items() if name in PORT_OPTIONS}
+        for address in self._water.addresses:
+            rng = random.Random(f"zacoustic/evologics/{scenario.seed}/{address}")
+            modem = EmulatedModem({"AL": address} | common, behaviour=behaviour, rng=rng)
+            self._stations[address] = Station(address, modem, faults, options)
+            self._arm(self._stations[address])
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of the scenario."""
+        return tuple(self._stations)
+
+    @property
+    def remembered(self) -> int:
+        """How much is kept of the past and for the future; bounded by what is under way."""
+        return self._water.remembered + len(self._agenda) + len(self._outputs)
+
+    def is_up(self, address: int) -> bool:
+        """Whether a modem is there, and not restarting."""
+        return self._station(address).modem.is_up
+
+    def open_port(
+        self,
+        address: int,
+        *,
+        now: int,
+        interpreter: Interpreter | None = None,
+        is_serial: bool = False,
+    ) -> int:
+        """Open a port of a modem.
+
+        Args:
+            address: Of the modem, in the scenario.
+            now: Instant.
+            interpreter: Who reads there; None: as everywhere.
+            is_serial: A serial line, which outlives a restart of the modem.
+
+        Returns:
+            The number of the port.
+
+        Raises:
+            ConnectionRefusedError: The modem restarts, or has `PORTS_LIMIT` ports.
+            ValueError: No such modem.
+        """
+        self._advance(now)
+        station = self._station(address)
+        if not is_serial and (not station.modem.is_up or len(station.ports) >= PORTS_LIMIT):
+            raise ConnectionRefusedError(f"modem {address} takes no connection")
+        port_id = self._next_port_id
+        self._next_port_id += 1
+        self._station_of_port[port_id] = station
+        station.open_port(port_id, interpreter or self.interpreter, is_serial=is_serial, now=now)
+        self._settle(station, now)
+        return port_id
+
+    def close_port(self, port_id: int, *, now: int) -> None:
+        """Close a port from the host's side; may be repeated."""
+        self._advance(now)
+        station = self._station_of_port.pop(port_id, None)
+        if station is not None:
+            station.close_port(port_id)
+
+    def handle_bytes(self, port_id: int, content: bytes, now: int) -> None:
+        """Take bytes of a host; what it says to a closed port is lost."""
+        self._advance(now)
+        station = self._station_of_port.get(port_id)
+        if station is not None and port_id in station.ports:
+            station.handle_bytes(port_id, content, now)
+            self._settle(station, now)
+
+    def handle_timeout(self, now: int) -> None:
+        """Do what is due."""
+        self._advance(now)
+
+    def poll_timeout(self) -> int | None:
+        """Return when something is due, None when nothing is."""
+        return self._agenda.next_at()
+
+    def poll_output(self) -> FleetOutput | None:
+        """Return the next thing for a host, or None."""
+        return self._outputs.popleft() if self._outputs else None
+
+    def _station(self, address: int) -> Station:
+        try:
+            return self._stations[address]
+        except KeyError:
+            raise ValueError(f"modem {address}; there are {list(self._stations)}") from None
+
+    def _advance(self, now: int) -> None:
+        assert now >= self.now, "time runs backwards"
+        self._agenda.run(now)
+        self.now = now
+
+    def _settle(self, station: Station, now: int) -> None:
+        """Take what a station has to say, and let sound what it sends."""
+        self.now = now
+        while station.outputs:
+            output = station.outputs.popleft()
+            if isinstance(output, PortClosed):
+                del self._station_of_port[output.port_id]
+            self._outputs.append(output)
+        while (signal := station.modem.poll_signal()) is not None:
+            for sound in self._water.emit(station.node, signal, now):
+                self._expect(sound)
+        self._arm(station)
+
+    def _expect(self, sound: Sound) -> None:
+        arrival = sound.arrival
+        station = self._stations[arrival.node]
+
+        def begin(at: int) -> None:
+            station.handle_sound(sound_id(arrival), at)
+            self._settle(station, at)
+
+        def end(at: int) -> None:
+            station.handle_hearing(self._water.hear(sound), at)
+            self._settle(station, at)
+
+        if sound.is_noticed:
+            self._agenda.add(arrival.starts_at, begin)
+        self._agenda.add(arrival.ends_at, end)
+
+    def _arm(self, station: Station) -> None:
+        """See that a station is asked when something is due there, and at no other time."""
+        due_at = station.poll_timeout()
+        assert due_at is None or due_at >= self.now, "a timer in the past"
+        armed = self._armed.get(station.node)
+        if armed is not None and armed.action is not None:
+            if armed.at == due_at:
+                return
+            armed.cancel()
+        if due_at is not None:
+            self._armed[station.node] = self._agenda.add(
+                due_at, lambda at: self._expire(station, at)
+            )
+
+    def _expire(self, station: Station, at: int) -> None:
+        station.handle_timeout(at)
+        self._settle(station, at)
+
+
+def _check_settings(settings: Mapping[str, int]) -> None:
+    for name, value in settings.items():
+        setting = SETTINGS.get(name)
+        if setting is None:
+            raise ConfigError(f"setting {name}; allowed: {', '.join(sorted(SETTINGS))}")
+        if not setting.allows(value):
+            allowed = ", ".join(map(str, setting.choices)) or f"{setting.low}..{setting.high}"
+            raise ConfigError(f"setting {name} is {value}; allowed: {allowed}")

@@ -1,0 +1,151 @@
+"""A fleet on the running loop, at any time scale: one timer, and a callback for each port.
+
+The loop may be late: what was due is done at its own instant then, one after the other. All is
+called on the loop, and calls back from within.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.errors import ConfigError
+from zacoustic_evologics.emulator.fleet import EmulatedFleet
+from zacoustic_evologics.emulator.station import ModemDown, ModemUp, PortBytes, PortClosed
+from zacoustic_evologics.framing import Interpreter
+
+
+class PortHost(Protocol):
+    """Who is at the other end of a port."""
+
+    def bytes_said(self, content: bytes) -> None:
+        """Take what the modem says."""
+        ...
+
+    def port_closed(self) -> None:
+        """The modem has closed the port; nothing comes any more."""
+        ...
+
+
+class RunningFleet:
+    """Drives a fleet by a clock.
+
+    Args:
+        fleet: Stepped here only, from now on.
+        time_scale: How many times faster than real, > 0. Guard times and restarts scale, too.
+        clock: Where instants come from.
+        changed: Told that a modem has gone down (False) or come up (True).
+
+    Raises:
+        ConfigError: The time scale is not above 0.
+    """
+
+    def __init__(
+        self,
+        fleet: EmulatedFleet,
+        *,
+        time_scale: float = 1.0,
+        clock: Clock = time.monotonic_ns,
+        changed: Callable[[int, bool], None] | None = None,
+    ) -> None:
+        if not 0 < time_scale < math.inf:
+            raise ConfigError(f"time scale is {time_scale:g}; allowed: above 0")
+        self.fleet = fleet
+        self.time_scale = time_scale
+        self.changed = changed
+        self._clock = clock
+        self._origin_at = clock()
+        self._hosts: dict[int, PortHost] = {}
+        self._timer: asyncio.TimerHandle | asyncio.Handle | None = None
+        self._timer_at = 0
+        self._is_closed = False
+
+    def start(self) -> None:
+        """Begin to follow the clock, so that a script of faults happens without any port."""
+        self._service()
+
+    def open_port(
+        self,
+        address: int,
+        host: PortHost,
+        *,
+        interpreter: Interpreter | None = None,
+        is_serial: bool = False,
+    ) -> int:
+        """Open a port of a modem.
+
+        Raises:
+            ConnectionRefusedError: The modem takes no connection.
+        """
+        now = self._now()
+        port_id = self.fleet.open_port(
+            address, now=now, interpreter=interpreter, is_serial=is_serial
+        )
+        self._hosts[port_id] = host
+        self._service()
+        return port_id
+
+    def close_port(self, port_id: int) -> None:
+        """Close a port from the host's side; may be repeated."""
+        self._hosts.pop(port_id, None)
+        self.fleet.close_port(port_id, now=self._now())
+        self._service()
+
+    def handle_bytes(self, port_id: int, content: bytes) -> None:
+        """Take bytes of a host."""
+        self.fleet.handle_bytes(port_id, content, self._now())
+        self._service()
+
+    def close(self) -> None:
+        """Stop; nothing is called after it. May be repeated."""
+        self._is_closed = True
+        self._hosts.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _now(self) -> int:
+        """Instant of the fleet; never decreases."""
+        return max(self.fleet.now, round((self._clock() - self._origin_at) * self.time_scale))
+
+    def _service(self) -> None:
+        """Hand over what the fleet says, then set the one timer."""
+        while not self._is_closed and (output := self.fleet.poll_output()) is not None:
+            match output:
+                case PortBytes(port_id, content):
+                    if port_id in self._hosts:
+                        self._hosts[port_id].bytes_said(content)
+                case PortClosed(port_id):
+                    host = self._hosts.pop(port_id, None)
+                    if host is not None:
+                        host.port_closed()
+                case ModemDown(address) | ModemUp(address):
+                    if self.changed is not None:
+                        self.changed(address, isinstance(output, ModemUp))
+        if not self._is_closed:
+            self._arm()
+
+    def _arm(self) -> None:
+        due_at = self.fleet.poll_timeout()
+        if self._timer is not None:
+            if self._timer_at == due_at:
+                return
+            self._timer.cancel()
+            self._timer = None
+        if due_at is None:
+            return
+        self._timer_at = due_at
+        delay_ns = self._origin_at + math.ceil(due_at / self.time_scale) - self._clock()
+        loop = asyncio.get_running_loop()
+        if delay_ns <= 0:
+            self._timer = loop.call_soon(self._expire)
+        else:
+            self._timer = loop.call_later(ns_to_seconds(delay_ns), self._expire)
+
+    def _expire(self) -> None:
+        self._timer = None
+        # The loop may be early by its resolution: then it is the due instant that counts.
+        self.fleet.handle_timeout(max(self._now(), self._timer_at))
+        self._service()

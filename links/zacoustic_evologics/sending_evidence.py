@@ -1,0 +1,106 @@
+"""What a modem has said about the end of one frame, and how far that can be believed.
+
+Words about instant messages name a destination, but no message; a word about an earlier one may
+come late. So they are *certain* or a *rumour*, and after a rumour the modem is asked:
+
+- Nothing counts that comes sooner than half the frame's airtime after it was given.
+- `SENDEND` says when the sound began, by the modem's clock: it is certain if that is not before
+  the frame was given, and otherwise about another one.
+- `DELIVEREDIM` is certain behind the `SENDEND` of the frame and the `RECVEND` of a sound after it,
+  which then was the acknowledgement. Without extended notifications it is a rumour.
+- `FAILEDIM`, `CANCELED…` and `EXPIRED…` are rumours: nothing goes before them.
+- Words about bursts carry a number, and are certain.
+"""
+
+from zacoustic.core.linktypes import TransmitOutcome
+from zacoustic_evologics.encoder import encode_message
+from zacoustic_evologics.notifications import DeliveredIm, Notification, RecvEnd, SendEnd, SendStart
+from zacoustic_evologics.sending_service import Carriage, Service
+from zacoustic_evologics.sending_states import Word
+from zacoustic_evologics.session import ModemSession
+
+
+class Evidence:
+    """What is said about one frame.
+
+    Args:
+        carriage: How it goes.
+        session: What is known of the modem.
+        airtime_ns: How long it sounds, ns.
+    """
+
+    def __init__(self, carriage: Carriage, session: ModemSession, airtime_ns: int) -> None:
+        self.outcome: TransmitOutcome | None = None
+        """What is said; None while nothing is."""
+        self.is_certain = False
+        """It needs no question."""
+        self.words = ""
+        """In the modem's own words."""
+        self.given_at = self.started_at = 0
+        """When the frame was given, and when its sound began, ns."""
+        self.ends_at: int | None = None
+        """When its sound ends, ns, if the modem has said so."""
+        self._carriage = carriage
+        self._session = session
+        self._airtime_ns = airtime_ns
+        self._has_left = self._has_heard = False
+
+    def begin(self, now: int) -> None:
+        """The frame is given: nothing said before is about it."""
+        self.given_at = self.started_at = now
+        self.ends_at = None
+        self._has_left = self._has_heard = False
+        self.forget()
+
+    def forget(self) -> None:
+        """What was said was not about this frame."""
+        self.outcome, self.is_certain, self.words = None, False, ""
+
+    def handle(self, record: Notification, counter: int | None, now: int) -> Word | None:
+        """Take a notification.
+
+        Args:
+            record: What the modem says.
+            counter: The number of a burst.
+            now: The instant, ns.
+
+        Returns:
+            PROVEN or RUMOUR if it is about the end of the frame.
+        """
+        if isinstance(record, SendStart) and self._carriage.begins(record):
+            self.started_at = now + record.delay_us * 1000
+            self.ends_at = self.started_at + record.duration_us * 1000
+        if isinstance(record, SendEnd) and not self._take_end(record, now):
+            return None
+        if isinstance(record, RecvEnd) and self._has_left:
+            self._has_heard = True
+        outcome = self._carriage.verdict(record, counter)
+        if outcome is None or self.is_certain or self._is_too_soon(now):
+            return None
+        self.outcome = outcome
+        self.is_certain = self._is_certain(record)
+        self.words = encode_message(record).decode("ascii", "replace").strip()
+        return Word.PROVEN if self.is_certain else Word.RUMOUR
+
+    def _take_end(self, record: SendEnd, now: int) -> bool:
+        """Take the end of a sound; returns whether it can be that of the frame."""
+        session, carriage = self._session, self._carriage
+        is_like_it = (record.destination, record.kind) == (
+            carriage.destination,
+            carriage.service.value,
+        )
+        if not is_like_it or session.was_before(record.clock_us, self.given_at, now):
+            return False
+        if not self._is_too_soon(now):
+            self._has_left = True
+            self.started_at = max(self.given_at, now - record.duration_us * 1000)
+        return True
+
+    def _is_too_soon(self, now: int) -> bool:
+        is_instant = self._carriage.service is not Service.BURST
+        return is_instant and 2 * (now - self.given_at) < self._airtime_ns
+
+    def _is_certain(self, record: Notification) -> bool:
+        if self._carriage.service is Service.BURST or isinstance(record, SendEnd):
+            return True
+        return isinstance(record, DeliveredIm) and self._has_heard

@@ -1,0 +1,91 @@
+"""The verb, in a process of its own and by its arguments."""
+
+import argparse
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from zacoustic.errors import ConfigError
+from zacoustic_evologics.emulator.command import EvologicsEmulation
+
+MAIN = """
+import argparse, sys
+from zacoustic_evologics.emulator.command import EvologicsEmulation
+verb = EvologicsEmulation()
+parser = argparse.ArgumentParser()
+verb.add_arguments(parser)
+sys.exit(verb.run(parser.parse_args()))
+"""
+SCENARIO = """
+{ channel: "none", seed: 3,
+  nodes: [ { address: 1, position: [0, 0, 10] }, { address: 32, position: [300, 0, 10] } ],
+  links: [ { from: 1, to: 32, loss: { frame: 0.5 } } ] }
+"""
+
+
+def parse(*arguments: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    EvologicsEmulation().add_arguments(parser)
+    return parser.parse_args(arguments)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_verb_says_where_modems_are_serves_them_and_ends_cleanly(
+    tmp_path: Path, number: int
+) -> None:
+    scenario = tmp_path / "water.json5"
+    scenario.write_text(SCENARIO)
+    faults = tmp_path / "faults.json5"
+    faults.write_text("{ rates: { starred: 1 } }")
+    arguments = [
+        "--scenario", str(scenario), "--listen", "127.0.0.1:0", "--pty", "--json", "--seed", "5",
+        "--faults", str(faults), "--set", "ZX=1", "RI=4", "--time-scale", "20",
+    ]  # fmt: skip
+    with subprocess.Popen(
+        [sys.executable, "-c", MAIN, *arguments], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        places = [json.loads(process.stdout.readline()) for _ in range(4)]
+        assert [place["address"] for place in places] == [1, 1, 32, 32]
+        kinds = [place["locator"].partition(":")[0] for place in places]
+        assert kinds == ["tcp", "serial"] * 2
+        _, host, port = places[2]["locator"].split(":")
+        with socket.create_connection((host, int(port)), timeout=10) as client:
+            client.sendall(b"AT?AL\nAT?RI\nAT!RI1\n")
+            with client.makefile("rb") as reader:
+                assert [reader.readline() for _ in range(3)] == [b"32\r\n", b"4\r\n", b"[*]OK\r\n"]
+        process.send_signal(number)
+        assert process.wait(10) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--modems", "0"], "0 modems"),
+        (["--modems", "255"], "255 modems"),
+        (["--listen", "nowhere"], "allowed: HOST:PORT"),
+        (["--modems", "3", "--listen", "127.0.0.1:65534"], "no port for every modem"),
+        (["--set", "ZX"], "allowed: NAME=VALUE"),
+        (["--set", "QQ=1"], "setting QQ"),
+        (["--time-scale", "0"], "time scale"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: list[str], complaint: str) -> None:
+    with pytest.raises(ConfigError, match=complaint):
+        EvologicsEmulation().run(parse(*arguments))
+
+
+def test_scenario_may_be_used_in_part(tmp_path: Path) -> None:
+    from zacoustic_evologics.emulator.command import _create_fleet
+
+    path = tmp_path / "water.json5"
+    path.write_text(SCENARIO)
+    assert _create_fleet(parse("--scenario", str(path), "--modems", "1")).addresses == (1,)
+    with pytest.raises(ConfigError, match="--modems 3"):
+        _create_fleet(parse("--scenario", str(path), "--modems", "3"))
