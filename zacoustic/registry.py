@@ -10,7 +10,7 @@ A link is addressed by a locator::
 """
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import metadata
 from typing import Final
 
@@ -23,7 +23,7 @@ from zacoustic.link import LINK_API, Link, convert_config
 LINK_GROUP: Final = "zacoustic.links"
 """Entry-point group of links: name → subclass of `Link`."""
 COMMAND_GROUP: Final = "zacoustic.commands"
-"""Entry-point group of verbs: name → subclass of `Command`."""
+"""Entry-point group of verbs: name → subclass of `Command`; `GROUP.NAME` is a sub-verb of GROUP."""
 
 _INSTALL_HINT: Final = "pip install zacoustic, or in a checkout: pip install -e ."
 
@@ -131,9 +131,28 @@ def describe() -> list[LinkDescription]:
 
 
 def commands() -> Mapping[str, Command]:
-    """All installed verbs by name, sorted; an unusable one raises its error when it is run."""
+    """All installed verbs by name, sorted; each is imported when it is looked up.
+
+    One that cannot be used is an `UnavailableCommand`.
+    """
     points = sorted(metadata.entry_points(group=COMMAND_GROUP), key=lambda point: point.name)
-    return {point.name: _load_command(point) for point in points}
+    return _InstalledCommands({point.name: point for point in points})
+
+
+class _InstalledCommands(Mapping[str, Command]):
+    """Verbs that are imported when they are looked up."""
+
+    def __init__(self, points: Mapping[str, metadata.EntryPoint]) -> None:
+        self._points = points
+
+    def __getitem__(self, name: str) -> Command:
+        return _load_command(self._points[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._points)
+
+    def __len__(self) -> int:
+        return len(self._points)
 
 
 class UnavailableCommand(Command):
@@ -170,7 +189,8 @@ def _import(point: metadata.EntryPoint, what: str) -> object:
         loaded: object = point.load()
     except ImportError as error:
         needs = f"needs {error.name}" if error.name else f"cannot be imported: {error}"
-        hint = f"pip install {_distribution(point)}[{point.name}]"
+        extra = point.name.rpartition(".")[2]
+        hint = f"pip install {_distribution(point)}[{extra}]"
         raise LinkUnavailableError(f"{what} {needs}", hint=hint) from error
     except AttributeError as error:
         raise LinkUnavailableError(f"{what}: {point.value} does not exist: {error}") from error

@@ -4,7 +4,7 @@ import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -128,7 +128,7 @@ def test_help_lists_every_verb_and_starts_no_zenoh() -> None:
     )
     assert process.returncode == 0
     assert process.stderr.split() == ["False", "False"]
-    for verb in (*BUILT_IN, "medium"):
+    for verb in (*BUILT_IN, "emulate", "medium"):
         assert f"\n    {verb} " in process.stdout
 
 
@@ -140,6 +140,112 @@ def test_the_help_of_every_verb_has_an_example(
     helped = capsys.readouterr().out
     assert "example" in helped
     assert f"zacoustic {verb}" in helped.partition("example")[2]
+
+
+class Echo(Command):
+    """Says what it was called with."""
+
+    summary = "says 100% of it"
+
+    def __init__(self, name: str) -> None:
+        self.name = name  # type: ignore[misc]
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("--text", default="nothing")
+        parser.add_argument("more", nargs="*")
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        print(self.name, arguments.text, *arguments.more)
+        return 3
+
+
+class Installed(Mapping[str, Command]):
+    """Stands for what is installed, and notes what is imported."""
+
+    def __init__(self) -> None:
+        gone = LinkUnavailableError("command 'emulate.c' needs serial")
+        self.imported: list[str] = []
+        self._commands = {name: Echo(name) for name in ("emulate.a", "emulate.b", "emulator")}
+        self._broken = {"emulate.c": registry.UnavailableCommand("emulate.c", gone)}
+
+    def __getitem__(self, name: str) -> Command:
+        self.imported.append(name)
+        return self._commands.get(name) or self._broken[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted({*self._commands, *self._broken}))
+
+    def __len__(self) -> int:
+        return len(self._commands) + len(self._broken)
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> Installed:
+    commands = Installed()
+    monkeypatch.setattr(registry, "commands", lambda: commands)
+    return commands
+
+
+@pytest.mark.parametrize("flags", [[], ["-v"]])
+def test_a_shared_verb_runs_the_sub_verb_that_is_called_and_imports_no_other(
+    flags: list[str], installed: Installed, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*flags, "emulate", "b", "--text", "a", "c"]) == 3
+    assert capsys.readouterr().out == "emulate.b a c\n"
+    assert installed.imported == ["emulate.b"]
+    assert main(["emulator"]) == 3
+    assert capsys.readouterr().out == "emulator nothing\n"
+
+
+def test_the_list_of_verbs_has_a_shared_one_once_and_imports_none_of_its_sub_verbs(
+    installed: Installed, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--help"]) == 0
+    helped = capsys.readouterr().out
+    assert helped.count("\n    emulate ") == 1
+    assert "a, b, c: see zacoustic emulate --help" in helped
+    assert installed.imported == ["emulator"]
+
+
+def test_the_help_of_a_shared_verb_lists_its_sub_verbs_the_broken_one_too(
+    installed: Installed, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["emulate", "--help"]) == 0
+    helped = capsys.readouterr().out
+    for line in ("\n    a ", "\n    b ", "\n    c ", "says 100% of it", "not available: "):
+        assert line in helped
+    assert "example:\n  zacoustic emulate a --help" in helped
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "error"),
+    [
+        (["emulate"], 2, "zacoustic emulate: the following arguments are required: VERB"),
+        (["emulate", "aa"], 2, "zacoustic emulate aa: no such verb; there are: a, b, c"),
+        (["emulate", "a", "--bogus"], 2, "zacoustic: unrecognized arguments: --bogus"),
+        (["emulate", "c", "--port", "7"], 1, "zacoustic emulate c: command 'emulate.c' needs"),
+        (["emulate.a"], 2, "zacoustic emulate.a: no such verb"),
+    ],
+)
+@pytest.mark.usefixtures("installed")
+def test_a_sub_verb_that_cannot_be_called_is_one_line(
+    arguments: list[str], code: int, error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == code
+    written = capsys.readouterr()
+    assert written.out == ""
+    assert written.err.count("\n") == 1
+    assert written.err.startswith(error)
+
+
+@pytest.mark.parametrize("name", [name for name in registry.commands() if "." in name])
+def test_the_help_of_every_sub_verb_has_an_example(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    verb, _, sub_verb = name.partition(".")
+    assert main([verb, sub_verb, "--help"]) == 0
+    helped = capsys.readouterr().out
+    assert f"zacoustic {verb} {sub_verb}" in helped.partition("example")[2]
 
 
 def test_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:

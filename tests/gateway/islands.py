@@ -61,6 +61,7 @@ SECTION: Final[dict[str, Any]] = {
     "streams": STREAMS,
 }
 """A section with a stream of each kind."""
+TABLE: Final = config_from_mapping(SECTION, source="test").table
 UNRELATED: Final[dict[str, Any]] = {
     "address": 3,
     "streams": [{"id": 99, "topic": "unrelated", "publishers": [3]}],

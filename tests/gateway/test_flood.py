@@ -13,7 +13,8 @@ from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, ze
 from zacoustic.core.encoding import LARGEST_VALUE_BYTES
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.lastvalues import LastValue, LastValues
-from zacoustic.gateway.mailbox import PARCEL_OVERHEAD_BYTES, Doorbell, Mailbox, Parcel
+from zacoustic.gateway.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
+from zacoustic.island.doorbell import Doorbell
 
 Count = Callable[[int], int]
 
@@ -92,7 +93,7 @@ def test_complaints_are_counted_always_and_said_now_and_then(caplog: Any) -> Non
     for _ in range(5):
         complaints.add("auv1/nav", "payload", "wrong\nunit")
     now = 10_000_000_000
-    complaints.add("auv1/nav", "payload", "wrong again")
+    complaints.add("auv1/nav", "payload", "auv1/nav: wrong again")
     assert complaints.counts == {"auv1/nav": {"payload": 6}}
     assert caplog.messages == [
         "auv1/nav: wrong unit",

@@ -8,6 +8,7 @@ import zenoh
 
 from tests.gateway.islands import (
     LIMIT_S,
+    TABLE,
     Water,
     cbor,
     config_of,
@@ -22,8 +23,8 @@ from tests.gateway.islands import (
 )
 from zacoustic.errors import ConfigError, LinkOpenError, SessionError
 from zacoustic.gateway import Gateway, Notice
-from zacoustic.gateway.island import endpoints_of, mode_of
-from zacoustic.gateway.notices import Started, Stopped
+from zacoustic.gateway.notices import RouterChanged, Started, Stopped
+from zacoustic.island.session import endpoints_of, mode_of
 
 
 def test_port_in_use_is_one_line_with_endpoint_and_advice() -> None:
@@ -156,7 +157,7 @@ def test_client_of_a_router_is_back_by_itself_after_the_router_restarts() -> Non
         water, port = Water(), free_port()
         router = zenoh.open(zenoh_config("router", listen=port))
         try:
-            async with island(1, water, join=port), island(2, water) as b:
+            async with island(1, water, join=port) as a, island(2, water) as b:
                 router.close()  # type: ignore[no-untyped-call]
                 router = zenoh.open(zenoh_config("router", listen=port))
                 with zenoh.open(zenoh_config("client", connect=port)) as shore, b.client() as auv:
@@ -169,12 +170,16 @@ def test_client_of_a_router_is_back_by_itself_after_the_router_restarts() -> Non
                     assert await at_shore.payload() == b"there"
                     assert await at_shore.payload() == b"back"
                     assert "@acoustic/1/link" in (await get(shore, "@acoustic/**")).good
-                    tokens = shore.liveliness().get("@acoustic/*/gateway", timeout=LIMIT_S)
+                    tokens = shore.liveliness().get("@acoustic/*/gateway/**", timeout=LIMIT_S)
                     keys = [str(reply.ok.key_expr) for reply in tokens if reply.ok is not None]
-                    assert keys == ["@acoustic/1/gateway"]
+                    token = "@acoustic/1/gateway"
+                    assert sorted(keys) == [token, f"{token}/{TABLE.digest.hex()}"]
                     replies = await get(shore, "auv1/arm", cbor(arm=True))
                     assert len(replies.errors) == 1
                     assert "NO_SERVER" in replies.errors[0]
+                said = [each.state for each in a.notices if isinstance(each, RouterChanged)]
+                assert said == ["lost", "back"]
+                assert not [each for each in b.notices if isinstance(each, RouterChanged)]
         finally:
             router.close()  # type: ignore[no-untyped-call]
 
@@ -186,7 +191,7 @@ def test_mode_and_endpoints_are_read_from_any_form_of_the_config() -> None:
         '{ mode: "client", connect: { endpoints: { client: ["tcp/h:1"], router: ["tcp/r:1"] } } }'
     )
     config = zenoh.Config.from_json5(text)
-    assert (mode_of(config), endpoints_of(config)) == ("client", ("connect tcp/h:1",))
+    assert (mode_of(config), endpoints_of(config, "connect")) == ("client", ("tcp/h:1",))
     assert mode_of(zenoh.Config()) == "peer"
 
 

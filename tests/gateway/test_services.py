@@ -6,9 +6,10 @@ import cbor2
 import zenoh
 
 from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
+from zacoustic.core.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
-from zacoustic.gateway.queries import QueryDesk
-from zacoustic.gateway.worker import Worker
+from zacoustic.island.queries import QueryDesk
+from zacoustic.island.worker import Worker
 
 Serve = Callable[[zenoh.Query], None]
 
@@ -88,6 +89,20 @@ def test_error_of_the_server_reaches_the_caller() -> None:
     run(main())
 
 
+def test_what_a_server_says_of_itself_is_said_to_the_caller() -> None:
+    async def main() -> None:
+        async with AsyncExitStack() as stack:
+            shore = await shore_and_server(
+                stack,
+                "auv1/arm",
+                lambda query: query.reply_err(b"auv1/arm: NO_SERVER: the service was closed"),
+            )
+            replies = await get(shore, "auv1/arm", cbor(arm=True))
+            assert replies.errors == ["auv1/arm: NO_SERVER: the service was closed"]
+
+    run(main())
+
+
 def test_server_that_ends_without_an_answer_is_no_server() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
@@ -131,6 +146,10 @@ def test_bad_request_and_wildcard_are_refused_on_the_spot() -> None:
             ]
             assert [len(replies.errors) for replies in refusals] == [1] * 6
             texts = [replies.errors[0] for replies in refusals]
+            assert [text.split(": ")[1] for text in texts] == [
+                *["BAD_REQUEST"] * 4, "NO_SERVER", "BAD_REQUEST"
+            ]  # fmt: skip
+            assert all(text.count("auv1/") == 1 for text in texts[:5])
             assert "arm is missing" in texts[2]
             assert "came off the water" in texts[4]
             assert "wildcard" in texts[5]
@@ -170,7 +189,7 @@ def test_call_that_waits_when_the_gateway_stops_gets_an_error() -> None:
                     while not water.sent_by(1):
                         water.changed.clear()
                         await water.changed.wait()
-            assert (await waiting).errors == ["the gateway is stopping"]
+            assert (await waiting).errors == ["auv1/arm: NO_SERVER: the gateway is stopping"]
 
     run(main())
 
@@ -198,18 +217,20 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
             def ring() -> None:
                 loop.call_soon_threadsafe(rung.set)
 
-            desk = QueryDesk(worker, ring, limit=1)
+            desk = QueryDesk(worker, ring, limit=1, closed_text="closed")
             server.declare_queryable("desk", lambda query: desk.admit(lambda held: None, query))
             await fence(client)
             first = asyncio.ensure_future(get(client, "desk"))
             await rung.wait()
-            assert (await get(client, "desk")).errors == ["1 queries are held already"]
+            assert (await get(client, "desk")).errors == [
+                "desk: NO_SERVER: 1 queries are held already"
+            ]
             [(held, _)] = desk.take()
-            held.refuse("first")
-            held.refuse("second")
-            assert (await first).errors == ["first"]
+            assert held.refuse(CallFailure.HANDLER, "first")
+            assert not held.refuse(CallFailure.HANDLER, "second")
+            assert (await first).errors == ["desk: HANDLER: first"]
             desk.close()
-            assert (await get(client, "desk")).errors == ["the gateway is stopping"]
+            assert (await get(client, "desk")).errors == ["desk: NO_SERVER: closed"]
             assert (len(desk), desk.refused) == (0, 1)
             await worker.close(limit_s=LIMIT_S)
 

@@ -8,6 +8,8 @@ import zenoh
 
 from tests.gateway.islands import (
     SECTION,
+    TABLE,
+    UNRELATED,
     Island,
     Water,
     cbor,
@@ -21,14 +23,11 @@ from tests.gateway.islands import (
     zenoh_config,
     zenoh_router,
 )
-from zacoustic.config import config_from_mapping
 from zacoustic.core.streams import Stream
 from zacoustic.errors import SessionError
 from zacoustic.gateway import Gateway
 from zacoustic.gateway.notices import SiblingsChanged, Started
 from zacoustic.gateway.siblings import RETIRED_S, Siblings
-
-TABLE = config_from_mapping(SECTION, source="test").table
 
 
 class Fleet:
@@ -161,6 +160,28 @@ def test_second_gateway_with_the_same_address_is_refused() -> None:
                 await Gateway(config, link=water.medium.link(3)).start()
             assert not [each for each in a.notices if isinstance(each, SiblingsChanged)]
             assert [each.siblings for each in a.notices if isinstance(each, Started)] == [()]
+
+    run(main())
+
+
+def test_gateway_of_another_fleet_is_no_sibling() -> None:
+    async def main() -> None:
+        water = Water()
+        async with (
+            island(3, water, section=UNRELATED) as other,
+            island(1, water, join=other.port) as a,
+            island(2, water),
+        ):
+            with a.client() as shore:
+                await declared(shore, 1)
+                documents = await get(shore, "@acoustic/*/streams")
+                assert sorted(documents.good) == ["@acoustic/1/streams", "@acoustic/3/streams"]
+            for each in (a, other):
+                assert not [said for said in each.notices if isinstance(said, SiblingsChanged)]
+                assert [said.siblings for said in each.notices if isinstance(said, Started)] == [()]
+            config = config_of(3, zenoh_config("client", connect=other.port))
+            with pytest.raises(SessionError, match="has the address 3"):
+                await Gateway(config, link=water.medium.link(2)).start()
 
     run(main())
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -68,8 +69,21 @@ def somewhere(mode: str) -> Iterator[dict[str, str]]:
         with WaterServer() as locator:
             yield {"link": locator}
     else:
-        with router() as (endpoint, _):
-            yield {"connect": endpoint}
+        with router() as (endpoint, session):
+            stop = threading.Event()
+
+            def talk() -> None:
+                """Put samples all the time: the threads that take them are to be in motion."""
+                while not stop.wait(0.002):
+                    session.put("note", b"y")
+
+            talking = threading.Thread(target=talk)
+            talking.start()
+            try:
+                yield {"connect": endpoint}
+            finally:
+                stop.set()
+                talking.join()
 
 
 @pytest.mark.parametrize("mode", ["link", "zenoh"])

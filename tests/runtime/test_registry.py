@@ -46,7 +46,10 @@ needy = thirdparty_needy:Link
 verb = thirdparty_links:Verb
 broken = thirdparty_needy:Verb
 wrong = thirdparty_links:NoLink
+emulate.vendor = thirdparty_needy:Verb
 """
+OURS = ["desert", "sim"]
+"""Our own links, some of them."""
 
 
 @pytest.fixture
@@ -63,7 +66,9 @@ def third_party(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_our_own_link_is_found_and_built_by_its_locator() -> None:
-    assert "sim" in registry.names()
+    assert set(OURS) <= set(registry.names())
+    desert = registry.create("desert/127.0.0.1:4000#max_read_length=512&framing=rmw_desert", 2)
+    assert desert.capabilities.mtu_bytes == 255
     link = registry.create("sim/127.0.0.1:7000#addressed=false&wait_s=3", 2)
     assert isinstance(link, SimLink)
     assert link._config.addressed is False
@@ -100,7 +105,7 @@ def test_address_of_a_locator_may_contain_what_separates_elsewhere() -> None:
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("sonar", "no link 'sonar'; installed: absent, needy, none, old, sim"),
+        ("sonar", "no link 'sonar'; installed: absent, desert"),
         ("needy", "link 'needy' needs vendor_driver_that_is_absent "
                   "(pip install thirdparty[needy])"),
         ("absent", "link 'absent': thirdparty_links:Absent does not exist"),
@@ -118,7 +123,8 @@ def test_unusable_link_says_what_to_do(name: str, message: str) -> None:
 @pytest.mark.usefixtures("third_party")
 def test_description_lists_all_links_with_settings_or_error() -> None:
     described = {link.name: link for link in registry.describe()}
-    assert list(described) == ["absent", "needy", "none", "old", "sim"]
+    assert list(described) == registry.names() == sorted(described)
+    assert {"absent", "needy", "none", "old", *OURS} <= set(described)
     assert described["sim"].summary.startswith("A modem in simulated water")
     assert described["sim"].settings["addressed"] == "true"
     assert described["sim"].package.startswith("zacoustic ")
@@ -135,7 +141,8 @@ def test_without_any_link_the_installation_is_at_fault(monkeypatch: pytest.Monke
 @pytest.mark.usefixtures("third_party")
 def test_verbs_are_found_and_a_broken_one_fails_alone() -> None:
     commands = registry.commands()
-    assert list(commands) == ["broken", "medium", "verb", "wrong"]
+    assert list(commands) == sorted(commands)
+    assert {"broken", "emulate.desert", "emulate.vendor", "medium", "verb", "wrong"} <= {*commands}
     assert commands["verb"].run(argparse.Namespace()) == 0
     assert commands["broken"].name == "broken"
     assert "not available" in commands["broken"].summary
@@ -145,11 +152,15 @@ def test_verbs_are_found_and_a_broken_one_fails_alone() -> None:
         commands["broken"].run(parser.parse_args(["any", "thing"]))
     with pytest.raises(LinkUnavailableError, match="is not a Command"):
         commands["wrong"].run(argparse.Namespace())
+    # The extra of a sub-verb is called as its package's link, not as the whole entry point.
+    with pytest.raises(LinkUnavailableError, match=r"pip install thirdparty\[vendor\]"):
+        commands["emulate.vendor"].run(argparse.Namespace())
 
 
-def test_names_imports_no_link() -> None:
+@pytest.mark.parametrize("expression", ["registry.names()", "list(registry.commands())"])
+def test_names_import_nothing(expression: str) -> None:
     code = (
-        "import sys; from zacoustic import registry; registry.names(); "
+        f"import sys; from zacoustic import registry; {expression}; "
         "print([name for name in sys.modules if name.startswith('zacoustic_')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

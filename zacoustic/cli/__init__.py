@@ -8,8 +8,9 @@ on standard error and an exit code (`zacoustic.command`)::
     130  interrupted
 
 Our own verbs are modules of this package that define `<Verb>Command`; those of link packages come
-from the entry-point group `zacoustic.commands`. A verb is imported when it is called or listed, and
-imports what is heavy when it runs, so that `zacoustic --help` starts no Zenoh.
+from the entry-point group `zacoustic.commands`, where `emulate.desert` is the sub-verb `desert` of
+`emulate`, a verb that several packages may share. A verb is imported when it is called or listed,
+and imports what is heavy when it runs, so that `zacoustic --help` starts no Zenoh.
 
 What a verb does is in `zacoustic.tools`, `zacoustic.gateway` or `zacoustic.node`; the files here
 read arguments and print results.
@@ -22,10 +23,17 @@ import importlib
 import logging
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, NoReturn
 
-from zacoustic.command import EXIT_FAILED, EXIT_TIMED_OUT, EXIT_USAGE, Command
+from zacoustic.command import (
+    EXIT_FAILED,
+    EXIT_TIMED_OUT,
+    EXIT_USAGE,
+    Command,
+    CommandGroup,
+    add_command,
+)
 from zacoustic.errors import ConfigError, ZacousticError
 
 EXIT_INTERRUPTED: Final = 130
@@ -53,10 +61,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    called = next((word for word in arguments if not word.startswith("-")), None)
-    program = "zacoustic" if called is None else f"zacoustic {called}"
+    words = [word for word in arguments if not word.startswith("-")]
+    path = _path(words)
+    program = " ".join(["zacoustic", *path])
     try:
-        code = _run(arguments, called)
+        code = _run(arguments, path)
         sys.stdout.flush()
     except SystemExit as end:  # argparse, after it has printed help, version or complaint
         return end.code if isinstance(end.code, int) else EXIT_USAGE
@@ -97,37 +106,76 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _run(arguments: Sequence[str], called: str | None) -> int:
-    verbs = _verbs(called)
+def _run(arguments: Sequence[str], path: Sequence[str]) -> int:
+    verbs = _verbs(path)
     parser = _parser(verbs)
     parsed = parser.parse_args(arguments)
     _start_logging(verbose=parsed.verbose)
     return verbs[parsed.verb].run(parsed)
 
 
-def _verbs(called: str | None) -> Mapping[str, Command]:
-    """The verb that is called, or all of them for the list.
+def _path(words: Sequence[str]) -> Sequence[str]:
+    """The words that name what is called: a verb, a verb and its sub-verb, or none for the list."""
+    if not words or words[0] in BUILT_IN:
+        return words[:1]
+    from zacoustic import registry
+
+    return words[: 2 if _sub_verbs(words[0], registry.commands()) else 1]
+
+
+def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
+    """The verb that is called, or all of them for the list; of the others none is imported.
 
     Raises:
         ConfigError: There is no such verb.
         ZacousticError: It is there and cannot be imported.
     """
-    if called in BUILT_IN:
-        return {called: _built_in(called)}
+    if path and path[0] in BUILT_IN:
+        return {path[0]: _built_in(path[0])}
     from zacoustic import registry
 
     installed = registry.commands()
-    if called is None:
-        return {**installed, **{name: _built_in(name) for name in BUILT_IN}}
-    if called not in installed:
-        known = [*BUILT_IN, *installed]
+    names = sorted({name.partition(".")[0] for name in installed})
+    if not path:
+        listed = {name: _listed(name, installed) for name in names}
+        return {**listed, **{name: _built_in(name) for name in BUILT_IN}}
+    verb, *sub_verb = path
+    _must_be_one_of([*BUILT_IN, *names], verb)
+    sub_verbs = _sub_verbs(verb, installed)
+    if not sub_verbs:
+        return {verb: _usable(installed[verb])}
+    members = {name: installed[full] for name, full in sub_verbs.items() if not sub_verb}
+    for name in sub_verb:
+        _must_be_one_of(list(sub_verbs), name)
+        members[name] = _usable(installed[sub_verbs[name]])
+    return {verb: CommandGroup(verb, members, tuple(sub_verbs))}
+
+
+def _sub_verbs(verb: str, installed: Iterable[str]) -> dict[str, str]:
+    """Names of the sub-verbs of a verb, with the names they are installed under."""
+    head = f"{verb}."
+    return {name.removeprefix(head): name for name in installed if name.startswith(head)}
+
+
+def _listed(verb: str, installed: Mapping[str, Command]) -> Command:
+    """An installed verb for the list; sub-verbs are not imported for that."""
+    sub_verbs = _sub_verbs(verb, installed)
+    return CommandGroup(verb, {}, tuple(sub_verbs)) if sub_verbs else installed[verb]
+
+
+def _usable(command: Command) -> Command:
+    from zacoustic import registry
+
+    if isinstance(command, registry.UnavailableCommand):
+        raise command.error
+    return command
+
+
+def _must_be_one_of(known: Sequence[str], called: str) -> None:
+    if called not in known:
         close = difflib.get_close_matches(called, known, 1)
         hint = f'did you mean "{close[0]}"?' if close else "zacoustic --help explains them"
         raise ConfigError(f"no such verb; there are: {', '.join(known)}", hint=hint)
-    verb = installed[called]
-    if isinstance(verb, registry.UnavailableCommand):
-        raise verb.error
-    return {called: verb}
 
 
 def _built_in(name: str) -> Command:
@@ -150,14 +198,7 @@ def _parser(verbs: Mapping[str, Command]) -> Parser:
     )
     choices = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
     for name, verb in sorted(verbs.items(), key=_order):
-        child = choices.add_parser(
-            name,
-            help=verb.summary,
-            description=f"{verb.summary[:1].upper()}{verb.summary[1:]}.",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-            allow_abbrev=False,
-        )
-        verb.add_arguments(child)
+        add_command(choices, name, verb)
     return parser
 
 

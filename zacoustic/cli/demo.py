@@ -21,12 +21,16 @@ class DemoCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare duration, link and form of the output."""
+        from zacoustic.tools.demo.waters import WATERS
+
         parser.add_argument(
             "--duration", type=float, metavar="S", help="how long the vehicle reports, 20..40 s"
         )
         parser.add_argument(
-            "--link", choices=["sim"], default="sim", help="the water (default: %(default)s)"
-        )
+            "--link", choices=tuple(WATERS), default=next(iter(WATERS)),
+            help="what lies between: the simulator's water, or what stands in for another link's "
+            "(default: %(default)s)",
+        )  # fmt: skip
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
         parser.add_argument(
             "--plain", action="store_true", help="lines instead of the live view, as without a TTY"
@@ -35,7 +39,8 @@ class DemoCommand(Command):
             "--screenshot", metavar="FILE", type=Path, help="save a picture of the live view as SVG"
         )
         parser.epilog = (
-            "exits with 0 only if everything that should cross did\n\nexample:\n  zacoustic demo"
+            "exits with 0 only if everything that should cross did\n\n"
+            "examples:\n  zacoustic demo\n  zacoustic demo --link desert"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -45,19 +50,21 @@ class DemoCommand(Command):
             ConfigError: The duration is out of range.
         """
         from zacoustic.tools.demo.mission import DURATION_S, LONGEST_S, SHORTEST_S, Mission
+        from zacoustic.tools.demo.waters import WATERS
 
         duration_s = DURATION_S if arguments.duration is None else arguments.duration
         if not SHORTEST_S <= duration_s <= LONGEST_S:
             raise ConfigError(
                 f"--duration {duration_s:g}; allowed: {SHORTEST_S:g}..{LONGEST_S:g} s"
             )
-        view = _view(arguments)
-        summary = asyncio.run(Mission(view, duration_s=duration_s, link=arguments.link).run())
+        water = WATERS[arguments.link]()
+        view = _view(arguments, water.title)
+        summary = asyncio.run(Mission(view, water, duration_s=duration_s).run())
         view.conclude(summary)
         return EXIT_OK if summary.ok else EXIT_FAILED
 
 
-def _view(arguments: argparse.Namespace) -> "View":
+def _view(arguments: argparse.Namespace, title: str) -> "View":
     from zacoustic.tools.demo.views import JsonView, LinesView
 
     if arguments.json:
@@ -72,5 +79,4 @@ def _view(arguments: argparse.Namespace) -> "View":
             raise
         print("zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view")
         return LinesView()
-    title = "zacoustic: two Zenoh islands, 1000 m of water, EvoLogics S2C 18/34"
     return LiveView(title=title, screenshot=arguments.screenshot)

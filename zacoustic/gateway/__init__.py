@@ -3,17 +3,16 @@
 `Gateway` is all that a program needs; `zacoustic gateway FILE` is it on the command line. One
 module for each noun:
 
-- `gateway`, `junction`: the life of it all;
-- `island`, `worker`: the session, and the thread for what may block;
-- `mailbox`, `queries`: from Zenoh's threads to the loop, bounded;
+- `gateway`, `junction`: the life of it all; the session is a `zacoustic.island`;
+- `mailbox`: from Zenoh's threads to the loop, bounded;
 - `routes`: what is declared for each stream; `siblings`, `presence`: who does it when there are
   several gateways on one island;
-- `exchange`, `topics`, `services`: samples and calls, both ways; `lastvalues`, `marker`;
+- `exchange`, `topics`, `services`: samples and calls, both ways; `lastvalues`;
 - `health`, `complaints`, `notices`: what it says of itself.
 """
 
 from zacoustic.gateway.gateway import Gateway
-from zacoustic.gateway.marker import Marker, read_marker
 from zacoustic.gateway.notices import Notice
+from zacoustic.island.marker import Marker, read_marker
 
 __all__ = ["Gateway", "Marker", "Notice", "read_marker"]

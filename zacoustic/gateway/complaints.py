@@ -34,7 +34,7 @@ class Complaints:
         Args:
             stream: Name of the stream.
             reason: One word, the key of the counter.
-            text: One line for people.
+            text: One line for people; the name in front of it is not repeated.
         """
         by_reason = self.counts.setdefault(stream, {})
         by_reason[reason] = by_reason.get(reason, 0) + 1
@@ -45,4 +45,5 @@ class Complaints:
         self._silent_until[stream] = now + self._quiet_ns
         unsaid = self._unsaid.pop(stream, 0)
         more = f" (and {unsaid} more since the last warning)" if unsaid else ""
-        _logger.warning("%s: %s%s", stream, " ".join(text.split()), more)
+        line = " ".join(text.removeprefix(f"{stream}: ").split())
+        _logger.warning("%s: %s%s", stream, line, more)

@@ -25,9 +25,9 @@ from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError
-from zacoustic.gateway.island import Island, endpoints_of, mode_of
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
+from zacoustic.island.session import Island, endpoints_of, mode_of
 from zacoustic.journal import Journal, MemoryJournal
 from zacoustic.link import Link
 
@@ -161,7 +161,11 @@ class Gateway:
             name=config.name or "",
             mode=mode_of(self._zenoh_config),
             zid=str(junction.island.session.zid()),
-            endpoints=endpoints_of(self._zenoh_config),
+            endpoints=tuple(
+                f"{word} {endpoint}"
+                for word in ("listen", "connect")
+                for endpoint in endpoints_of(self._zenoh_config, word)
+            ),
             link=config.links[0].locator if config.links else type(self._link).__name__,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),

@@ -30,9 +30,9 @@ from zacoustic.core.linktypes import LinkMetrics
 from zacoustic.core.qos import Priority
 from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.trace import TraceRecord
-from zacoustic.gateway.island import Island
 from zacoustic.gateway.presence import PREFIX
-from zacoustic.gateway.queries import Answer, HeldQuery
+from zacoustic.island.queries import Answer, HeldQuery
+from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
 
 INTERVAL_S: Final = 1.0

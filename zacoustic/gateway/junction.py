@@ -24,21 +24,27 @@ from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
-from zacoustic.gateway.island import Island
-from zacoustic.gateway.mailbox import Doorbell
-from zacoustic.gateway.notices import Notice, Notify, SiblingsChanged
+from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
 from zacoustic.gateway.presence import Presence
-from zacoustic.gateway.queries import QueryDesk
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
+from zacoustic.island.doorbell import Doorbell, tell_loop
+from zacoustic.island.queries import QueryDesk
+from zacoustic.island.session import Island
 from zacoustic.journal import Journal
 from zacoustic.link import Link
 from zacoustic.runtime import LinkRunner
 
 FAREWELL_LIMIT_S: Final = 3.0
 """How long the last replies may take at the end, s, and how long undeclaring may."""
+# The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
+# services together would wait for hours on sound.
+QUERIES_LIMIT: Final = 256
+"""Queries of the island that are held at the same time."""
+STOPPING_TEXT: Final = "the gateway is stopping"
+"""What a caller reads whose query is held then."""
 
 _logger = logging.getLogger(__name__)
 
@@ -74,8 +80,10 @@ class Junction:
         self.island = island
         self._notify = notify
         self._is_closing = False
+        self._has_router = True
         self._ended = asyncio.Event()
-        self._doorbell = Doorbell(asyncio.get_running_loop(), self._attend)
+        self._loop = asyncio.get_running_loop()
+        self._doorbell = Doorbell(self._loop, self._attend)
         ring = self._doorbell.ring
         seed = random.SystemRandom().getrandbits(64)
         _logger.info("node %d: epoch %d, seed %d", address, epoch, seed)
@@ -83,8 +91,8 @@ class Junction:
         engine = Engine(address=address, table=table, epoch=epoch, rng=rng, trace=self._trace)
         self.runner = LinkRunner(engine, link, self._deliver, clock=clock, journal=journal)
         self._complaints = Complaints(clock)
-        self._presence = Presence(address, island, ring)
-        self._desk = QueryDesk(island.worker, ring)
+        self._presence = Presence(address, table.digest.hex(), island, ring)
+        self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
         self._topics = Topics(
             table, island, self.siblings, self._complaints, clock=clock, ring=ring
         )
@@ -117,6 +125,8 @@ class Junction:
             SessionError: Another gateway has the address.
             LinkOpenError: The link cannot be opened.
         """
+        if self.island.mode == "client":
+            await self.island.worker.run(lambda: self.island.watch(self._see_router))
         for address in await self._presence.declare():
             self.siblings.update(address, is_alive=True)
         await self.runner.start()
@@ -184,6 +194,15 @@ class Junction:
             self._health.touch()
             self._tell(SiblingsChanged(addresses=self.siblings.alive))
 
+    def _see_router(self, is_there: bool) -> None:
+        """Note that the router was lost or is back; on Zenoh's thread."""
+        tell_loop(self._loop, lambda: self._take_router(is_there))
+
+    def _take_router(self, is_there: bool) -> None:
+        if is_there is not self._has_router:
+            self._has_router = is_there
+            self._tell(RouterChanged(state="back" if is_there else "lost"))
+
     def _trace(self, record: TraceRecord) -> None:
         self._health.trace(record)
 
@@ -207,7 +226,7 @@ class Junction:
 
     def _declare_health(self) -> None:
         self._health_queryable = self.island.session.declare_queryable(
-            self._health.expression,
+            zenoh.KeyExpr(self._health.expression),
             self.island.callback(partial(self._desk.admit, self._health.answer)),
             complete=True,
             allowed_origin=zenoh.Locality.REMOTE,

@@ -1,16 +1,12 @@
-"""From Zenoh's threads to the loop: bounded mailboxes, and a bell that rings once.
+"""Samples from Zenoh's threads to the loop: bounded mailboxes.
 
 Zenoh calls a subscriber on a thread of its own and, when that thread is slow, stalls the whole
-session. A loop that is called for each sample collects an unbounded queue of calls. So the callback
-does two things only: `Mailbox.post`, which keeps the newest samples of each key, and
-`Doorbell.ring`, which wakes the loop if no wake-up is under way. The loop empties all mailboxes
-whenever the bell has rung.
+session. So the callback does two things only: `Mailbox.post`, which keeps the newest samples of
+each key, and `Doorbell.ring`. The loop empties all mailboxes whenever the bell has rung.
 """
 
-import asyncio
 import threading
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 import msgspec
@@ -92,37 +88,6 @@ class Mailbox:
     def _drop_oldest(self, kept: deque[Parcel]) -> None:
         self._held_bytes -= _size_bytes(kept.popleft())
         self.superseded += 1
-
-
-class Doorbell:
-    """Wakes the loop from any thread, once until it has been answered.
-
-    Args:
-        loop: The loop to wake.
-        answer: What it then does.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop, answer: Callable[[], None]) -> None:
-        self._loop = loop
-        self._answer = answer
-        self._guard = threading.Lock()
-        self._has_rung = False
-
-    def ring(self) -> None:
-        """Have `answer` called soon; whatever was handed over before the ring is there by then."""
-        with self._guard:
-            if self._has_rung:
-                return
-            self._has_rung = True
-        try:
-            self._loop.call_soon_threadsafe(self._open)
-        except RuntimeError:  # the loop has ended: nobody is there any more
-            return
-
-    def _open(self) -> None:
-        with self._guard:
-            self._has_rung = False
-        self._answer()
 
 
 def _size_bytes(parcel: Parcel) -> int:

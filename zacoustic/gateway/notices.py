@@ -110,6 +110,17 @@ class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):
         return [f"siblings  gateways on this island: {', '.join(map(str, self.addresses))}"]
 
 
+class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
+    """The Zenoh router that the gateway is a client of was lost, or is back."""
+
+    state: str
+    """``lost`` or ``back``."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"router    {self.state}"]
+
+
 class Stopped(Notice, frozen=True, kw_only=True, tag="stopped"):
     """The gateway has ended."""
 

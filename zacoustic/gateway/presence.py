@@ -1,9 +1,14 @@
 """Liveliness tokens: which gateways are alive on this island.
 
-Each gateway declares ``@acoustic/ADDRESS/gateway`` and watches the tokens of the others. Tokens are
-the session's: they vanish with the process, and come back when a router does. A key that begins
-with ``@`` matches no wildcard of an application, and no stream can have one, so nothing of this
-ever crosses the water.
+Each gateway declares two::
+
+    @acoustic/ADDRESS/gateway           the address is taken, by a gateway of whatever fleet
+    @acoustic/ADDRESS/gateway/DIGEST    with the digest of its stream table
+
+and watches the second kind, with its own digest: those are its siblings. Gateways with other tables
+belong to other fleets and share nothing but the network. Tokens are the session's: they vanish with
+the process, and come back when a router does. A key that begins with ``@`` matches no wildcard of
+an application, and no stream can have one, so nothing of this ever crosses the water.
 """
 
 import re
@@ -14,15 +19,14 @@ from typing import Final
 import zenoh
 
 from zacoustic.errors import SessionError
-from zacoustic.gateway.island import Island
+from zacoustic.island.session import Island
 
 PREFIX: Final = "@acoustic"
 """First chunk of all keys about gateways."""
 
 # A get of tokens ends when all routers have answered; only a dying one uses up the time.
 _LOOK_LIMIT_S: Final = 2.0
-_TOKENS: Final = f"{PREFIX}/*/gateway"
-_ADDRESS: Final = re.compile(rf"{PREFIX}/(\d{{1,3}})/gateway\Z")
+_ADDRESS: Final = re.compile(rf"{PREFIX}/(\d{{1,3}})/gateway/")
 
 
 class Presence:
@@ -30,12 +34,16 @@ class Presence:
 
     Args:
         address: Acoustic address of this gateway.
+        digest: Digest of its stream table, hexadecimal.
         island: Its session.
         ring: Wakes the loop, which then calls `take`.
     """
 
-    def __init__(self, address: int, island: Island, ring: Callable[[], None]) -> None:
+    def __init__(self, address: int, digest: str, island: Island, ring: Callable[[], None]) -> None:
         self._address = address
+        self._token = f"{PREFIX}/{address}/gateway"
+        self._tokens = f"{PREFIX}/*/gateway/{digest}"
+        self._digest = digest
         self._island = island
         self._ring = ring
         self._guard = threading.Lock()
@@ -43,7 +51,7 @@ class Presence:
         self._declared: list[zenoh.LivelinessToken | zenoh.Subscriber[None]] = []
 
     async def declare(self) -> list[int]:
-        """Become visible; returns the addresses of those that are there already.
+        """Become visible; returns the addresses of the siblings that are there already.
 
         Raises:
             SessionError: A gateway with this address is there.
@@ -62,29 +70,29 @@ class Presence:
             self._declared.pop().undeclare()  # type: ignore[no-untyped-call]
 
     def _declare(self) -> list[int]:
-        if self._address in self._look():
+        if self._look(self._token):
             raise SessionError(
                 f"another gateway on this network has the address {self._address}",
                 hint="give each gateway an address of its own: --address; after a crash of the "
                 "other one wait 10 s",
             )
-        session = self._island.session
-        token = f"{PREFIX}/{self._address}/gateway"
-        self._declared.append(session.liveliness().declare_token(token))
+        liveliness = self._island.session.liveliness()
+        for token in (self._token, f"{self._token}/{self._digest}"):
+            self._declared.append(liveliness.declare_token(token))
         self._declared.append(
-            session.liveliness().declare_subscriber(
-                _TOKENS, self._island.callback(self._see), history=True
+            liveliness.declare_subscriber(
+                zenoh.KeyExpr(self._tokens), self._island.callback(self._see), history=True
             )
         )
-        return [address for address in self._look() if address != self._address]
+        siblings = map(_address_in, self._look(self._tokens))
+        return [each for each in siblings if each is not None and each != self._address]
 
-    def _look(self) -> list[int]:
-        replies = self._island.session.liveliness().get(_TOKENS, timeout=_LOOK_LIMIT_S)
-        keys = [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
-        return [address for address in map(_address_in, keys) if address is not None]
+    def _look(self, tokens: str) -> list[str]:
+        replies = self._island.session.liveliness().get(tokens, timeout=_LOOK_LIMIT_S)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def _see(self, sample: zenoh.Sample) -> None:
-        """Note a token that appeared or disappeared; on Zenoh's thread."""
+        """Note a sibling that appeared or disappeared; on Zenoh's thread."""
         address = _address_in(str(sample.key_expr))
         if address is None:
             return
@@ -94,5 +102,5 @@ class Presence:
 
 
 def _address_in(key: str) -> int | None:
-    found = _ADDRESS.search(key)
+    found = _ADDRESS.match(key)
     return int(found[1]) if found and 1 <= int(found[1]) <= 254 else None

@@ -19,11 +19,11 @@ from typing import Final, TypeAlias
 import zenoh
 
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.gateway.island import Island
-from zacoustic.gateway.queries import HeldQuery, QueryDesk, Serve
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
+from zacoustic.island.queries import HeldQuery, QueryDesk, Serve
+from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
 
 FORWARD: Final = "forward"
@@ -100,14 +100,14 @@ class Routes:
         entity: Entity
         if job == FORWARD:
             entity = session.declare_subscriber(
-                stream.keys.expression(self._siblings.address),
+                zenoh.KeyExpr(stream.keys.expression(self._siblings.address)),
                 self._island.callback(partial(self._topics.post, stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         else:
             serve = self._answer(stream_id) if job == DELIVER else self._call(stream_id)
             entity = session.declare_queryable(
-                self._asked(stream) if job == DELIVER else stream.name,
+                zenoh.KeyExpr(self._asked(stream) if job == DELIVER else stream.name),
                 self._island.callback(partial(self._desk.admit, serve)),
                 complete=job == PROXY,
                 allowed_origin=zenoh.Locality.REMOTE,

@@ -8,12 +8,10 @@ A call from the water becomes a `get` on the island. The first good reply is the
 none, the first error; if there is nothing at all, nobody serves.
 """
 
-import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Final
-
-import zenoh
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.engine import Engine
@@ -24,24 +22,20 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
-from zacoustic.errors import PayloadInvalidError, ZacousticError
+from zacoustic.core.streams import ServiceSpec, StreamTable
+from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
-from zacoustic.gateway.island import Island, zenoh_priority
-from zacoustic.gateway.marker import Marker, is_marked
-from zacoustic.gateway.queries import Answer, HeldQuery
-from zacoustic.gateway.topics import read_value, write_value
+from zacoustic.gateway.translation import from_island, to_island
+from zacoustic.island.marker import Marker, is_marked
+from zacoustic.island.queries import Answer, HeldQuery
+from zacoustic.island.question import Question
+from zacoustic.island.session import Island
 
-REASONS: Final = {
-    CallFailure.HANDLER: "the server failed",
-    CallFailure.NO_SERVER: "nobody on the island of the server's node serves it",
-    CallFailure.BAD_REQUEST: "the request does not decode",
-    CallFailure.TABLE_MISMATCH: "the two nodes define the stream in different ways",
-    CallFailure.BAD_RESPONSE: "the response does not decode",
-    CallFailure.TIMED_OUT: "no answer before the deadline",
-    CallFailure.CANCELLED: "given up",
-}
-"""Text of an error reply where the other end sent none, which costs no airtime."""
+# Zenoh refuses a limit of 0.
+_LEAST_LIMIT_S: Final = 0.001
+
+# What a server on the island can say of itself; anything else is text of its handler.
+_SAID_BY_SERVERS: Final = (CallFailure.NO_SERVER, CallFailure.BAD_REQUEST)
 
 
 class Services:
@@ -71,8 +65,8 @@ class Services:
         self._ring = ring
         # Own calls: call id → who waits, and in which encoding.
         self._calls: dict[int, tuple[HeldQuery, str]] = {}
-        self._gets: dict[CallKey, _Get] = {}
-        self._settled: deque[_Get] = deque()
+        self._asked: dict[Question, CallKey] = {}
+        self._settled: deque[Question] = deque()
 
     def call(self, held: HeldQuery, stream_id: int, engine: Engine, now: int) -> None:
         """Bring a call of the island to the water."""
@@ -80,18 +74,26 @@ class Services:
         query = held.query
         if str(query.key_expr) != stream.name:
             # Whoever looks around with a wildcard does not mean to run a service on a vehicle.
-            held.refuse(f"{stream.name}: a wildcard calls no service, only its own key does")
+            text = f"a wildcard calls no service, only {stream.name} itself does"
+            held.refuse(CallFailure.BAD_REQUEST, text)
             return
         if query.attachment is not None and is_marked(query.attachment.to_bytes()):
-            held.refuse(f"{stream.name}: the call came off the water, it does not go back")
+            text = "the call came off the water, it does not go back"
+            held.refuse(CallFailure.NO_SERVER, text)
             return
-        said = str(query.encoding) if query.encoding is not None else stream.encoding
+        payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
-            value, encoding = _read_request(query.payload, said, stream)
+            value, encoding = (
+                from_island(payload, query.encoding, stream.type, stream.encoding)
+                if payload or stream.type is None
+                else ({}, None)  # a `get` without payload is an empty request
+            )
             call_id = engine.call(stream_id, value, now)
         except ZacousticError as error:
+            is_wrong = isinstance(error, PayloadInvalidError | PayloadTooLargeError)
+            failure = CallFailure.BAD_REQUEST if is_wrong else CallFailure.NO_SERVER
             self._complaints.add(stream.name, "request", str(error))
-            held.refuse(f"{stream.name}: {error}")
+            held.refuse(failure, str(error))
             return
         self._calls[call_id] = (held, encoding or stream.encoding)
 
@@ -99,9 +101,7 @@ class Services:
         """Answer a call of the island."""
         stream = self._table.by_id(event.stream_id)
         held, encoding = self._calls.pop(event.call_id)
-        payload, encoding = write_value(
-            event.value, stream.response_type, encoding, stream.encoding
-        )
+        payload, encoding = to_island(event.value, stream.response_type, encoding, stream.encoding)
         assert isinstance(stream.spec, ServiceSpec)
         marker = Marker(acoustic=stream.spec.server).encode()
         held.answer(
@@ -110,121 +110,62 @@ class Services:
 
     def fail(self, event: CallFailed) -> None:
         """Refuse a call of the island."""
-        stream = self._table.by_id(event.stream_id)
         held, _ = self._calls.pop(event.call_id)
-        reason = event.text or REASONS[event.failure]
-        held.refuse(f"{stream.name}: {event.failure.name}: {reason}")
+        held.refuse(event.failure, event.text)
 
     def serve(self, event: RequestReceived) -> None:
         """Ask the island for an answer to a call from the water."""
         stream = self._table.by_id(event.call.stream_id)
-        payload, encoding = write_value(event.value, stream.type, stream.encoding, stream.encoding)
+        payload, encoding = to_island(event.value, stream.type, stream.encoding, stream.encoding)
         left_s = ns_to_seconds(event.deadline_at - self._clock())
-        get = _Get(event.call, self._settle)
-        self._gets[event.call] = get
-        session = self._island.session
-
-        def ask() -> None:
-            try:
-                session.get(
-                    stream.name,
-                    self._island.callback(get.take, get.end),
-                    payload=payload,
-                    encoding=encoding,
-                    attachment=Marker(acoustic=event.call.client).encode(),
-                    timeout=max(left_s, 0.001),
-                    # Each reply at once: by default the newest of all is delivered at the end.
-                    consolidation=zenoh.ConsolidationMode.NONE,
-                    priority=zenoh_priority(stream.qos.priority),
-                    congestion_control=zenoh.CongestionControl.DROP,
-                    allowed_destination=zenoh.Locality.REMOTE,
-                    cancellation_token=get.cancellation,
-                )
-            except zenoh.ZError:
-                get.end()
-                raise
-
-        self._island.worker.submit(ask)
+        question = Question(stream.name, self._settle)
+        self._asked[question] = event.call
+        self._island.worker.submit(
+            partial(
+                question.ask,
+                self._island,
+                payload,
+                encoding=encoding,
+                priority=stream.qos.priority,
+                timeout_s=max(left_s, _LEAST_LIMIT_S),
+                attachment=Marker(acoustic=event.call.client).encode(),
+            )
+        )
 
     def drain(self, engine: Engine, now: int) -> None:
         """Bring the answers of the island to the water."""
         while self._settled:
-            get = self._settled.popleft()
-            if self._gets.pop(get.call, None) is not None:
-                self._answer(engine, self._table.by_id(get.call.stream_id), get, now)
+            question = self._settled.popleft()
+            call = self._asked.pop(question, None)
+            if call is not None:
+                self._answer(engine, call, question, now)
 
     def close(self) -> None:
         """Stop to ask the island."""
-        gets = list(self._gets.values())
-        self._gets.clear()
-        # Cancelling waits for a callback that runs: not on the loop.
-        for get in gets:
-            self._island.worker.submit(get.cancel)
+        questions = list(self._asked)
+        self._asked.clear()
+        for question in questions:
+            self._island.worker.submit(question.cancel)
 
-    def _settle(self, get: "_Get") -> None:
-        self._settled.append(get)
+    def _settle(self, question: Question) -> None:
+        self._settled.append(question)
         self._ring()
 
-    def _answer(self, engine: Engine, stream: Stream, get: "_Get", now: int) -> None:
-        if get.good is None:
-            failure = CallFailure.NO_SERVER if get.error is None else CallFailure.HANDLER
-            engine.reply_error(get.call, failure, get.error or "", now)
+    def _answer(self, engine: Engine, call: CallKey, question: Question, now: int) -> None:
+        stream = self._table.by_id(call.stream_id)
+        if question.good is None:
+            failure, text = question.error or (CallFailure.NO_SERVER, "")
+            said = failure if failure in _SAID_BY_SERVERS else CallFailure.HANDLER
+            engine.reply_error(call, said, text, now)
             return
-        payload, said = get.good
+        payload, encoding = question.good
         try:
-            value, _ = read_value(payload, said, stream.response_type, stream.encoding)
+            value, _ = from_island(payload, encoding, stream.response_type, stream.encoding)
         except PayloadInvalidError as error:
             self._complaints.add(stream.name, "response", str(error))
-            engine.reply_error(get.call, CallFailure.HANDLER, f"bad response: {error}", now)
+            engine.reply_error(call, CallFailure.HANDLER, f"bad response: {error}", now)
             return
         try:
-            engine.reply(get.call, value, now)
+            engine.reply(call, value, now)
         except ZacousticError as error:  # the engine has told the caller
             self._complaints.add(stream.name, "response", str(error))
-
-
-class _Get:
-    """A `get` on the island for one call from the water; filled on Zenoh's thread."""
-
-    def __init__(self, call: CallKey, settle: Callable[["_Get"], None]) -> None:
-        self.call = call
-        self.cancellation = zenoh.CancellationToken()
-        self.good: tuple[bytes, str] | None = None
-        self.error: str | None = None
-        self._settle = settle
-        self._guard = threading.Lock()
-        self._is_settled = False
-
-    def take(self, reply: zenoh.Reply) -> None:
-        """Keep the first good reply, and the first error until then."""
-        if reply.ok is not None:
-            good = (reply.ok.payload.to_bytes(), str(reply.ok.encoding))
-            self._finish(good)
-        elif reply.err is not None and self.error is None:
-            text = reply.err.payload.to_bytes().decode(errors="replace")
-            self.error = " ".join(text.split())
-
-    def end(self) -> None:
-        """No more replies come."""
-        self._finish(None)
-
-    def cancel(self) -> None:
-        """Ask no further; may block."""
-        self.cancellation.cancel()  # type: ignore[no-untyped-call]
-
-    def _finish(self, good: tuple[bytes, str] | None) -> None:
-        with self._guard:
-            if self._is_settled:
-                return
-            self._is_settled = True
-            self.good = good
-        self._settle(self)
-
-
-def _read_request(
-    payload: zenoh.ZBytes | None, said: str, stream: Stream
-) -> tuple[object, str | None]:
-    """Read a request; a `get` without payload is an empty one."""
-    if payload is None or not len(payload):
-        return ({} if stream.type is not None else b""), None
-    return read_value(payload.to_bytes(), said, stream.type, stream.encoding)

@@ -6,26 +6,22 @@ cannot be read or that its type does not allow is counted and complained about; 
 """
 
 from collections.abc import Callable
-from typing import Final
 
 import zenoh
 
 from zacoustic.core.clock import Clock
-from zacoustic.core.encoding import OPAQUE, decode_application, encode_application
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
-from zacoustic.core.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
-from zacoustic.gateway.island import Island
 from zacoustic.gateway.lastvalues import LastValue, LastValues
 from zacoustic.gateway.mailbox import Mailbox, Parcel
-from zacoustic.gateway.marker import Marker, is_marked
-from zacoustic.gateway.queries import Answer, HeldQuery
 from zacoustic.gateway.siblings import Siblings
-
-_SCHEMA_MARK: Final = ";"
+from zacoustic.gateway.translation import from_island, to_island
+from zacoustic.island.marker import Marker, is_marked
+from zacoustic.island.queries import Answer, HeldQuery
+from zacoustic.island.session import Island
 
 
 class Topics:
@@ -98,7 +94,7 @@ class Topics:
             if delivers:
                 self._island.delete(key, priority=stream.qos.priority, attachment=marker)
             return
-        payload, encoding = write_value(event.value, stream.type, event.encoding, stream.encoding)
+        payload, encoding = to_island(event.value, stream.type, event.encoding, stream.encoding)
         self.last_values.keep(
             LastValue(
                 key=key,
@@ -156,7 +152,7 @@ class Topics:
             value, encoding = (
                 (None, None)
                 if parcel.deleted
-                else read_value(parcel.payload, parcel.encoding, stream.type, stream.encoding)
+                else from_island(parcel.payload, parcel.encoding, stream.type, stream.encoding)
             )
             engine.publish(
                 stream.stream_id,
@@ -171,46 +167,3 @@ class Topics:
             self._complaints.add(stream.name, "payload", str(error))
         except ZacousticError as error:
             self._complaints.add(stream.name, "refused", str(error))
-
-
-def read_value(
-    payload: bytes, encoding: str, type_spec: TypeSpec | None, stream_encoding: str
-) -> tuple[object, str | None]:
-    """Read what an application sent.
-
-    Args:
-        payload: Its bytes.
-        encoding: Its Zenoh encoding; Zenoh's own default says nothing.
-        type_spec: The type; None: opaque.
-        stream_encoding: What holds where `encoding` says nothing.
-
-    Returns:
-        The value for the engine, and its encoding if it is another than the stream's.
-
-    Raises:
-        PayloadInvalidError: It cannot be read.
-    """
-    said = stream_encoding if encoding == OPAQUE else encoding
-    if type_spec is None:
-        return payload, None if said == stream_encoding else said
-    # A schema names what the type says already, and would cost its text on the water.
-    said = said.partition(_SCHEMA_MARK)[0]
-    value = decode_application(payload, said, type_spec=type_spec)
-    return value, None if said == stream_encoding.partition(_SCHEMA_MARK)[0] else said
-
-
-def write_value(
-    value: object, type_spec: TypeSpec | None, encoding: str, stream_encoding: str
-) -> tuple[bytes, str]:
-    """Write a value from the engine for an application; returns the bytes and their encoding.
-
-    A typed value whose encoding cannot carry it, which only another implementation sends, is
-    written in the stream's.
-    """
-    if type_spec is None:
-        assert isinstance(value, bytes | bytearray | memoryview)
-        return bytes(value), encoding
-    try:
-        return encode_application(value, encoding), encoding
-    except PayloadInvalidError:
-        return encode_application(value, stream_encoding), stream_encoding

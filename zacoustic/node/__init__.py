@@ -4,18 +4,18 @@ A `Node` lives on a link (one process, one modem, no Zenoh) or on the Zenoh netw
 the endpoints are the same. Modules, in reading order:
 
 =========================  =========================================================================
-`node`                     `Node`, which makes endpoints
+`node`, `endpoints`        `Node`, which makes endpoints
 `pubsub`, `service`        the endpoints
 `form`                     classes ⇄ types
 `catalogue`, `routes`      names ⇄ streams
 `carrier`                  what carries endpoints: the contract
 `onlink`                   on a link
-`onzenoh`, `session`,      on a Zenoh session
-`island`, `queries`,
-`crossing`, `exitguard`
+`onzenoh`, `session`,      on a Zenoh session, which is a `zacoustic.island`
+`queries`, `crossing`
 `identity`, `eventlog`     who the node is, what happens to it
 `mailbox`                  what waits to be taken
-`blocking`, `loopthread`   the same without asyncio, for scripts and notebooks
+`blocking`, `waiting`,     the same without asyncio, for scripts and notebooks
+`loopthread`
 =========================  =========================================================================
 
 Importing this package imports no Zenoh.

@@ -6,11 +6,10 @@ not block, since the modem waits meanwhile. `Publisher.publish` works in them; e
 raises `LocalError` there. From other threads everything may be called.
 """
 
-import asyncio
-from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Generic, Self, TypeVar, overload
+from typing import Any, Self, TypeVar, overload
 
 from zacoustic.config import Config
 from zacoustic.core.qos import Qos
@@ -19,12 +18,13 @@ from zacoustic.errors import LocalError
 from zacoustic.journal import Journal
 from zacoustic.link import Link
 from zacoustic.node import node as asynchronous
-from zacoustic.node import pubsub, service
+from zacoustic.node import service
 from zacoustic.node.carrier import NodeEvent
+from zacoustic.node.endpoints import Fields, Request, Response, Value
 from zacoustic.node.loopthread import LoopThread
-from zacoustic.node.node import Fields, Request, Response, Value
 from zacoustic.node.pubsub import Sample
 from zacoustic.node.service import CallContext, ServiceType
+from zacoustic.node.waiting import Client, Publisher, Service, Subscription, next_or_none
 
 __all__ = ["Client", "Node", "Publisher", "Service", "Subscription"]
 
@@ -36,102 +36,6 @@ SampleCallback = Callable[[Sample[T]], None]
 """Takes each sample, in the thread of the loop."""
 Handler = Callable[[Asked], Answered] | Callable[[Asked, CallContext], Answered]
 """Answers a request, in the thread of the loop; may take the context."""
-
-
-class Publisher(Generic[T]):
-    """Publishes one key; see `zacoustic.Publisher`."""
-
-    def __init__(self, publisher: pubsub.Publisher[T], thread: LoopThread) -> None:
-        self.key = publisher.key
-        """What it publishes under, placeholders filled in."""
-        self._publisher = publisher
-        self._thread = thread
-
-    def publish(self, value: T, *, encoding: str | None = None) -> None:
-        """Publish a value; never waits for the water, and works in callbacks too."""
-        self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
-
-    def delete(self) -> None:
-        """Tell the subscribers that the key is deleted; as `publish`."""
-        self._thread.apply(self._publisher.delete)
-
-    def close(self) -> None:
-        """Withdraw the publisher."""
-        self._thread.apply(self._publisher.close)
-
-
-class Subscription(Generic[T]):
-    """Receives the samples of a topic; see `zacoustic.Subscription`."""
-
-    def __init__(self, subscription: pubsub.Subscription[T], thread: LoopThread) -> None:
-        self.name = subscription.name
-        """The topic."""
-        self._subscription = subscription
-        self._thread = thread
-
-    @property
-    def dropped(self) -> int:
-        """Samples that newer ones pushed out before they were taken."""
-        return self._subscription.dropped
-
-    def __iter__(self) -> Iterator[Sample[T]]:
-        return self
-
-    def __next__(self) -> Sample[T]:
-        sample = self._thread.wait(_next(self._subscription))
-        if sample is None:
-            raise StopIteration
-        return sample
-
-    def receive(self, *, timeout_s: float | None = None) -> Sample[T]:
-        """Wait for the next sample.
-
-        Raises:
-            TimeoutError: None within `timeout_s`, s.
-            LocalError: The subscription is closed, or this is a callback.
-        """
-
-        async def receive() -> Sample[T]:
-            async with asyncio.timeout(timeout_s):
-                return await self._subscription.receive()
-
-        return self._thread.wait(receive())
-
-    def close(self) -> None:
-        """End it."""
-        self._thread.apply(self._subscription.close)
-
-
-class Client(Generic[Asked, Answered]):
-    """Calls one service; see `zacoustic.Client`."""
-
-    def __init__(self, client: service.Client[Asked, Answered], thread: LoopThread) -> None:
-        self.name = client.name
-        """The service."""
-        self._client = client
-        self._thread = thread
-
-    def call(self, request: Asked, *, timeout_s: float | None = None) -> Answered:
-        """Call the service and wait for the answer; raises what `zacoustic.Client.call` does."""
-        return self._thread.wait(self._client.call(request, timeout_s=timeout_s))
-
-    def close(self) -> None:
-        """Withdraw the client."""
-        self._thread.apply(self._client.close)
-
-
-class Service(Generic[Asked, Answered]):
-    """Serves one service; see `zacoustic.Service`."""
-
-    def __init__(self, served: service.Service[Asked, Answered], thread: LoopThread) -> None:
-        self.name = served.name
-        """The service."""
-        self._served = served
-        self._thread = thread
-
-    def close(self) -> None:
-        """Serve no more."""
-        self._thread.apply(self._served.close)
 
 
 class Node:
@@ -389,7 +293,7 @@ class Node:
     def events(self) -> Iterator[NodeEvent]:
         """Iterate over what happens beside samples and calls; see `zacoustic.Node.events`."""
         thread, events = self._running(), self._node.events()
-        while (event := thread.wait(_next(events))) is not None:
+        while (event := thread.wait(next_or_none(events))) is not None:
             yield event
 
     @property
@@ -410,7 +314,3 @@ class Node:
 async def _made(make: Callable[[], T]) -> T:
     """Make an endpoint on the loop, waiting, so that it is refused in callbacks."""
     return make()
-
-
-async def _next(items: AsyncIterator[T]) -> T | None:
-    return await anext(items, None)

@@ -13,6 +13,7 @@ import msgspec
 
 from zacoustic.core.types import TypeSpec, check_agreement, struct_builder, type_from_struct
 from zacoustic.errors import ConfigError
+from zacoustic.island.values import read_value, write_value
 
 T = TypeVar("T")
 
@@ -30,6 +31,24 @@ class Form(Generic[T]):
     def __init__(self, spec: TypeSpec | None, build: Callable[[Any], T]) -> None:
         self.spec = spec
         self.build = build
+
+    def write(self, value: object, encoding: str) -> bytes:
+        """Write a value of the application for its island.
+
+        Raises:
+            PayloadInvalidError: The type does not allow it, or it is opaque and not bytes.
+        """
+        checked = value if self.spec is None else self.spec.validate(value)
+        return write_value(checked, self.spec, encoding)
+
+    def read(self, payload: bytes, encoding: str) -> object:
+        """Read what somebody on the island sent, for `build`.
+
+        Raises:
+            PayloadInvalidError: It is not of the type.
+        """
+        value = read_value(payload, self.spec, encoding)
+        return value if self.spec is None else self.spec.validate(value)
 
 
 def free_form(value_type: object, *, where: str) -> Form[Any]:

@@ -3,17 +3,24 @@
 import asyncio
 import threading
 from collections.abc import Callable, Coroutine
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from zacoustic.errors import LocalError
+from zacoustic.island.doorbell import tell_loop
+from zacoustic.island.exitguard import ExitGuard
 
 T = TypeVar("T")
+
+PARK_LIMIT_S: Final = 2.0
+"""How long the end of a process waits for a callback that runs, s."""
 
 
 class LoopThread:
     """Runs from the moment it is made until `stop`.
 
-    The thread is a daemon: a script that ends without `stop` ends.
+    A script that ends without `stop` ends: the thread is a daemon, and stands still by then. Were
+    it in foreign code, a put of Zenoh's for one, it could not come back from there to an
+    interpreter that is ending, and the process would abort.
 
     Args:
         name: Of the thread.
@@ -23,6 +30,8 @@ class LoopThread:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
+        self._parked = threading.Event()
+        self._guard = ExitGuard(self._park)
 
     @property
     def is_current(self) -> bool:
@@ -74,6 +83,7 @@ class LoopThread:
         self._check()
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
+        self._guard.dismiss()
 
     def _check(self) -> None:
         if self.is_current:
@@ -83,6 +93,16 @@ class LoopThread:
             )
         if self._loop.is_closed():
             raise LocalError("the node is closed")
+
+    def _park(self) -> None:
+        """Have the thread stand still for ever."""
+
+        def stand_still() -> None:
+            self._parked.set()
+            threading.Event().wait()
+
+        tell_loop(self._loop, stand_still)
+        self._parked.wait(PARK_LIMIT_S)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

@@ -1,17 +1,16 @@
 """Endpoints on a Zenoh session: the gateway of the island carries them across the water.
 
-Zenoh's callbacks run in its own threads and do nothing but fill a `Crossing`. From the loop, puts
-are dropped on a full connection; replies, gets and closing, which may block on one, are for a
-worker thread.
+Zenoh's callbacks run in its own threads and do nothing but hand over. From the loop, puts
+are dropped on a full connection; replies, gets and closing, which may block on one, are for the
+worker of the `Island`.
 """
 
 import asyncio
 import contextlib
-import functools
 import logging
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Final
 
 import zenoh
@@ -28,20 +27,16 @@ from zacoustic.errors import (
     PayloadInvalidError,
     SessionError,
 )
+from zacoustic.island.doorbell import tell_loop
+from zacoustic.island.marker import read_marker
+from zacoustic.island.question import Question
+from zacoustic.island.session import Island, one_line, zenoh_priority
+from zacoustic.island.values import said_encoding
 from zacoustic.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
 from zacoustic.node.crossing import Crossing
-from zacoustic.node.exitguard import ExitGuard
-from zacoustic.node.island import (
-    decode_value,
-    encode_value,
-    read_marker,
-    said_encoding,
-    zenoh_errors,
-    zenoh_priority,
-)
-from zacoustic.node.queries import FirstReply, QueryDesk
+from zacoustic.node.queries import ServiceDesk
 from zacoustic.node.routes import ServiceRoute, TopicRoute
-from zacoustic.node.session import close_session, open_session
+from zacoustic.node.session import session_config
 
 # Zenoh's own time limit stands behind ours, which says more.
 _BEHIND_S: Final = 1.0
@@ -71,10 +66,7 @@ class ZenohCarrier:
         self._connect = connect
         self._report = report
         self._stats = EngineStats()
-        self._transports = 0
-        self._session: zenoh.Session | None = None
-        self._guard: ExitGuard | None = None
-        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="zenoh")
+        self._open_island: Island | None = None
         self._ends: dict[object, Callable[[], None]] = {}
         self._calls: set[asyncio.Future[object]] = set()
 
@@ -84,15 +76,15 @@ class ZenohCarrier:
         return self._stats
 
     @property
-    def session(self) -> zenoh.Session:
-        """The session.
+    def island(self) -> Island:
+        """The session and its worker.
 
         Raises:
             SessionError: It is not open.
         """
-        if self._session is None:
+        if self._open_island is None:
             raise SessionError("the Zenoh session is closed")
-        return self._session
+        return self._open_island
 
     def ledger(self) -> list[LedgerEntry]:
         """Return nothing: the link is the gateway's."""
@@ -108,37 +100,22 @@ class ZenohCarrier:
         Raises:
             SessionError: No router is reached.
         """
-        try:
-            session = await open_session(self._config, self._connect)
-        except BaseException:
-            self._worker.shutdown(wait=False)
-            raise
-        self._session = session
-        self._guard = ExitGuard(functools.partial(close_session, session))
-        self._guard.start()
-        events: Crossing[bool] = Crossing(self._count_transport)
-
-        def bring(event: zenoh.TransportEvent) -> None:
-            events.put(event.kind == zenoh.SampleKind.PUT)
-
-        session.info.declare_transport_events_listener(zenoh.handlers.Callback(bring), history=True)
+        island = await Island.open(session_config(self._config, self._connect))
+        self._open_island = island
+        loop = asyncio.get_running_loop()
+        island.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
 
     async def close(self) -> None:
         """Close the session; callers whose calls are under way are told. May be called again."""
-        if self._session is None:
+        if self._open_island is None:
             return
         for end in tuple(self._ends.values()):
             end()
-        session, self._session = self._session, None
+        island, self._open_island = self._open_island, None
         for answer in tuple(self._calls):
             if not answer.done():
                 answer.set_exception(LinkClosedError("the node was closed"))
-        loop = asyncio.get_running_loop()
-        # Behind the replies that wait there.
-        await loop.run_in_executor(self._worker, close_session, session)
-        if self._guard is not None:
-            await loop.run_in_executor(self._worker, self._guard.dismiss)
-        self._worker.shutdown()
+        await island.close()  # behind the replies that wait there
 
     async def flush(self) -> None:
         """Do nothing: a put is on its way when it returns, and closing waits for it."""
@@ -146,7 +123,7 @@ class ZenohCarrier:
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""
         with zenoh_errors(route.name):
-            publisher = self.session.declare_publisher(
+            publisher = self.island.session.declare_publisher(
                 route.expression,
                 encoding=route.encoding,
                 priority=zenoh_priority(route.qos.priority),
@@ -163,13 +140,11 @@ class ZenohCarrier:
             lambda sample: self._receive(sample, route, deliver)
         )
 
-        def bring(sample: zenoh.Sample) -> None:
-            crossing.put(sample)
-
+        island = self.island
         with zenoh_errors(route.name):
-            subscriber = self.session.declare_subscriber(
-                route.expression,
-                zenoh.handlers.Callback(bring),
+            subscriber = island.session.declare_subscriber(
+                zenoh.KeyExpr(route.expression),
+                island.callback(crossing.put),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
         return self._keep(subscriber.undeclare)
@@ -178,18 +153,25 @@ class ZenohCarrier:
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Ask by a Zenoh `get` and wait for the first reply."""
-        loop = asyncio.get_running_loop()
+        loop, island = asyncio.get_running_loop(), self.island
         answer: asyncio.Future[object] = loop.create_future()
         limit_s = route.timeout_s if timeout_s is None else timeout_s
-        cancellation = zenoh.CancellationToken()
-        ask = self._asking(
-            route, FirstReply(route, answer), value, limit_s=limit_s, cancellation=cancellation
+        question = Question(
+            route.name, lambda question: tell_loop(loop, partial(_settle, question, route, answer))
+        )
+        ask = partial(
+            question.ask,
+            island,
+            route.request.write(value, route.encoding),
+            encoding=route.encoding,
+            priority=route.qos.priority,
+            timeout_s=limit_s + _BEHIND_S,
         )
         self._calls.add(answer)
         try:
             async with asyncio.timeout(limit_s):
                 with zenoh_errors(route.name):
-                    await loop.run_in_executor(self._worker, ask)
+                    await island.worker.run(ask)
                 return await answer
         except CallTimeoutError:
             raise
@@ -199,17 +181,18 @@ class ZenohCarrier:
         finally:
             self._calls.discard(answer)
             answer.cancel()
-            self._submit(cancellation.cancel)
+            island.worker.submit(question.cancel)
 
     def serve(
         self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
     ) -> Callable[[], None]:
         """Declare a Zenoh queryable."""
-        desk = QueryDesk(route, handle, self._submit)
+        island = self.island
+        desk = ServiceDesk(route, handle, island.worker)
         with zenoh_errors(route.name):
-            queryable = self.session.declare_queryable(
-                route.name,
-                zenoh.handlers.Callback(desk.bring),
+            queryable = island.session.declare_queryable(
+                zenoh.KeyExpr(route.name),
+                island.callback(desk.bring),
                 complete=True,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
@@ -222,40 +205,6 @@ class ZenohCarrier:
 
     # Below the methods above
 
-    def _asking(
-        self,
-        route: ServiceRoute[Any, Any],
-        reply: FirstReply,
-        value: object,
-        *,
-        limit_s: float,
-        cancellation: zenoh.CancellationToken,
-    ) -> Callable[[], None]:
-        """Make what asks, for the worker.
-
-        Raises:
-            PayloadInvalidError: The type does not allow the value.
-        """
-        session = self.session
-        payload = encode_value(value, route.request.spec, route.encoding)
-
-        def ask() -> None:
-            session.get(
-                route.name,
-                zenoh.handlers.Callback(reply.take, reply.end),
-                payload=payload,
-                encoding=route.encoding,
-                timeout=limit_s + _BEHIND_S,
-                # The first reply at once: by default the newest of all is delivered at the end.
-                consolidation=zenoh.ConsolidationMode.NONE,
-                priority=zenoh_priority(route.qos.priority),
-                congestion_control=zenoh.CongestionControl.DROP,
-                allowed_destination=zenoh.Locality.REMOTE,
-                cancellation_token=cancellation,
-            )
-
-        return ask
-
     def _keep(self, end: Callable[[], None]) -> Callable[[], None]:
         """Remember how to end a declaration; returns what ends it, once."""
         token = object()
@@ -267,10 +216,6 @@ class ZenohCarrier:
         self._ends[token] = end_once
         return end_once
 
-    def _submit(self, step: Callable[[], object]) -> None:
-        with contextlib.suppress(RuntimeError):  # the worker has ended, and the session with it
-            self._worker.submit(step)
-
     def _receive(
         self, sample: zenoh.Sample, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> None:
@@ -281,7 +226,7 @@ class ZenohCarrier:
         encoding = said_encoding(sample.encoding, route.encoding)
         try:
             payload = sample.payload.to_bytes()
-            value = None if is_delete else decode_value(payload, route.form.spec, encoding)
+            value = None if is_delete else route.form.read(payload, encoding)
         except PayloadInvalidError as error:
             self._stats.drop("payload")
             _logger.warning("%s: a sample was dropped: %s", key, error)
@@ -292,10 +237,10 @@ class ZenohCarrier:
             Incoming(
                 key=key,
                 value=value,
-                source=marker.acoustic,
+                source=marker.acoustic if marker else None,
                 deleted=is_delete,
                 encoding=encoding,
-                age_s=marker.age_s,
+                age_s=marker.age_s if marker else None,
                 received_at=time.monotonic_ns(),
                 metrics=LinkMetrics(),
             )
@@ -306,11 +251,9 @@ class ZenohCarrier:
         nodes = self._config.nodes if self._config is not None else {}
         return any(stream.keys.match(key, address) is not None for address in nodes or (0,))
 
-    def _count_transport(self, is_up: bool) -> None:
-        before, self._transports = self._transports, self._transports + (1 if is_up else -1)
-        if bool(before) != bool(self._transports):
-            state = LinkState.UP if self._transports else LinkState.DOWN
-            self._report(LinkStateChanged(state=state, changed_at=time.monotonic_ns()))
+    def _report_connection(self, is_up: bool) -> None:
+        state = LinkState.UP if is_up else LinkState.DOWN
+        self._report(LinkStateChanged(state=state, changed_at=time.monotonic_ns()))
 
 
 class _ZenohOutlet:
@@ -330,7 +273,7 @@ class _ZenohOutlet:
 
     def put(self, value: object, encoding: str | None) -> None:
         said = encoding or self._route.encoding
-        payload = encode_value(value, self._route.form.spec, said)
+        payload = self._route.form.write(value, said)
         with zenoh_errors(self._route.name):
             self._publisher.put(payload, encoding=said)
         self._count()
@@ -346,3 +289,32 @@ class _ZenohOutlet:
     def _count(self) -> None:
         stream = self._route.stream
         count(self._stats.published, stream.stream_id if stream else NO_STREAM)
+
+
+def _settle(
+    question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
+) -> None:
+    """Bring the end of a question to whoever waits for it; on the loop."""
+    if answer.done():
+        return
+    if question.good is not None:
+        payload, encoding = question.good
+        try:
+            said = said_encoding(encoding, route.encoding)
+            answer.set_result(route.response.read(payload, said))
+        except PayloadInvalidError as error:
+            answer.set_exception(call_error(route.name, CallFailure.BAD_RESPONSE, str(error)))
+    elif question.error is not None:
+        answer.set_exception(call_error(route.name, *question.error))
+    else:
+        text = "nobody serves it on this Zenoh network"
+        answer.set_exception(call_error(route.name, CallFailure.NO_SERVER, text))
+
+
+@contextlib.contextmanager
+def zenoh_errors(name: str) -> Iterator[None]:
+    """Turn what Zenoh raises about a key into a `LocalError`."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LocalError(f"{name}: {one_line(error)}") from error

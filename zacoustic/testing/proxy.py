@@ -17,6 +17,7 @@ class StreamProxy:
         self._target = (host, port)
         self._server: asyncio.Server | None = None
         self._lines: set[_Line] = set()
+        self._connected = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
 
     @property
@@ -46,10 +47,18 @@ class StreamProxy:
         if server is not None:
             await server.wait_closed()
 
+    async def wait_connected(self) -> None:
+        """Wait until a client is connected to the target, which `cut` and `inject` can then reach.
+
+        A client on TCP may believe so before: to the client, the kernel's word is enough.
+        """
+        await self._connected.wait()
+
     def cut(self) -> None:
         """Cut all lines; clients may come back."""
         for line in tuple(self._lines):
             line.cut()
+            self._remove(line)
 
     def inject(self, nonsense: bytes) -> None:
         """Send these bytes to all clients as if the target had."""
@@ -68,13 +77,19 @@ class StreamProxy:
             return
         line = _Line(writer, there_writer)
         self._lines.add(line)
+        self._connected.set()
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(line.pass_on(reader, there_writer))
                 group.create_task(line.pass_on(there_reader, writer))
         finally:
-            self._lines.discard(line)
+            self._remove(line)
             self._tasks.discard(task)
+
+    def _remove(self, line: "_Line") -> None:
+        self._lines.discard(line)
+        if not self._lines:
+            self._connected.clear()
 
 
 class _Line:

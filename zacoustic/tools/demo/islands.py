@@ -6,6 +6,7 @@ on one, so each gets a copy with a port, an address and a modem of its own; noth
 
 import contextlib
 import socket
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Final
@@ -51,12 +52,12 @@ def write_water(folder: Path) -> Path:
     return path
 
 
-def write_islands(folder: Path, locator: str) -> dict[int, Island]:
+def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, Island]:
     """Write a configuration for each island into a folder.
 
     Args:
         folder: Where to.
-        locator: The modem of both.
+        locators: The modem of each by its address, or one locator for both.
 
     Returns:
         The islands by address; their ports were free a moment ago.
@@ -68,7 +69,7 @@ def write_islands(folder: Path, locator: str) -> dict[int, Island]:
         for written, instead in (
             (_ENDPOINT, endpoint),
             (_ADDRESS, f"address: {address},\n"),
-            (_LOCATOR, locator),
+            (_LOCATOR, locators if isinstance(locators, str) else locators[address]),
         ):
             if text.count(written) != 1:
                 raise ZacousticError(f"fleet.json5 of the demo does not have {written!r} once")

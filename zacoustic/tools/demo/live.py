@@ -124,17 +124,26 @@ def _water(logbook: Logbook) -> RenderableType:
     line.append(" auv1", style=f"bold {_COLOURS[VEHICLE]}")
     said = " · ".join(
         f"{island_name(frame.source)} → {island_name(frame.target)}: {frame.frame_bytes} bytes, "
-        f"{frame.airtime_s:.3f} s of sound"
+        f"{frame.airtime_s:.3f} s of airtime"
         for frame in sounding
-    )
+    ) or _waiting(logbook)
     if logbook.began_at is None:
         said = f"starting; ready: {', '.join(sorted(logbook.ready)) or 'nothing yet'}"
     return Group(line, Text(said or "silence", style="" if said else "dim"))
 
 
+def _waiting(logbook: Logbook) -> str:
+    """Who waits for the medium access, if nobody sounds."""
+    return " · ".join(
+        f"{island_name(source)} listens before it sends" + (f", {count} wait" * (count > 1))
+        for source, count in sorted(logbook.waiting.items())
+        if count
+    )
+
+
 def _cells_of(frame: Frame, now: float, propagation_s: float) -> range:
     """Cells between which a frame sounds, counted from its sender."""
-    first_s, last_s = now - frame.began_at, now - frame.began_at - frame.airtime_s
+    first_s, last_s = now - frame.began_at, now - frame.began_at - frame.sound_s
     far = round(min(1.0, first_s / propagation_s) * _WATER_CELLS)
     near = round(min(1.0, max(0.0, last_s / propagation_s)) * _WATER_CELLS)
     return range(near, far)

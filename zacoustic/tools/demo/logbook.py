@@ -1,10 +1,12 @@
 """What has happened in the demo: written from what its processes tell, read by views and verdict.
 
 Two kinds of facts meet here. The clients tell what they gave to Zenoh and what Zenoh gave them:
-that is what a user sees. The medium tells which frames were in the water: that is what it cost. All
-of them stamp with the machine's monotonic clock, so their instants can be compared.
+that is what a user sees. The water tells which frames were in it (`waters` has its language): that
+is what it cost. All of them stamp with the machine's monotonic clock, so their instants can be
+compared.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -22,12 +24,22 @@ class Frame:
     """One frame in the water, or that was."""
 
     def __init__(
-        self, source: int, sequence: int, *, frame_bytes: int, airtime_s: float, began_at: float
+        self,
+        source: int,
+        sequence: int,
+        *,
+        frame_bytes: int,
+        airtime_s: float,
+        sound_s: float,
+        began_at: float,
     ) -> None:
         self.source = source
         self.sequence = sequence
         self.frame_bytes = frame_bytes
         self.airtime_s = airtime_s
+        """How long the channel is taken for it, s."""
+        self.sound_s = sound_s
+        """How long it sounds, s."""
         self.began_at = began_at
         """Instant of the first sound, s, monotonic."""
         self.outcome: str | None = None
@@ -56,6 +68,8 @@ class Logbook:
         self.lanes = Lanes(table)
         self.propagation_s = propagation_s
         self.frames: list[Frame] = []
+        self.waiting: Counter[int] = Counter()
+        """Frames that a modem has taken and not begun to send, by address; where it tells."""
         self.overhead_bytes: dict[int, int] = {}
         """Bytes that belong to no stream (HELLO and its kin), by address of the gateway."""
         self.began_at: float | None = None
@@ -73,7 +87,7 @@ class Logbook:
 
     @property
     def airtime_s(self) -> float:
-        """Sound in the water so far, of all frames, s."""
+        """Airtime of all frames so far, s."""
         return sum(frame.airtime_s for frame in self.frames)
 
     @property
@@ -99,11 +113,9 @@ class Logbook:
         if event == "done":
             self.done.add(child)
             return []
-        if child == "medium":
-            return self._hear_medium(str(event), told)
         if child in ("vehicle", "console"):
             return self._hear_client(child, str(event), told)
-        return []
+        return self._hear_water(str(event), told)
 
     def take_ledger(self, address: int, bytes_by_stream: Mapping[int, int]) -> None:
         """Take in the airtime ledger of a gateway: bytes given to its link, by stream."""
@@ -112,12 +124,16 @@ class Logbook:
             if lane.source == address:
                 lane.transmitted_bytes = bytes_by_stream.get(lane.stream_id, 0)
 
-    def _hear_medium(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+    def _hear_water(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+        if event == "waiting":
+            self.waiting[told["source"]] += 1
         if event == "emission":
             frame = Frame(
                 told["source"], told["sequence"], frame_bytes=told["frame_bytes"],
-                airtime_s=told["airtime_s"], began_at=self._clock(),
+                airtime_s=told["airtime_s"], sound_s=told.get("sound_s", told["airtime_s"]),
+                began_at=self._clock(),
             )  # fmt: skip
+            self.waiting[frame.source] = max(0, self.waiting[frame.source] - 1)
             self.frames.append(frame)
             return [
                 Emitted(
@@ -177,7 +193,7 @@ class Logbook:
     def _frame_of(self, source: int, at: float) -> Frame | None:
         """The frame out of which something came that a client received at an instant."""
         for frame in reversed(self.frames):
-            arrives_at = frame.began_at + frame.airtime_s + self.propagation_s
+            arrives_at = frame.began_at + frame.sound_s + self.propagation_s
             if frame.source == source and abs(at - arrives_at) < _TOGETHER_S:
                 return frame
         return None

@@ -1,8 +1,8 @@
 """A run of the demo from start to end.
 
-Order of the start: the medium, which says where it listens; the gateways, which are there when
+Order of the start: the water, which says where it listens; the gateways, which are there when
 their liveliness tokens are; the clients, which say when they are ready; then the word ``go``. Order
-of the end: clients, gateways, medium. Whatever goes wrong on the way, a process that dies among it,
+of the end: clients, gateways, water. Whatever goes wrong on the way, a process that dies among it,
 ends the run with a summary that says so, and nothing is left behind.
 """
 
@@ -17,8 +17,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from zacoustic.channel.position import distance_m
-from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import config_from_mapping
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import ZacousticError
@@ -31,12 +29,12 @@ from zacoustic.tools.demo.islands import (
     Island,
     demo_text,
     write_islands,
-    write_water,
 )
 from zacoustic.tools.demo.ledgers import LedgerListener
 from zacoustic.tools.demo.logbook import Logbook
 from zacoustic.tools.demo.verdict import Summary, summary_of
 from zacoustic.tools.demo.views import View
+from zacoustic.tools.demo.waters import Water
 
 DURATION_S: Final = 32.0
 """How long the vehicle reports, s, unless another time is asked for."""
@@ -56,17 +54,16 @@ class Mission:
 
     Args:
         view: Shows it.
+        water: What lies between the islands; for this run alone.
         duration_s: How long the vehicle reports, s.
-        link: Name of the simulator's link, whose medium the verb `medium` serves.
     """
 
-    def __init__(self, view: View, *, duration_s: float = DURATION_S, link: str = "sim") -> None:
+    def __init__(self, view: View, water: Water, *, duration_s: float = DURATION_S) -> None:
         self._view = view
+        self._water = water
         self._duration_s = duration_s
-        self._link = link
         self._children: list[Child] = []
         self._background: list[asyncio.Task[None]] = []
-        self._medium_address = ""
         self._ready: dict[str, asyncio.Event] = {}
         self._over = asyncio.Event()
         self._ledgers: LedgerListener | None = None
@@ -79,14 +76,14 @@ class Mission:
         """
         with tempfile.TemporaryDirectory(prefix="zacoustic-demo-") as name:
             folder = Path(name)
-            water = write_water(folder)
-            self._logbook = Logbook(_fleet_table(), time.monotonic, propagation_s=_propagation_s())
+            propagation_s = self._water.propagation_s
+            self._logbook = Logbook(_fleet_table(), time.monotonic, propagation_s=propagation_s)
             problems: tuple[str, ...] = ()
             self._failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._view.begin(self._logbook)
             with _signals_into(self._failed):
                 try:
-                    await self._guarded(self._steps(folder, water))
+                    await self._guarded(self._steps(folder))
                 except ZacousticError as error:
                     problems = (str(error),)
                 finally:
@@ -94,11 +91,11 @@ class Mission:
                     self._view.stop()
             return summary_of(self._logbook, problems)
 
-    async def _steps(self, folder: Path, water: Path) -> None:
+    async def _steps(self, folder: Path) -> None:
         self._watch(self._tick())
         try:
             async with asyncio.timeout(START_LIMIT_S):
-                await self._start(folder, water)
+                await self._start(folder)
         except TimeoutError as error:
             waiting = sorted(name for name, event in self._ready.items() if not event.is_set())
             late = ", ".join(waiting) or "a gateway"
@@ -113,12 +110,11 @@ class Mission:
         assert self._ledgers is not None
         await self._ledgers.refresh()
 
-    async def _start(self, folder: Path, water: Path) -> None:
+    async def _start(self, folder: Path) -> None:
         program = (sys.executable, "-m", "zacoustic.cli")
-        await self._begin("medium", *program, "medium", str(water), "--listen", "127.0.0.1:0",
-                          "--json")  # fmt: skip
-        await self._ready["medium"].wait()
-        islands = write_islands(folder, f"{self._link}/{self._medium_address}")
+        await self._begin(self._water.child, *program, *self._water.verb(folder))
+        await self._ready[self._water.child].wait()
+        islands = write_islands(folder, self._water.locators)
         for island in islands.values():
             await self._begin(f"gateway {island.name}", *program, "gateway", str(island.file))
         self._ledgers = LedgerListener(islands.values(), self._logbook.take_ledger)
@@ -145,9 +141,8 @@ class Mission:
         self._watch(child.watch())
 
     def _take(self, child: str, told: dict[str, Any]) -> None:
-        if told.get("event") == "listening":
-            self._medium_address = told["address"]
-        for note in self._logbook.take(child, told):
+        line = self._water.take(told) if child == self._water.child else told
+        for note in self._logbook.take(child, line or {}):
             self._view.note(note)
         if child in self._logbook.ready:
             self._ready[child].set()
@@ -191,7 +186,8 @@ class Mission:
         await asyncio.gather(*self._background, return_exceptions=True)
         if self._ledgers is not None:
             await self._ledgers.close()
-        children = [child for child in reversed(self._children) if child.name != "medium"]
+        water = self._water.child
+        children = [child for child in reversed(self._children) if child.name != water]
         await asyncio.gather(*(child.stop() for child in children))
         for child in self._children:
             await child.stop()
@@ -201,14 +197,6 @@ def _fleet_table() -> StreamTable:
     """The streams of the demo."""
     whole: Any = parse_json5(demo_text("fleet.json5"), source="fleet.json5")
     return config_from_mapping(whole["plugins"]["acoustic"], source="fleet.json5").table
-
-
-def _propagation_s() -> float:
-    """How long sound takes between the two islands, s."""
-    water = parse_json5(demo_text("water.json5"), source="water.json5")
-    scenario = scenario_from_mapping(water, source="water.json5")
-    near, far = (node.motion().position(0.0) for node in scenario.nodes)
-    return distance_m(near, far) / scenario.sound_speed_m_s
 
 
 @contextlib.contextmanager

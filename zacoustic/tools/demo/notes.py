@@ -27,7 +27,7 @@ class Emitted(Note, frozen=True, kw_only=True, tag="emitted"):
     frame_bytes: int
     """Length of the frame."""
     airtime_s: float
-    """How long it sounds, s."""
+    """How long the channel is taken for it, s."""
 
 
 class Arrived(Note, frozen=True, kw_only=True, tag="arrived"):
@@ -40,7 +40,7 @@ class Arrived(Note, frozen=True, kw_only=True, tag="arrived"):
     frame_bytes: int
     """Length of the frame."""
     outcome: str
-    """What became of it, in the medium's word; `received` is the good one."""
+    """What became of it, in the word of the water; `received` is the good one."""
     propagation_s: float
     """How long the sound was on its way, s."""
 

@@ -50,7 +50,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True, tag="summary", tag_fiel
     overhead_bytes: int
     """Those of them that belong to no stream: who speaks, with which table."""
     airtime_s: float
-    """Sound in the water, s."""
+    """Airtime of all frames, s."""
 
 
 def summary_of(logbook: Logbook, problems: tuple[str, ...] = ()) -> Summary:
@@ -114,7 +114,7 @@ def as_text(summary: Summary) -> str:
     lines = [
         align(_HEADER, rows, right=_RIGHT),
         f"{summary.frames} frames, {summary.lost_frames} lost, {summary.transmitted_bytes} bytes, "
-        f"{summary.airtime_s:.2f} s of sound in {summary.duration_s:.1f} s ({rate:.0%})",
+        f"{summary.airtime_s:.2f} s of airtime in {summary.duration_s:.1f} s ({rate:.0%})",
         *(f"missing: {line}" for line in summary.missing),
         "everything crossed" if summary.ok else "not everything crossed",
     ]

@@ -81,7 +81,7 @@ def describe(note: AnyNote) -> str:
         case Emitted():
             return (
                 f"{island_name(note.source)} sends {note.frame_bytes} bytes, "
-                f"{note.airtime_s:.3f} s of sound"
+                f"{note.airtime_s:.3f} s of airtime"
             )
         case Arrived(outcome="received"):
             return (

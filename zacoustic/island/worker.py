@@ -1,11 +1,10 @@
-"""The one thread in which a gateway makes calls of Zenoh that may block.
+"""The one thread in which calls of Zenoh are made that may block.
 
 A reply to somebody who does not read, a declaration on a full connection, opening and closing can
 each block for seconds; the loop, which owns the engine, must not. The order of the steps is kept.
 """
 
 import asyncio
-import contextlib
 import logging
 import queue
 import threading
@@ -14,7 +13,14 @@ from typing import Final, TypeVar
 
 import zenoh
 
+from zacoustic.island.doorbell import tell_loop
+from zacoustic.island.exitguard import ExitGuard
+
 T = TypeVar("T")
+
+# Longer than a node tries to reach its router, which cannot be interrupted.
+EXIT_LIMIT_S: Final = 4.0
+"""How long the end of the process waits for the last steps, s."""
 
 _END: Final = None
 
@@ -24,14 +30,20 @@ _logger = logging.getLogger(__name__)
 class Worker:
     """A thread that takes steps one after the other; it starts when it is made.
 
-    What is handed over is bounded by who hands it over: queries by `QueryDesk`, calls by the
-    engine's call numbers, declarations by the stream table.
+    It ends by `end` or `close`, or with the main thread. What is handed over is bounded by who
+    hands it over: queries by `QueryDesk`, calls by the call numbers, declarations by the stream
+    table.
+
+    Args:
+        name: Of the thread.
     """
 
     def __init__(self, name: str) -> None:
         self._steps: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
+        self._farewell: Callable[[], object] = _do_nothing
         # A daemon: a call that never returns does not keep the process.
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._guard = ExitGuard(self._exit)
         self._thread.start()
 
     def submit(self, step: Callable[[], object]) -> None:
@@ -53,9 +65,7 @@ class Worker:
         done: asyncio.Future[T] = loop.create_future()
 
         def tell(report: Callable[[], None]) -> None:
-            # The waiting one may be gone, and so may the loop.
-            with contextlib.suppress(RuntimeError):
-                loop.call_soon_threadsafe(lambda: None if done.done() else report())
+            tell_loop(loop, lambda: None if done.done() else report())  # who waits may be gone
 
         def take() -> None:
             try:
@@ -70,20 +80,38 @@ class Worker:
         async with asyncio.timeout(limit_s):
             return await done
 
+    def end_with(self, farewell: Callable[[], object]) -> None:
+        """Say what is to be done behind all steps, whoever ends the thread; in a step."""
+        self._farewell = farewell
+
     def end(self) -> None:
-        """Take the steps that are there, then end; does not wait."""
+        """Take the steps that are there and say farewell; does not wait. May be called again."""
         self._steps.put(_END)
 
-    async def close(self, *, limit_s: float) -> None:
-        """Take the steps that are there, then end; gives up to wait after `limit_s`, s."""
+    async def close(self, *, limit_s: float) -> bool:
+        """Take the steps that are there and say farewell; False when it takes above `limit_s`."""
         self.end()
         await asyncio.to_thread(self._thread.join, limit_s)
+        return not self._thread.is_alive()
+
+    def _exit(self) -> None:
+        self.end()
+        self._thread.join(EXIT_LIMIT_S)
 
     def _run(self) -> None:
         while (step := self._steps.get()) is not _END:
-            try:
-                step()
-            except zenoh.ZError as error:
-                _logger.debug("zenoh: %s", error)
-            except Exception:
-                _logger.exception("a step of the thread %s failed", self._thread.name)
+            self._take(step)
+        self._take(self._farewell)
+        self._guard.dismiss()
+
+    def _take(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except zenoh.ZError as error:
+            _logger.debug("zenoh: %s", error)
+        except Exception:
+            _logger.exception("a step of the thread %s failed", self._thread.name)
+
+
+def _do_nothing() -> None:
+    pass

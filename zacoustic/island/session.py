@@ -1,23 +1,23 @@
-"""The Zenoh session of a gateway: opened off the loop, its errors in one line, closed in time.
+"""An open Zenoh session: opened off the loop, its errors in one line, closed without remainder.
 
 Everything that is put here has the destination REMOTE: the own session does not hear it. From the
 loop nothing ever blocks: puts are dropped on a full connection, everything else is done by the
 `Worker`.
 """
 
-import asyncio
 import json
 import logging
 import re
 import threading
-from collections.abc import Callable
-from typing import Final, Self, TypeVar
+import time
+from collections.abc import Callable, Sequence
+from typing import Final, TypeVar
 
 import zenoh
 
 from zacoustic.core.qos import Priority
 from zacoustic.errors import SessionError
-from zacoustic.gateway.worker import Worker
+from zacoustic.island.worker import Worker
 
 T = TypeVar("T")
 
@@ -39,38 +39,44 @@ class Island:
 
     Args:
         session: The session.
-        worker: Where what may block is done.
+        worker: Where what may block is done; ends with the session.
+        mode: router, peer or client.
     """
 
-    def __init__(self, session: zenoh.Session, worker: Worker) -> None:
+    def __init__(self, session: zenoh.Session, worker: Worker, mode: str) -> None:
         self.session = session
         self.worker = worker
+        self.mode = mode
         self.lost = 0
         """Puts that the session refused."""
         self._callbacks = 0
-        self._callbacks_changed = threading.Condition()
+        self._ending: list[threading.Thread] = []
+        self._changed = threading.Condition()
+        self._transports = 0
 
     @classmethod
-    async def open(cls, config: zenoh.Config) -> Self:
+    async def open(cls, config: zenoh.Config) -> "Island":
         """Open a session in the mode of the config.
 
         Raises:
             SessionError: A port is in use, no router is reached, or anything else that Zenoh says.
         """
         worker = Worker("zenoh")
-        opened: list[zenoh.Session] = []
+
+        def begin() -> Island:
+            island = cls(zenoh.open(config), worker, mode_of(config))
+            worker.end_with(island._close)
+            return island
+
         try:
-            await worker.run(lambda: opened.append(zenoh.open(config)))
+            return await worker.run(begin)
         except zenoh.ZError as error:
             await worker.close(limit_s=CLOSE_LIMIT_S)
-            raise explain(error) from error
-        except asyncio.CancelledError:
-            # Opening goes on in its thread and cannot be stopped: the session is closed when it is
-            # there.
-            worker.submit(lambda: _close(opened[0]) if opened else None)
+            raise explain(error, endpoints_of(config, "connect")) from error
+        except BaseException:
+            # Opening goes on in its thread and cannot be stopped: what it opens is closed there.
             worker.end()
             raise
-        return cls(opened[0], worker)
 
     def callback(
         self, function: Callable[[T], None], end: Callable[[], None] | None = None
@@ -80,6 +86,9 @@ class Island:
         Zenoh calls it on a thread that ends some time after the session. A thread that comes back
         to an interpreter which is ending kills the process, with an abort instead of its exit code.
 
+        It must be given to Zenoh at once, together with a key that is a `zenoh.KeyExpr` already: of
+        any other Zenoh may complain before it takes the callback, which it then never drops.
+
         Args:
             function: Takes what arrives, on a thread of Zenoh's.
             end: Called there when nothing arrives any more.
@@ -88,13 +97,31 @@ class Island:
         def drop() -> None:
             if end is not None:
                 end()
-            with self._callbacks_changed:
+            with self._changed:
                 self._callbacks -= 1
-                self._callbacks_changed.notify_all()
+                self._ending = [thread for thread in self._ending if thread.is_alive()]
+                self._ending.append(threading.current_thread())
+                self._changed.notify_all()
 
-        with self._callbacks_changed:
+        with self._changed:
             self._callbacks += 1
         return zenoh.handlers.Callback(function, drop)
+
+    def watch(self, tell: Callable[[bool], None]) -> None:
+        """Have the connection watched.
+
+        Args:
+            tell: Told, on a thread of Zenoh's, whether there is any connection, when that changes;
+                at first when there is one.
+        """
+
+        def note(event: zenoh.TransportEvent) -> None:
+            before = self._transports
+            self._transports += 1 if event.kind == zenoh.SampleKind.PUT else -1
+            if bool(before) != bool(self._transports):
+                tell(bool(self._transports))
+
+        self.session.info.declare_transport_events_listener(self.callback(note), history=True)
 
     def put(
         self,
@@ -133,17 +160,20 @@ class Island:
             self._lose(key, error)
 
     async def close(self) -> None:
-        """Close the session, off the loop; gives up after `CLOSE_LIMIT_S`."""
-        try:
-            await self.worker.run(self._close, limit_s=CLOSE_LIMIT_S)
-        except TimeoutError:
+        """Close the session behind all steps, off the loop; gives up after `CLOSE_LIMIT_S`."""
+        if not await self.worker.close(limit_s=CLOSE_LIMIT_S):
             _logger.warning("the Zenoh session does not close within %g s", CLOSE_LIMIT_S)
-        await self.worker.close(limit_s=CLOSE_LIMIT_S)
 
     def _close(self) -> None:
-        _close(self.session)
-        with self._callbacks_changed:
-            self._callbacks_changed.wait_for(lambda: self._callbacks == 0, CALLBACKS_LIMIT_S)
+        """Close the session and see its threads off; in the worker, or where that is over."""
+        self.session.close()  # type: ignore[no-untyped-call]
+        until_s = time.monotonic() + CALLBACKS_LIMIT_S
+        with self._changed:
+            self._changed.wait_for(lambda: self._callbacks == 0, CALLBACKS_LIMIT_S)
+            ending = self._ending
+        # They have dropped their callbacks, and have a few steps to go.
+        for thread in ending:
+            thread.join(max(until_s - time.monotonic(), 0))
 
     def _lose(self, key: str, error: zenoh.ZError) -> None:
         self.lost += 1
@@ -160,32 +190,37 @@ def mode_of(config: zenoh.Config) -> str:
     return str(_setting(config, "mode") or "peer")
 
 
-def endpoints_of(config: zenoh.Config) -> tuple[str, ...]:
-    """Return where a session of that config listens and what it connects to, for people."""
-    mode = mode_of(config)
-    found: list[str] = []
-    for word in ("listen", "connect"):
-        endpoints = _setting(config, f"{word}/endpoints")
-        if isinstance(endpoints, dict):
-            endpoints = endpoints.get(mode)
-        if isinstance(endpoints, list):
-            found += [f"{word} {endpoint}" for endpoint in endpoints]
-    return tuple(found)
+def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
+    """Return where a session of that config listens or what it connects to.
+
+    Args:
+        config: The settings.
+        word: ``listen`` or ``connect``.
+    """
+    endpoints = _setting(config, f"{word}/endpoints")
+    if isinstance(endpoints, dict):
+        endpoints = endpoints.get(mode_of(config))
+    return tuple(endpoints) if isinstance(endpoints, list) else ()
 
 
-def explain(error: zenoh.ZError) -> SessionError:
-    """Say in one line what an error of opening means, and what to do."""
-    text = " ".join(_NOISE.sub("", str(error)).split())
+def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
+    """Say in one line what an error of opening means, and what to do.
+
+    Args:
+        error: What Zenoh raised.
+        endpoints: What the session was to connect to; not all errors name it.
+    """
+    text = one_line(error)
     endpoint = found[1] if (found := _ENDPOINT.search(text)) else ""
     if endpoint:
         reason = text.rpartition(f"{endpoint}: ")[2].strip("[]. ").rpartition(": ")[2].strip("]. ")
         hint = _LISTEN_HINTS.get(reason, "correct listen.endpoints")
         return SessionError(f"cannot listen on {endpoint}: {reason}", hint=hint)
-    if text.startswith("Unable to connect"):
-        endpoints = ", ".join(_ENDPOINTS.findall(text)) or "the endpoints of the config"
+    if text.startswith(("Unable to connect", "Timeout")):
+        where = ", ".join(_ENDPOINTS.findall(text) or endpoints) or "the endpoints of the config"
         return SessionError(
-            f"no Zenoh router at {endpoints}",
-            hint="start it, or correct connect.endpoints; connect: { timeout_ms: -1 } waits for it",
+            f"no Zenoh router at {where}",
+            hint="start it, or correct the endpoint; connect: { timeout_ms: -1 } in the file waits",
         )
     if text.startswith("No peer specified"):
         return SessionError(
@@ -200,15 +235,16 @@ def explain(error: zenoh.ZError) -> SessionError:
     return SessionError(f"Zenoh does not open a session: {text.strip('. ')}")
 
 
+def one_line(error: zenoh.ZError) -> str:
+    """What Zenoh says, without places in its source."""
+    return " ".join(_NOISE.sub("", str(error)).split())
+
+
 def _setting(config: zenoh.Config, key: str) -> object:
     try:
         return json.loads(config.get_json(key))
     except zenoh.ZError:  # not set
         return None
-
-
-def _close(session: zenoh.Session) -> None:
-    session.close()  # type: ignore[no-untyped-call]
 
 
 _LISTEN_HINTS: Final = {

@@ -17,6 +17,7 @@ from typing import Final
 
 import cbor2
 import msgspec
+import zenoh
 
 _NAME: Final = b"\x68acoustic"
 # A CBOR map of 1…23 pairs begins with one byte, 0xA1…0xB7.
@@ -45,11 +46,13 @@ def is_marked(attachment: bytes) -> bool:
     return attachment[1 : 1 + len(_NAME)] == _NAME and _MAP_FIRST <= attachment[0] <= _MAP_LAST
 
 
-def read_marker(attachment: bytes) -> Marker | None:
-    """Read an attachment; None when it is not one of a gateway."""
-    if not is_marked(attachment):
+def read_marker(attachment: bytes | zenoh.ZBytes | None) -> Marker | None:
+    """Read an attachment; None when there is none, or it is not one of a gateway."""
+    if isinstance(attachment, zenoh.ZBytes):
+        attachment = attachment.to_bytes()
+    if attachment is None or not is_marked(attachment):
         return None
     try:
         return msgspec.convert(cbor2.loads(attachment), Marker)
-    except (cbor2.CBORDecodeError, EOFError, ValueError, TypeError):
+    except (cbor2.CBORDecodeError, EOFError, ValueError, TypeError, RecursionError):
         return None

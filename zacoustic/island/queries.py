@@ -2,28 +2,21 @@
 
 A `get` ends when its `Query` is dropped, and a query that is lost without an answer looks to the
 caller like "nobody is there". So every query lives in a `HeldQuery` from the moment at which Zenoh
-hands it over: it is answered with values, or refused with a reason, or refused when the gateway
-stops. What is too much at once is refused on the spot.
+hands it over: it is answered with values, or refused with a reason, or refused when whoever holds
+it stops. What is too much at once is refused on the spot.
 """
 
 import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Final
 
 import msgspec
 import zenoh
 
-from zacoustic.gateway.worker import Worker
-
-# The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
-# services together would wait for hours on sound.
-QUERIES_LIMIT: Final = 256
-"""Queries that are held at the same time."""
-
-ERROR_ENCODING: Final = "text/plain"
-"""Encoding of the reason in an error reply: UTF-8."""
+from zacoustic.core.events import CallFailure
+from zacoustic.island.replies import ERROR_ENCODING, error_text
+from zacoustic.island.worker import Worker
 
 _logger = logging.getLogger(__name__)
 
@@ -38,7 +31,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     """Its Zenoh encoding."""
     attachment: bytes | None = None
-    """See `zacoustic.gateway.marker`."""
+    """See `zacoustic.island.marker`."""
 
 
 class HeldQuery:
@@ -48,13 +41,13 @@ class HeldQuery:
         self.query = query
         self._desk = desk
 
-    def answer(self, answers: Sequence[Answer]) -> None:
-        """Reply with these values; none: the `get` ends without a reply."""
-        self._desk.finish(self, lambda query: _reply(query, answers))
+    def answer(self, answers: Sequence[Answer]) -> bool:
+        """Reply with these values; none: the `get` ends without a reply. False: it was ended."""
+        return self._desk.finish(self, lambda query: _reply(query, answers))
 
-    def refuse(self, reason: str) -> None:
-        """Reply with an error."""
-        self._desk.finish(self, lambda query: _refuse(query, reason))
+    def refuse(self, failure: CallFailure, text: str) -> bool:
+        """Reply with an error. False: it was ended."""
+        return self._desk.finish(self, lambda query: _refuse(query, failure, text))
 
 
 Serve = Callable[[HeldQuery], None]
@@ -66,18 +59,20 @@ class QueryDesk:
 
     Args:
         worker: Where replies are sent.
-        ring: Wakes the loop.
+        ring: Wakes the loop, which then calls `take`.
         limit: Queries held at the same time, not yet answered.
+        closed_text: What a caller reads whose query is refused by `close`.
     """
 
     def __init__(
-        self, worker: Worker, ring: Callable[[], None], *, limit: int = QUERIES_LIMIT
+        self, worker: Worker, ring: Callable[[], None], *, limit: int, closed_text: str
     ) -> None:
         self.refused = 0
         """Queries that were refused because too many were held."""
         self._worker = worker
         self._ring = ring
         self._limit = limit
+        self._closed_text = closed_text
         self._guard = threading.Lock()
         self._held: set[HeldQuery] = set()
         self._sending = 0
@@ -100,12 +95,11 @@ class QueryDesk:
                 self._waiting.append((held, serve))
             elif is_full:
                 self.refused += 1
-        if is_closed:
-            _send(query, lambda query: _refuse(query, "the gateway is stopping"))
-        elif is_full:
-            _send(query, lambda query: _refuse(query, f"{self._limit} queries are held already"))
-        else:
+        if not is_full and not is_closed:
             self._ring()
+            return
+        text = self._closed_text if is_closed else f"{self._limit} queries are held already"
+        _send(query, lambda query: _refuse(query, CallFailure.NO_SERVER, text))
 
     def take(self) -> list[tuple[HeldQuery, Serve]]:
         """Return the queries that have arrived; on the loop."""
@@ -114,11 +108,11 @@ class QueryDesk:
             self._waiting.clear()
         return taken
 
-    def finish(self, held: HeldQuery, reply: Callable[[zenoh.Query], None]) -> None:
+    def finish(self, held: HeldQuery, reply: Callable[[zenoh.Query], None]) -> bool:
         """Send the answer to a query, unless it has one; called by `HeldQuery`."""
         with self._guard:
             if held not in self._held:
-                return
+                return False
             self._held.discard(held)
             self._sending += 1
 
@@ -130,6 +124,7 @@ class QueryDesk:
                     self._sending -= 1
 
         self._worker.submit(send)
+        return True
 
     def close(self) -> None:
         """Refuse what is held and whatever comes from now on."""
@@ -138,7 +133,7 @@ class QueryDesk:
             held = list(self._held)
             self._waiting.clear()
         for each in held:
-            each.refuse("the gateway is stopping")
+            each.refuse(CallFailure.NO_SERVER, self._closed_text)
 
     def __len__(self) -> int:
         with self._guard:
@@ -160,5 +155,6 @@ def _reply(query: zenoh.Query, answers: Sequence[Answer]) -> None:
         )
 
 
-def _refuse(query: zenoh.Query, reason: str) -> None:
+def _refuse(query: zenoh.Query, failure: CallFailure, text: str) -> None:
+    reason = error_text(str(query.key_expr), failure, text)
     query.reply_err(reason.encode(), encoding=ERROR_ENCODING)

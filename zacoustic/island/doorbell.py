@@ -1,0 +1,44 @@
+"""From Zenoh's threads to the loop: a bell that rings once.
+
+A loop that is called for each sample collects an unbounded queue of calls. So whoever hands
+something over keeps it, bounded, and rings: that wakes the loop if no wake-up is under way.
+"""
+
+import asyncio
+import contextlib
+import threading
+from collections.abc import Callable
+
+
+class Doorbell:
+    """Wakes the loop from any thread, once until it has been answered.
+
+    Args:
+        loop: The loop to wake.
+        answer: What it then does.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, answer: Callable[[], None]) -> None:
+        self._loop = loop
+        self._answer = answer
+        self._guard = threading.Lock()
+        self._has_rung = False
+
+    def ring(self) -> None:
+        """Have `answer` called soon; whatever was handed over before the ring is there by then."""
+        with self._guard:
+            if self._has_rung:
+                return
+            self._has_rung = True
+        tell_loop(self._loop, self._open)
+
+    def _open(self) -> None:
+        with self._guard:
+            self._has_rung = False
+        self._answer()
+
+
+def tell_loop(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
+    """Call back on the loop, if it still runs; from any thread."""
+    with contextlib.suppress(RuntimeError):  # it has ended: nobody is there any more
+        loop.call_soon_threadsafe(callback)

@@ -1,0 +1,46 @@
+"""The texts of error replies, both ways: ``<service>: <failure>: <text>``.
+
+Whoever asks learns from `<failure>`, a name of `CallFailure`, how far the call got. An error reply
+of another form is one of a program that knows nothing of this: its handler has failed, and said so.
+"""
+
+from typing import Final
+
+from zacoustic.core.encoding import OPAQUE
+from zacoustic.core.events import CallFailure
+
+ERROR_ENCODING: Final = "text/plain"
+"""Encoding of the text in an error reply: UTF-8."""
+
+REASONS: Final = {
+    CallFailure.HANDLER: "the server failed",
+    CallFailure.NO_SERVER: "nobody on the island of the server's node serves it",
+    CallFailure.BAD_REQUEST: "the request does not decode",
+    CallFailure.TABLE_MISMATCH: "the two nodes define the stream in different ways",
+    CallFailure.BAD_RESPONSE: "the response does not decode",
+    CallFailure.TIMED_OUT: "no answer before the deadline",
+    CallFailure.CANCELLED: "given up",
+}
+"""Text where the other end sent none, which costs no airtime."""
+
+
+def error_text(name: str, failure: CallFailure, text: str) -> str:
+    """Write the text of an error reply.
+
+    Args:
+        name: The service, as it was asked for.
+        failure: How far the call got.
+        text: One line for people; a name of the service in front of it is not repeated.
+    """
+    return f"{name}: {failure.name}: {text.removeprefix(f'{name}: ') or REASONS[failure]}"
+
+
+def read_error(name: str, payload: bytes, encoding: str) -> tuple[CallFailure, str]:
+    """Read an error reply: how far the call got, and the text in one line."""
+    text = " ".join(payload.decode(errors="replace").split())
+    if text == "Timeout" and encoding == OPAQUE:  # Zenoh's own word
+        return CallFailure.TIMED_OUT, "no answer in time"
+    head, _, rest = text.removeprefix(f"{name}: ").partition(": ")
+    if text.startswith(f"{name}: ") and head in CallFailure.__members__:
+        return CallFailure[head], rest
+    return CallFailure.HANDLER, text

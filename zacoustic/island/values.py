@@ -1,0 +1,42 @@
+"""Values on the Zenoh side: CBOR maps or JSON objects for types, bytes as they are without one.
+
+Reading and writing does not ask whether the type allows the value; that is for whoever gives it to
+an engine or to an application.
+"""
+
+from zacoustic.core.encoding import OPAQUE, decode_application, encode_application
+from zacoustic.core.types import TypeSpec
+from zacoustic.errors import PayloadInvalidError
+
+
+def said_encoding(encoding: object, otherwise: str) -> str:
+    """Return the encoding of a sample; `otherwise` for Zenoh's default and None, which say nothing.
+
+    Args:
+        encoding: What Zenoh gives; its text counts.
+        otherwise: The stream's.
+    """
+    said = OPAQUE if encoding is None else str(encoding)
+    return otherwise if said == OPAQUE else said
+
+
+def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
+    """Read what somebody on the island sent: a dict, or bytes.
+
+    Raises:
+        PayloadInvalidError: It cannot be read.
+    """
+    return payload if spec is None else decode_application(payload, encoding, type_spec=spec)
+
+
+def write_value(value: object, spec: TypeSpec | None, encoding: str) -> bytes:
+    """Write a value for the island.
+
+    Raises:
+        PayloadInvalidError: The encoding cannot carry it, or it is opaque and not bytes.
+    """
+    if spec is not None:
+        return encode_application(value, encoding)
+    if not isinstance(value, bytes | bytearray | memoryview):
+        raise PayloadInvalidError(f"{type(value).__name__} on an opaque stream; allowed: bytes")
+    return bytes(value)

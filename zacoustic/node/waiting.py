@@ -1,0 +1,114 @@
+"""Endpoints whose calls wait, for the blocking `Node`: each stands for one on its loop."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from typing import Generic, TypeVar
+
+from zacoustic.node import pubsub, service
+from zacoustic.node.loopthread import LoopThread
+from zacoustic.node.pubsub import Sample
+
+T = TypeVar("T")
+Asked = TypeVar("Asked")
+Answered = TypeVar("Answered")
+
+
+class Publisher(Generic[T]):
+    """Publishes one key; see `zacoustic.Publisher`."""
+
+    def __init__(self, publisher: pubsub.Publisher[T], thread: LoopThread) -> None:
+        self.key = publisher.key
+        """What it publishes under, placeholders filled in."""
+        self._publisher = publisher
+        self._thread = thread
+
+    def publish(self, value: T, *, encoding: str | None = None) -> None:
+        """Publish a value; never waits for the water, and works in callbacks too."""
+        self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
+
+    def delete(self) -> None:
+        """Tell the subscribers that the key is deleted; as `publish`."""
+        self._thread.apply(self._publisher.delete)
+
+    def close(self) -> None:
+        """Withdraw the publisher."""
+        self._thread.apply(self._publisher.close)
+
+
+class Subscription(Generic[T]):
+    """Receives the samples of a topic; see `zacoustic.Subscription`."""
+
+    def __init__(self, subscription: pubsub.Subscription[T], thread: LoopThread) -> None:
+        self.name = subscription.name
+        """The topic."""
+        self._subscription = subscription
+        self._thread = thread
+
+    @property
+    def dropped(self) -> int:
+        """Samples that newer ones pushed out before they were taken."""
+        return self._subscription.dropped
+
+    def __iter__(self) -> Iterator[Sample[T]]:
+        return self
+
+    def __next__(self) -> Sample[T]:
+        sample = self._thread.wait(next_or_none(self._subscription))
+        if sample is None:
+            raise StopIteration
+        return sample
+
+    def receive(self, *, timeout_s: float | None = None) -> Sample[T]:
+        """Wait for the next sample.
+
+        Raises:
+            TimeoutError: None within `timeout_s`, s.
+            LocalError: The subscription is closed, or this is a callback.
+        """
+
+        async def receive() -> Sample[T]:
+            async with asyncio.timeout(timeout_s):
+                return await self._subscription.receive()
+
+        return self._thread.wait(receive())
+
+    def close(self) -> None:
+        """End it."""
+        self._thread.apply(self._subscription.close)
+
+
+class Client(Generic[Asked, Answered]):
+    """Calls one service; see `zacoustic.Client`."""
+
+    def __init__(self, client: service.Client[Asked, Answered], thread: LoopThread) -> None:
+        self.name = client.name
+        """The service."""
+        self._client = client
+        self._thread = thread
+
+    def call(self, request: Asked, *, timeout_s: float | None = None) -> Answered:
+        """Call the service and wait for the answer; raises what `zacoustic.Client.call` does."""
+        return self._thread.wait(self._client.call(request, timeout_s=timeout_s))
+
+    def close(self) -> None:
+        """Withdraw the client."""
+        self._thread.apply(self._client.close)
+
+
+class Service(Generic[Asked, Answered]):
+    """Serves one service; see `zacoustic.Service`."""
+
+    def __init__(self, served: service.Service[Asked, Answered], thread: LoopThread) -> None:
+        self.name = served.name
+        """The service."""
+        self._served = served
+        self._thread = thread
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._thread.apply(self._served.close)
+
+
+async def next_or_none(items: AsyncIterator[T]) -> T | None:
+    """Take the next item; None at the end."""
+    return await anext(items, None)
