@@ -13,7 +13,7 @@ Map, in reading order:
 `queue`, `qos`, `composer`          what waits, what it is worth, how it becomes a frame
 `receiver`, `topics`, `services`,   what arrives, and what becomes of it
 `calls`
-`handshake`                         HELLO: do both ends hold the same table?
+`handshake`, `peer`                 HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
 `streams`, `keys`                   names ⇄ bytes, and the digest of the table
 `types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application

@@ -55,6 +55,7 @@ from zacoustic.core.frame import (
     Tag,
 )
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.peer import Pause, Peer
 from zacoustic.core.stats import Cause
 from zacoustic.core.streams import StreamTable
 
@@ -62,74 +63,11 @@ HELLO_EVERY: Final = 8
 """On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
 on average."""
 
-_FIRST_PAUSE_UNITS: Final = 2
-_LONGEST_PAUSE_UNITS: Final = 256
 
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
 do; four is generous."""
 _ASK_HELLO: Final = 0
-
-
-class Pause:
-    """Doubles with each use: no question is repeated faster than answers can come."""
-
-    __slots__ = ("_units", "not_before")
-
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Allow the next use at once."""
-        self._units = _FIRST_PAUSE_UNITS
-        self.not_before = 0
-
-    def use(self, now: int, unit_ns: int) -> None:
-        """Note a use; the next one is allowed after the pause."""
-        self.not_before = now + self._units * unit_ns
-        self._units = min(2 * self._units, _LONGEST_PAUSE_UNITS)
-
-    @property
-    def is_longest(self) -> bool:
-        """It grows no more."""
-        return self._units == _LONGEST_PAUSE_UNITS
-
-
-class Peer:
-    """What is known of another node, and what is owed to it."""
-
-    def __init__(self) -> None:
-        self.epoch: int | None = None
-        self.digest = b""
-        self.settled_at = 0
-        self.rows: dict[int, bytes] = {}
-        self.confirmed_us = False
-        self.told_differing: set[int] = set()
-        self.owes_confirm = False
-        self.owes_hello = False
-        self.owed_rows: dict[int, None] = {}
-        self.questions: dict[int, None] = {}
-        self.speak_at: int | None = None
-        self.ask_pause = Pause()
-        self.answer_pause = Pause()
-
-    @property
-    def is_owed(self) -> bool:
-        """Something is to be said to it."""
-        return self.owes_confirm or self.owes_hello or bool(self.owed_rows or self.questions)
-
-    @property
-    def confirm_at(self) -> int:
-        """Instant from which it may be confirmed, ns."""
-        return max(self.settled_at, self.answer_pause.not_before)
-
-    @property
-    def sayable_at(self) -> int:
-        """Instant from which some of what it is owed may be said, ns; only where it `is_owed`."""
-        instants = [self.confirm_at] if self.owes_confirm else []
-        if self.questions:
-            instants.append(self.ask_pause.not_before)
-        return 0 if self.owes_hello or self.owed_rows else min(instants)
 
 
 class Handshake:

@@ -15,7 +15,7 @@ from zacoustic_evologics.emulator import FaultKind, FaultPlan, PortBytes, Script
 from zacoustic_evologics.framing import CRLF, TCP_LINE_END
 from zacoustic_evologics.messages import RawData
 
-FOLDER: Final = Path(__file__).parent / "transcripts"
+FOLDER: Final = Path(__file__).parents[3] / "golden" / "evologics"
 
 
 class Scene:
