@@ -41,7 +41,12 @@ def test_transcript_is_read_as_it_says(path: Path, cut: str) -> None:
         assert found == list(said.records), said.content
 
 
-@BY_NAME
+# What the emulator said to mistakes of a host cannot be written by our encoders, which refuse them.
+@pytest.mark.parametrize(
+    "path",
+    [path for path in TRANSCRIPTS if not path.stem.startswith("emulated")],
+    ids=lambda path: path.stem,
+)
 def test_transcript_is_written_as_it_is(path: Path) -> None:
     for said in read_transcript(path):
         if said.canonical and not any(isinstance(each, InvalidCommand) for each in said.records):
