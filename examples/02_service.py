@@ -6,7 +6,6 @@ One on a modem, with its name:   python examples/02_service.py auv1 --link sim/1
 
 import argparse
 import asyncio
-from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -16,7 +15,7 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link
 from zacoustic_sim.medium import SimMedium
 
-FLEET = Path(__file__).with_suffix(".json5")  # ids, ranges and steps are there
+FLEET = __file__.replace(".py", ".json5")  # ids, ranges and steps are there
 
 
 class Arm:

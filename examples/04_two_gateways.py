@@ -50,7 +50,7 @@ def applications(shore_port: int, auv1_port: int) -> None:
         started_s = time.monotonic()
         auv1.put("auv1/nav", cbor2.dumps({"lat": 54.32, "lon": 10.14, "depth": 12.5}))
         sample = samples.get(timeout=30)
-        origin = sample.attachment and read_marker(sample.attachment.to_bytes())
+        origin = read_marker(sample.attachment)
         print("shore hears", sample.key_expr, cbor2.loads(sample.payload.to_bytes()), origin)
         # Sound is slow: a call may need more than the 10 s that Zenoh waits by default.
         for reply in shore.get("auv1/arm", payload=cbor2.dumps({"arm": True}), timeout=60):

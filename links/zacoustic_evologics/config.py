@@ -37,7 +37,8 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     source_level: int | None = None
     """0 the loudest, then 1: -6 dB, 2: -12 dB, 3: -20 dB."""
     deck: bool = False
-    """The transducer is in air: source level 3, whatever the modem was set to, or no link."""
+    """The transducer is in air: source level 3 whatever the modem was set to, set again before each
+    frame; no link if it cannot be set."""
     gain: int | None = None
     """Of the receiver: 0 normal, 1 low, for short ranges."""
     retries: int = 0

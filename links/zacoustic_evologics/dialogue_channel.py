@@ -7,6 +7,8 @@ was not answered: `AT?MODE`, whose answer (`NET`, `AT`) no other command gives. 
 come before it are late; they are handed to who asked, as `late`, and end nothing. If the fence is
 not answered either, the modem is not there any more.
 
+What cannot be the answer (a word where a number was asked) is not taken for it: ports are noisy.
+
 Nothing is ever sent again from here: who asks decides what a missing answer means.
 """
 
@@ -16,11 +18,29 @@ from typing import Final
 import msgspec
 
 from zacoustic_evologics.answers import ReplyCollector, decode_reply
-from zacoustic_evologics.commands import Command, Query
+from zacoustic_evologics.commands import (
+    Act,
+    Action,
+    Command,
+    Query,
+    SendBurst,
+    SendIm,
+    SendIms,
+    Set,
+    SetOption,
+)
 from zacoustic_evologics.encoder import command_name, encode_command
 from zacoustic_evologics.framing import Framing, Interpreter
 from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.replies import Accepted, CommandReply, ModeReply
+from zacoustic_evologics.replies import (
+    Accepted,
+    CommandReply,
+    DeliveryReply,
+    ModeReply,
+    Number,
+    Refused,
+)
+from zacoustic_evologics.settings import SETTINGS
 
 FENCE: Final = Query("MODE")
 """The question whose answer cannot be mistaken for any other."""
@@ -177,9 +197,22 @@ def _is_named_for(reply: Reply, command: Command) -> bool:
 
 
 def _can_answer(command: Command, meaning: CommandReply) -> bool:
-    """Tell whether this can be the answer, as far as one knows."""
-    if isinstance(command, Query):
-        if command == FENCE:
+    """Tell whether this can be the answer; else it is noise on the line, or of something else."""
+    if isinstance(meaning, Refused):
+        return command != FENCE
+    match command:
+        case Query("MODE"):
             return isinstance(meaning, ModeReply)
-        return not isinstance(meaning, Accepted)
-    return True
+        case Query("DI"):
+            return isinstance(meaning, DeliveryReply)
+        case Query(name) if name in _NUMBERS:
+            return isinstance(meaning, Number)
+        case Set() | SetOption() | Act(Action.RESET) | SendIm() | SendIms() | SendBurst():
+            return isinstance(meaning, Accepted)
+        case Query():
+            return not isinstance(meaning, Accepted)
+        case _:
+            return True
+
+
+_NUMBERS: Final = frozenset(SETTINGS) | {"CLOCK", "PC", "T"}

@@ -2,7 +2,7 @@
 
 ::
 
-    CHECKING ─LISTENING─► PREPARING ─COUNTED─► GIVING ─ACCEPTED─► FLYING ─PROVEN─► OVER
+    CHECKING ─LISTENING─► PREPARING ─PREPARED─► GIVING ─ACCEPTED─► FLYING ─PROVEN─► OVER
        ▲  │ OCCUPIED          ▲                 │ │                │ ▲ │
        │  ▼                   │ DONE            │ │ UNANSWERED DUE ▼ │ │ EXPIRED
      PAUSING ◄──── NOT_NOW ───┼─────────────────┤ ▼         POLLING ─┘ └─► DROPPING ─► OVER
@@ -25,7 +25,8 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
-from zacoustic_evologics.commands import Command, Query
+from zacoustic_evologics.commands import Command, Query, Set
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
 from zacoustic_evologics.dialogue_channel import Answer, CommandChannel
 from zacoustic_evologics.notifications import (
     Notification,
@@ -71,7 +72,8 @@ class Sending:
         session: ModemSession,
         now: int,
     ) -> None:
-        self.phase = Phase.CHECKING if carriage.service is Service.BURST else Phase.PREPARING
+        self._is_burst = carriage.service is Service.BURST
+        self.phase = Phase.CHECKING if self._is_burst else Phase.PREPARING
         self.carriage = carriage
         self.ticket: int | None = None
         """Of the command whose answer is waited for."""
@@ -89,6 +91,7 @@ class Sending:
         self._evidence = Evidence(carriage, session, self._times.airtime_ns)
         self._busy_until = now + self._times.busy_ns
         self._limit_at = 0
+        self._preparations: list[Command] = []
         self._counter: int | None = None
         self._has_asked = False
         self._answer = self._asked = ""
@@ -118,7 +121,10 @@ class Sending:
             self._has_asked = True
             self._asked = self._answer
             self._state = reply.state if isinstance(reply, DeliveryReply) else None
-        self._step(word, now)
+        if word is Word.PREPARED and self._preparations:
+            self._prepare(now)
+        else:
+            self._step(word, now)
 
     def handle_notification(self, record: Notification, now: int) -> None:
         """Take what the modem says; most of it is about something else."""
@@ -162,10 +168,9 @@ class Sending:
         match self.phase:
             case Phase.CHECKING:
                 self._ask(Query("S"), now)
-            case Phase.PREPARING if self.carriage.service is Service.BURST:
-                self._ask(Query("PC"), now)
             case Phase.PREPARING:
-                self._step(Word.COUNTED, now)
+                self._preparations = self._to_prepare()
+                self._prepare(now)
             case Phase.GIVING:
                 self._evidence.begin(now)
                 self._limit_at = 0
@@ -190,6 +195,19 @@ class Sending:
                 self._ask(self.carriage.drop_command(), now)
             case Phase.OVER:
                 pass
+
+    def _to_prepare(self) -> list[Command]:
+        """What is asked before the frame is given."""
+        # A modem that was switched off and on since the start is as loud as it was stored.
+        on_deck = self._session.config.deck
+        preparations: list[Command] = [Set("L", IN_AIR_SOURCE_LEVEL)] if on_deck else []
+        return [*preparations, Query("PC")] if self._is_burst else preparations
+
+    def _prepare(self, now: int) -> None:
+        if self._preparations:
+            self._ask(self._preparations.pop(0), now)
+        else:
+            self._step(Word.PREPARED, now)
 
     def _ask(self, command: Command, now: int) -> None:
         self.ticket = self._channel.ask(command, now)
@@ -246,8 +264,6 @@ class Sending:
                 return TransmitOutcome.ABORTED, f"no answer; then AT?{asked}: {self._answer}"
             case _, Word.RESTARTED:
                 self.suspicion = "the modem has been restarted"
-            case _, Word.STRANGE:
-                self.suspicion = f"the modem answers {self._answer!r} where it cannot"
             case _:
                 self.suspicion = "the modem does not answer"
         return TransmitOutcome.ABORTED, self.suspicion

@@ -61,7 +61,8 @@ def read_answer(phase: Phase, answer: Answer, carriage: Carriage, counter: int |
         case Phase.CHECKING:
             return Word.LISTENING if has_time(reply) else Word.OCCUPIED
         case Phase.PREPARING:
-            return Word.COUNTED if isinstance(reply, Number) else _read_refusal(reply)
+            is_done = isinstance(reply, Number | Accepted)
+            return Word.PREPARED if is_done else _read_refusal(reply)
         case Phase.GIVING:
             return Word.ACCEPTED if isinstance(reply, Accepted) else _read_refusal(reply)
         case Phase.DOUBTING | Phase.POLLING:
@@ -76,7 +77,7 @@ def read_answer(phase: Phase, answer: Answer, carriage: Carriage, counter: int |
 
 
 def _read_refusal(reply: CommandReply) -> Word:
-    return _WORD_OF_REMEDY[remedy_for(reply)] if isinstance(reply, Refused) else Word.STRANGE
+    return _WORD_OF_REMEDY[remedy_for(reply)] if isinstance(reply, Refused) else Word.UNANSWERED
 
 
 def _read_delivery(reply: CommandReply) -> Word:
@@ -87,7 +88,7 @@ def _read_delivery(reply: CommandReply) -> Word:
         case Refused():
             return Word.HAS_IT if reply.kind is RefusalKind.BUSY else Word.IDLE
         case _:
-            return Word.STRANGE
+            return Word.UNANSWERED
 
 
 def _read_counter(reply: CommandReply, counter: int | None) -> Word:
@@ -97,4 +98,4 @@ def _read_counter(reply: CommandReply, counter: int | None) -> Word:
         case Refused():
             return Word.HAS_IT
         case _:
-            return Word.STRANGE
+            return Word.UNANSWERED

@@ -9,7 +9,7 @@ class Phase(enum.Enum):
 
     # A burst first, and what was refused: `AT?S` is asked, whether the modem has time.
     CHECKING = "checking"
-    # A burst: `AT?PC` is asked, the number of the next one. Nothing to do for others.
+    # A burst: `AT?PC` is asked, the number of the next one. On deck, `AT!L3` is said.
     PREPARING = "preparing"
     # The modem has been given the frame and has not said whether it takes it.
     GIVING = "giving"
@@ -38,8 +38,8 @@ class Word(enum.Enum):
     """`AT?S`: it has time."""
     OCCUPIED = "occupied"
     """`AT?S`: it has none."""
-    COUNTED = "counted"
-    """`AT?PC` was answered, or need not be asked."""
+    PREPARED = "prepared"
+    """What is asked before was answered, or there is nothing."""
     ACCEPTED = "accepted"
     """`OK`."""
     NOT_NOW = "not now"
@@ -56,8 +56,6 @@ class Word(enum.Enum):
     """A command that need not say more was answered."""
     RESTARTED = "restarted"
     """The modem has forgotten what was set."""
-    STRANGE = "strange"
-    """An answer that fits no question."""
     UNANSWERED = "unanswered"
     """No answer came in time."""
     PROVEN = "proven"
@@ -78,23 +76,20 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.CHECKING, Word.LISTENING): Phase.PREPARING,
     (Phase.CHECKING, Word.OCCUPIED): Phase.PAUSING,
     (Phase.CHECKING, Word.UNANSWERED): Phase.PAUSING,
-    (Phase.PREPARING, Word.COUNTED): Phase.GIVING,
+    (Phase.PREPARING, Word.PREPARED): Phase.GIVING,
     (Phase.PREPARING, Word.NOT_NOW): Phase.PAUSING,
     (Phase.PREPARING, Word.UNANSWERED): Phase.PAUSING,
     (Phase.PREPARING, Word.MENDABLE): Phase.MENDING,
     (Phase.PREPARING, Word.REFUSED): Phase.OVER,
-    (Phase.PREPARING, Word.STRANGE): Phase.OVER,
     (Phase.GIVING, Word.ACCEPTED): Phase.FLYING,
     (Phase.GIVING, Word.NOT_NOW): Phase.PAUSING,
     (Phase.GIVING, Word.MENDABLE): Phase.MENDING,
     (Phase.GIVING, Word.REFUSED): Phase.OVER,
-    (Phase.GIVING, Word.STRANGE): Phase.OVER,
     (Phase.GIVING, Word.UNANSWERED): Phase.DOUBTING,
     (Phase.GIVING, Word.PROVEN): Phase.GIVING,
     (Phase.DOUBTING, Word.HAS_IT): Phase.FLYING,
     (Phase.DOUBTING, Word.IDLE): Phase.OVER,
     (Phase.DOUBTING, Word.UNANSWERED): Phase.OVER,
-    (Phase.DOUBTING, Word.STRANGE): Phase.OVER,
     (Phase.DOUBTING, Word.PROVEN): Phase.DOUBTING,
     (Phase.PAUSING, Word.DUE): Phase.CHECKING,
     (Phase.PAUSING, Word.STIRRED): Phase.CHECKING,
@@ -108,7 +103,6 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.POLLING, Word.HAS_IT): Phase.FLYING,
     (Phase.POLLING, Word.UNANSWERED): Phase.FLYING,
     (Phase.POLLING, Word.IDLE): Phase.VERIFYING,
-    (Phase.POLLING, Word.STRANGE): Phase.OVER,
     (Phase.POLLING, Word.PROVEN): Phase.OVER,
     (Phase.VERIFYING, Word.DONE): Phase.OVER,
     (Phase.VERIFYING, Word.RESTARTED): Phase.OVER,

@@ -8,7 +8,9 @@ from zacoustic_evologics.session import ModemSession
 
 BUSY_PAUSE_S: Final = 1.0
 """Between two questions whether the modem has time, s; the vendor's middleware waits as long."""
-LEAVING_POLL_S: Final = 0.1
+LEAVING_MARGIN_S: Final = 0.02
+"""Published airtimes are 14 ms off the straight line at most, s."""
+LEAVING_POLL_S: Final = 0.05
 """Between two questions whether a message has left, s, where the modem does not say it."""
 FLYING_POLL_S: Final = 0.5
 """Between two questions what has become of a message that should be over, s."""
@@ -67,6 +69,6 @@ class Timetable:
             exchange_ns = self.airtime_ns + self._round_trip_ns + margin_ns
             return given_at + self._attempts * exchange_ns
         if not self._is_told:
-            return given_at + self.airtime_ns
+            return given_at + self.airtime_ns + seconds_to_ns(LEAVING_MARGIN_S)
         # The airtimes of firmwares differ by a tenth.
         return (ends_at or given_at + 5 * self.airtime_ns // 4) + margin_ns

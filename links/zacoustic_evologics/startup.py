@@ -210,7 +210,7 @@ def _configure(session: ModemSession) -> Stages:
     for setting, before in wanted:
         for _ in range(2):  # a modem that is restarted just now forgets the first one
             reply = yield from _ask(setting)
-            if not isinstance(reply, Accepted):
+            if isinstance(reply, Refused):
                 _refuse(setting, reply)
                 break
             value = yield from _ask_number(setting.name)
@@ -250,14 +250,14 @@ def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
     return wanted
 
 
-def _refuse(setting: Set, reply: CommandReply) -> None:
+def _refuse(setting: Set, reply: Refused) -> None:
     """See whether one can do without."""
     if setting.name in ("RI", "LC"):
         # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without
         # the second the level is set again when somebody changes it (`Errands.silence`).
         return
     words = reply_text(reply)
-    is_controlled = isinstance(reply, Refused) and reply.reason == "NO CONTROL"
+    is_controlled = reply.reason == "NO CONTROL"
     raise StartupError(
         f"the modem refuses AT!{setting.name}{setting.value}: {words}",
         hint="another program has the control (AT@CTRL), or this port's AT?ZS is not 0"

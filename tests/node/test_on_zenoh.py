@@ -5,6 +5,8 @@ import functools
 import json
 import logging
 import queue
+import threading
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -36,6 +38,7 @@ from zacoustic import (
 )
 from zacoustic.core.events import LinkStateChanged
 from zacoustic.core.linktypes import LinkState
+from zacoustic.island.session import CALLBACKS_LIMIT_S
 
 LIMIT_S = 10.0
 
@@ -306,6 +309,31 @@ def test_the_exchange_ends_when_the_node_is_closed() -> None:
             assert b"the service was closed" in reply.err.payload.to_bytes()
 
     run_on_zenoh(main())
+
+
+def test_no_thread_of_zenoh_is_left_behind_a_closed_node() -> None:
+    """One that comes back to an interpreter which has ended aborts the process."""
+
+    async def main() -> None:
+        with router() as (endpoint, _):
+            async with Node("x", connect=endpoint) as node:
+                node.subscribe(bytes, "note")
+                node.create_service(Raw, "echo", bytes)
+                with pytest.raises(LocalError):
+                    node.subscribe(bytes, "a//*")  # Zenoh takes no callback, and drops none
+                await settle(node)
+                assert zenoh_threads()
+                closing_at_s = time.monotonic()
+            assert zenoh_threads() == []
+            assert time.monotonic() - closing_at_s < CALLBACKS_LIMIT_S
+
+    run_on_zenoh(main())
+
+
+def zenoh_threads() -> list[str]:
+    """Name the worker, and the threads that Zenoh calls back on."""
+    names = [thread.name for thread in threading.enumerate()]
+    return [name for name in names if name == "zenoh" or "pyo3" in name]
 
 
 def test_the_connection_to_the_router_is_an_event() -> None:

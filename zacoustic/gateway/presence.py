@@ -102,5 +102,5 @@ class Presence:
 
 
 def _address_in(key: str) -> int | None:
-    found = _ADDRESS.match(key)
+    found = _ADDRESS.search(key)
     return int(found[1]) if found and 1 <= int(found[1]) <= 254 else None

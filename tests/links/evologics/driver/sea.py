@@ -65,9 +65,7 @@ class Sea:
         self.nodes = {
             address: Node(
                 address,
-                AtDialogue(
-                    config or EvologicsConfig(), node_address=address, is_serial=is_serial
-                ),
+                AtDialogue(config or EvologicsConfig(), node_address=address, is_serial=is_serial),
             )
             for address in self.fleet.addresses
         }

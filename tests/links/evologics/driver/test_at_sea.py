@@ -13,6 +13,7 @@ from zacoustic_evologics.emulator import (
     EmulatedFleet,
     FaultKind,
     FaultPlan,
+    ScriptedFault,
     scenario_of,
 )
 from zacoustic_evologics.framing import Interpreter
@@ -40,7 +41,7 @@ def test_two_drivers_exchange_frames_with_one_report_each(
         config=EvologicsConfig(mtu=1024),
     )
     sea.make_ready()
-    expected = {1: [], 2: []}  # type: dict[int, list[bytes]]
+    expected: dict[int, list[bytes]] = {1: [], 2: []}
     for source, to in ((1, 2), (2, 1)):
         for content, destination, acknowledge, outcome in (
             (b"all", 255, False, SENT),
@@ -108,11 +109,8 @@ def test_both_at_once_collide_and_are_both_reported() -> None:
 @pytest.mark.parametrize("interpreter", Interpreter)
 @pytest.mark.parametrize("is_serial", [False, True])
 def test_modem_that_restarts_is_found_again(interpreter: Interpreter, is_serial: bool) -> None:
-    script = [{"kind": "reset", "at_s": 10.0, "modem": 1}]
-    plan = FaultPlan(script=_script(script))
-    fleet = EmulatedFleet(
-        scenario_of(2, spacing_m=300.0), interpreter=interpreter, faults=plan
-    )
+    plan = FaultPlan(script=(ScriptedFault(kind=FaultKind.RESET, at_s=10.0, modem=1),))
+    fleet = EmulatedFleet(scenario_of(2, spacing_m=300.0), interpreter=interpreter, faults=plan)
     sea = Sea(fleet.scenario, fleet=fleet, is_serial=is_serial)
     sea.make_ready()
     sea.run(9.7)
@@ -124,14 +122,8 @@ def test_modem_that_restarts_is_found_again(interpreter: Interpreter, is_serial:
     assert sea.send(1, b"back", 2, acknowledge=True).outcome is DELIVERED
 
 
-def _script(items: list[dict[str, object]]) -> tuple[object, ...]:
-    from zacoustic_evologics.emulator.faults import plan_from_mapping
-
-    return plan_from_mapping({"script": items}, source="test").script
-
-
 DAMAGING = (FaultKind.HALF_LINE, FaultKind.WRONG_LENGTH, FaultKind.CORRUPT)
-KINDS = [kind for kind in FaultKind if kind not in (FaultKind.CORRUPT,)]
+KINDS: list[FaultKind] = [kind for kind in FaultKind if kind not in (FaultKind.CORRUPT,)]
 
 
 @pytest.mark.parametrize(("interpreter", "is_serial"), PORTS)
@@ -147,7 +139,7 @@ def test_each_fault_alone_loses_no_report_and_invents_none(
 @pytest.mark.parametrize("seed", range(24))
 def test_all_faults_together_lose_no_report_and_invent_none(seed: int) -> None:
     rng = random.Random(seed)
-    rates = {kind: rng.choice([0.0, 0.02, 0.1]) for kind in KINDS}
+    rates: dict[FaultKind, float] = {kind: rng.choice([0.0, 0.02, 0.1]) for kind in KINDS}
     rates[FaultKind.RESET] = rates[FaultKind.DROP_CONNECTION] = 0.005
     interpreter, is_serial = PORTS[seed % 2]
     voyage(seed, rates, interpreter=interpreter, is_serial=is_serial)

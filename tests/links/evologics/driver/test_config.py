@@ -61,7 +61,7 @@ def test_address_that_is_none_is_refused(address: str) -> None:
 
 @pytest.mark.parametrize("node_address", [0, 255, -1])
 def test_node_address_that_is_none_is_refused(node_address: int) -> None:
-    with pytest.raises(ConfigError, match="allowed: 1..254"):
+    with pytest.raises(ConfigError, match=r"allowed: 1\.\.254"):
         EvologicsLink.from_locator("tcp:a:1", EvologicsConfig(), node_address=node_address)
 
 

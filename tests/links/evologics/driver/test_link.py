@@ -1,6 +1,7 @@
 """The shell: real ports, the loop, the link contract."""
 
 import asyncio
+import socket
 import sys
 import time
 from collections.abc import AsyncIterator
@@ -139,10 +140,15 @@ def test_open_says_what_is_wrong_with_the_modem() -> None:
 
 def test_open_gives_up_on_a_modem_that_does_not_come() -> None:
     async def main() -> None:
-        link = link_to("tcp:127.0.0.1:1", EvologicsConfig(wait_s=0.3))
-        with pytest.raises(LinkOpenError, match=r"no modem at tcp:127.0.0.1:1 within 0.3 s: .*:1"):
-            await link.open(RecordingReceiver())
-        await link.close()
+        with socket.socket() as unused:  # bound, and nobody listens
+            unused.bind(("127.0.0.1", 0))
+            address = f"tcp:127.0.0.1:{unused.getsockname()[1]}"
+            link = link_to(address, EvologicsConfig(wait_s=0.3))
+            with pytest.raises(LinkOpenError) as caught:
+                await link.open(RecordingReceiver())
+            await link.close()
+        words = f"no modem at {address} within 0.3 s: {address}: Connection refused"
+        assert str(caught.value) == words
 
     run(main())
 

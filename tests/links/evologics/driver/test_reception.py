@@ -1,6 +1,7 @@
 """What is heard: frames, metrics, readings, the carrier."""
 
 import pytest
+from msgspec.structs import replace
 
 from tests.links.evologics.driver.bench import Bench, ScriptedModem
 from zacoustic.core.linktypes import LinkMetrics, TransmitOutcome
@@ -87,13 +88,13 @@ def test_delay_of_an_exchange_comes_with_later_frames_of_that_modem_for_a_while(
     bench.modem.say(IM)
     assert bench.frames[-1].metrics.propagation_s == 0.001
     bench.run(61.0)
-    bench.modem.say(RecvIm(**{**_fields(IM), "payload": b"later"}))
+    bench.modem.say(replace(IM, payload=b"later"))
     assert bench.frames[-1].frame_bytes == b"later"
     assert bench.frames[-1].metrics.propagation_s is None
 
 
 def test_message_for_another_is_counted_only(bench: Bench) -> None:
-    bench.modem.say(RecvIm(**{**_fields(IM), "destination": 9}))
+    bench.modem.say(replace(IM, destination=9))
     assert bench.frames == []
     assert bench.dialogue.diagnostics()["for_others"] == 1
 
@@ -106,8 +107,8 @@ def test_what_cannot_be_a_second_message_is_a_repetition(bench: Bench) -> None:
     assert bench.dialogue.diagnostics()["repetitions"] == 1
     bench.run(0.3)
     bench.modem.say(IM)
-    bench.modem.say(RecvIm(**{**_fields(IM), "payload": b"other"}))
-    bench.modem.say(RecvIm(**{**_fields(IM), "source": 3}))
+    bench.modem.say(replace(IM, payload=b"other"))
+    bench.modem.say(replace(IM, source=3))
     assert len(bench.frames) == 4
 
 
@@ -137,7 +138,7 @@ def test_synchronous_message_with_the_same_start_is_a_repetition(bench: Bench) -
     bench.modem.say(IMS)
     bench.run(50.0)
     bench.modem.say(IMS)
-    bench.modem.say(RecvIms(**{**_fields(IMS), "timestamp_us": 92}))
+    bench.modem.say(replace(IMS, timestamp_us=92))
     assert len(bench.frames) == 2
 
 
@@ -206,7 +207,7 @@ def test_fixes_and_signal_are_among_the_readings(bench: Bench) -> None:
 
 
 def test_angles_without_a_fix_are_not_taken(bench: Bench) -> None:
-    bench.modem.say(UsblAngles(**{**_fields(ANGLES), "accuracy_rad": -1.0}))
+    bench.modem.say(replace(ANGLES, accuracy_rad=-1.0))
     assert not any(name.endswith("bearing_rad") for name in bench.dialogue.diagnostics())
 
 
@@ -220,7 +221,3 @@ def test_rest_of_a_record_that_never_comes_does_not_hold_up_the_next() -> None:
     bench.modem.say(IM)
     assert [each.frame_bytes for each in bench.frames] == [b"hello"]
     assert bench.dialogue.diagnostics()["unrecognised"] == 1
-
-
-def _fields(record: RecvIm | RecvIms | UsblAngles) -> dict[str, object]:
-    return {name: getattr(record, name) for name in record.__struct_fields__}
