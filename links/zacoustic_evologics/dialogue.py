@@ -13,17 +13,14 @@ say something) is not repaired bit by bit: the connection is given up and made a
 start-up finds out. There is one way to become READY.
 """
 
-from collections import deque
 from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import (
     LinkCapabilities,
-    LinkState,
     Transmission,
     TransmitOutcome,
-    TransmitReport,
 )
 from zacoustic.errors import LocalError
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
@@ -33,10 +30,9 @@ from zacoustic_evologics.dialogue_errands import Errands
 from zacoustic_evologics.dialogue_events import (
     ConnectionUseless,
     Event,
-    LinkChanged,
     OpeningHopeless,
-    TransmissionEnded,
 )
+from zacoustic_evologics.dialogue_outbox import Outbox
 from zacoustic_evologics.dialogue_states import CONNECTED, TRANSITIONS, UP, Input, State
 from zacoustic_evologics.framing import Framing
 from zacoustic_evologics.messages import Message, Noise, RawData, Reply, Unrecognised
@@ -70,8 +66,6 @@ class AtDialogue:
 
     def __init__(self, config: EvologicsConfig, *, node_address: int, is_serial: bool) -> None:
         self.state = State.CLOSED
-        self.detail = ""
-        """Which modem it is, or what is waited for."""
         self._reply_ns = seconds_to_ns(config.reply_s)
         self._byte_ns = 10 * NS_PER_S // config.baudrate if is_serial else 0
         self._is_serial = is_serial
@@ -82,10 +76,14 @@ class AtDialogue:
         self._startup: StartupRun | None = None
         self._sending: Sending | None = None
         self._errands = Errands(self._channel, self._session)
-        self._events: deque[Event] = deque()
+        self._outbox = Outbox(self._session)
         self._due_at: int | None = None
         self._heard_at = 0
-        self._was_up = False
+
+    @property
+    def detail(self) -> str:
+        """Which modem it is, or what is waited for."""
+        return self._outbox.detail
 
     @property
     def capabilities(self) -> LinkCapabilities:
@@ -112,7 +110,7 @@ class AtDialogue:
         self._channel.reset()
         self._decoder = AtDecoder()
         self._due_at = now + seconds_to_ns(SETTLING_S)
-        self._say(LinkState.DOWN, "looking for the modem")
+        self._outbox.down("looking for the modem")
 
     def handle_lost(self, reason: str, now: int) -> None:
         """The connection is gone, or could not be made."""
@@ -141,7 +139,7 @@ class AtDialogue:
         if self._sending is not None:
             self._sending.handle_timeout(now)
             self._collect(now)
-        self._events += self._reception.handle_timeout(now)
+        self._outbox.put(self._reception.handle_timeout(now))
         self._decoder.framing = self._channel.framing
 
     # Commands
@@ -149,13 +147,15 @@ class AtDialogue:
     def transmit(self, transmission: Transmission, now: int) -> None:
         """Send a frame; one `TransmissionEnded` follows."""
         if self.state is State.SENDING:
-            self._refuse(
+            self._outbox.refuse(
                 transmission, TransmitOutcome.REJECTED, "another frame is outstanding", now
             )
         elif self.state is not State.READY:
-            self._refuse(transmission, TransmitOutcome.ABORTED, f"link down: {self.detail}", now)
+            self._outbox.refuse(
+                transmission, TransmitOutcome.ABORTED, f"link down: {self.detail}", now
+            )
         elif isinstance(carriage := choose_carriage(transmission, self._session), str):
-            self._refuse(transmission, TransmitOutcome.REJECTED, carriage, now)
+            self._outbox.refuse(transmission, TransmitOutcome.REJECTED, carriage, now)
         else:
             self._step(Input.TRANSMIT)
             self._sending = Sending(transmission, carriage, self._channel, self._session, now)
@@ -168,7 +168,7 @@ class AtDialogue:
             self._report(self._sending)
         self._step(Input.CLOSED)
         self._clear(now)
-        self._was_up = False
+        self._outbox.has_been_up = False
 
     # Outputs
 
@@ -178,7 +178,7 @@ class AtDialogue:
 
     def poll_event(self) -> Event | None:
         """Return what happened next."""
-        return self._events.popleft() if self._events else None
+        return self._outbox.poll()
 
     def poll_timeout(self) -> int | None:
         """Return when `handle_timeout` is to be called, ns; None: not before another input."""
@@ -234,7 +234,7 @@ class AtDialogue:
         is_sending = sending is not None and sending.phase in HAS_FRAME
         if self.state not in UP:
             return
-        self._events += self._reception.handle(record, is_sending=is_sending, now=now)
+        self._outbox.put(self._reception.handle(record, is_sending=is_sending, now=now))
         if sending is not None:
             sending.handle_notification(record, now)
             self._collect(now)
@@ -264,7 +264,7 @@ class AtDialogue:
 
     def _end_pause(self, now: int) -> None:
         if self.state is State.LOST:
-            self._events.append(ConnectionUseless(self.detail))
+            self._outbox.put([ConnectionUseless(self.detail)])
             return
         self._step(Input.SETTLED)
         probe = Probe(
@@ -286,8 +286,8 @@ class AtDialogue:
             return
         if self.state is State.READY:
             self._startup = None
-            self._was_up = self._session.may_fill = True
-            self._say(LinkState.UP, self._session.description())
+            self._session.may_fill = True
+            self._outbox.up()
 
     def _see_fence(self, reply: CommandReply | None, now: int) -> None:
         if not isinstance(reply, ModeReply):
@@ -313,17 +313,17 @@ class AtDialogue:
         self._session.count("restarts")
         self._fall(Input.GIVEN_UP, f"{reason} ({hint})" if hint else reason, now)
         if is_hopeless:
-            self._events.append(OpeningHopeless(reason, hint))
+            self._outbox.put([OpeningHopeless(reason, hint)])
             self._due_at = now + seconds_to_ns(HOPELESS_PAUSE_S)
         else:
-            self._events.append(ConnectionUseless(reason))
+            self._outbox.put([ConnectionUseless(reason)])
 
     def _fall(self, event: Input, reason: str, now: int) -> None:
         """Leave whatever state for one without a modem: first DOWN, then the report."""
         self._step(event)
         sending = self._sending
         self._clear(now)
-        self._say(LinkState.DOWN, reason)
+        self._outbox.down(reason)
         if sending is not None:
             sending.handle_lost(reason, now)
             self._report(sending)
@@ -335,35 +335,12 @@ class AtDialogue:
         self._channel.reset()
         self._errands.forget()
         self._decoder = AtDecoder()
-        self._events += self._reception.stop(now)
-
-    # What is told
-
-    def _say(self, state: LinkState, detail: str) -> None:
-        self.detail = detail
-        if state is LinkState.DOWN and not self._was_up:
-            state = LinkState.OPENING
-        told = self._session.capabilities() if state is LinkState.UP else None
-        self._events.append(LinkChanged(state, detail, told))
+        self._outbox.put(self._reception.stop(now))
 
     def _report(self, sending: Sending) -> None:
         assert sending.report is not None
         self._sending = None
-        self._session.count_outcome(sending.report.outcome)
-        self._events.append(TransmissionEnded(sending.report))
-
-    def _refuse(
-        self, transmission: Transmission, outcome: TransmitOutcome, reason: str, now: int
-    ) -> None:
-        self._session.count_outcome(outcome)
-        report = TransmitReport(
-            transmission_id=transmission.transmission_id,
-            outcome=outcome,
-            started_at=now,
-            finished_at=now,
-            detail=reason,
-        )
-        self._events.append(TransmissionEnded(report))
+        self._outbox.report(sending.report)
 
     def _flush_at(self) -> int | None:
         """When what is held incomplete will not be completed any more."""

@@ -3,11 +3,11 @@
 ::
 
     CHECKING ─LISTENING─► PREPARING ─PREPARED─► GIVING ─ACCEPTED─► FLYING ─PROVEN─► OVER
-       ▲  │ OCCUPIED          ▲                 │ │                │ ▲ │
-       │  ▼                   │ DONE            │ │ UNANSWERED DUE ▼ │ │ EXPIRED
-     PAUSING ◄──── NOT_NOW ───┼─────────────────┤ ▼         POLLING ─┘ └─► DROPPING ─► OVER
-                           MENDING ◄─ MENDABLE ─┘ DOUBTING     │ IDLE
-                                                   └► OVER  VERIFYING ─► OVER
+      ▲  │ OCCUPIED           ▲ DONE             │  │               │ ▲ │
+      │  ▼                    │                  │  │    RUMOUR, DUE▼ │ └EXPIRED─► DROPPING ─► OVER
+    PAUSING ◄─────────────────┼─────────NOT_NOW──┤  │UNANSWERED  POLLING
+                           MENDING ◄──MENDABLE───┘  ▼               │ IDLE
+                                                 DOUBTING ─► OVER   └► VERIFYING ─► OVER
 
 What must never happen, and what prevents it:
 

@@ -208,16 +208,7 @@ def _configure(session: ModemSession) -> Stages:
     if wanted:
         yield from _ask(SetOption("CTRL"))  # older firmware does not know it, nor need it
     for setting, before in wanted:
-        for _ in range(2):  # a modem that is restarted just now forgets the first one
-            reply = yield from _ask(setting)
-            if isinstance(reply, Refused):
-                _refuse(setting, reply)
-                break
-            value = yield from _ask_number(setting.name)
-            session.note_setting(setting.name, setting.value if value is None else value)
-            if value in (None, setting.value):
-                session.changes.append(f"{setting.name} {before} to {setting.value}")
-                break
+        yield from _change(session, setting, before)
     _check(session)
     config = session.config
     session.has_extended_notifications = session.has_usbl = False
@@ -227,6 +218,23 @@ def _configure(session: ModemSession) -> Stages:
     if config.usbl:
         reply = yield from _ask(SetOption("ZU", 1))
         session.has_usbl = isinstance(reply, Accepted)
+
+
+def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
+    """Set one thing and read it back, twice at most: a modem that restarts forgets the first."""
+    refusal: Refused | None = None
+    for _ in range(2):
+        reply = yield from _ask(setting)
+        refusal = reply if isinstance(reply, Refused) else None
+        if refusal is not None:
+            continue
+        value = yield from _ask_number(setting.name)
+        session.note_setting(setting.name, setting.value if value is None else value)
+        if value in (None, setting.value):
+            session.changes.append(f"{setting.name} {before} to {setting.value}")
+            break
+    if refusal is not None:
+        _refuse(setting, refusal)
 
 
 def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:

@@ -4,14 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from tests.links.desert.desert_rig import DesertHarness
+from tests.links.evologics.driver.harness import HAS_TERMINALS, EvologicsHarness
 from zacoustic import registry
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link
 from zacoustic.testing.linkpair import LinkHarness
 from zacoustic.testing.proxy import StreamProxy
-from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.running import RunningFleet
-from zacoustic_evologics.emulator.server import FleetServer
 from zacoustic_sim.link import SimConfig
 from zacoustic_sim.medium import SimMedium
 from zacoustic_sim.server import MediumServer
@@ -91,54 +89,6 @@ class SimServerHarness:
         return True
 
 
-class EvologicsHarness:
-    """Emulated modems 150 m apart, in real time: that is what the driver's time limits are made for.
-
-    Over TCP through proxies that can be cut; a pseudo-terminal has nothing between.
-    """
-
-    addresses = (1, 2)
-
-    def __init__(self, *, is_serial: bool = False) -> None:
-        self._is_serial = is_serial
-        self._proxies: list[StreamProxy] = []
-
-    async def set_up(self) -> tuple[Link, Link]:
-        fleet = RunningFleet(EmulatedFleet(scenario_of(2, spacing_m=150.0)))
-        self.server = FleetServer(fleet)
-        near, far = [await self._link(address) for address in self.addresses]
-        fleet.start()
-        return near, far
-
-    async def tear_down(self) -> None:
-        for proxy in self._proxies:
-            await proxy.close()
-        await self.server.close()
-
-    async def cut(self) -> bool:
-        for proxy in self._proxies:
-            await proxy.wait_connected()
-            proxy.cut()
-        return not self._is_serial
-
-    async def inject(self, nonsense: bytes) -> bool:
-        for proxy in self._proxies:
-            await proxy.wait_connected()
-            proxy.inject(nonsense)
-        return not self._is_serial
-
-    async def _link(self, address: int) -> Link:
-        if self._is_serial:
-            place = self.server.open_terminal(address)
-            return registry.create(f"evologics/{place.locator}", address)
-        place = await self.server.listen(address, "127.0.0.1", 0)
-        host, _, port = place.locator.removeprefix("tcp:").rpartition(":")
-        proxy = StreamProxy(host, int(port))
-        await proxy.open()
-        self._proxies.append(proxy)
-        return registry.create(f"evologics/tcp:{proxy.address}", address)
-
-
 MakeHarness = Callable[[], LinkHarness]
 
 HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
@@ -149,9 +99,10 @@ HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
         "rmw_desert": lambda: DesertHarness(framing="rmw_desert"),
         "rmw_desert-512": lambda: DesertHarness(framing="rmw_desert", max_read_length=512),
     },
+    # In real time: that is what the driver's time limits are made for. Half a minute for each.
     "evologics": {
         "tcp": EvologicsHarness,
-        "pty": lambda: EvologicsHarness(is_serial=True),
+        **({"pty": lambda: EvologicsHarness(is_serial=True)} if HAS_TERMINALS else {}),
     },
     "sim": {
         "here": lambda: SimHarness("evologics_s2c_18_34", 50.0, SimConfig()),

@@ -29,6 +29,7 @@ class EvologicsEmulation(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare modems, places, faults and form of the output."""
+        parser.epilog = "example: zacoustic emulate evologics --modems 2 --listen 127.0.0.1:9200"
         parser.add_argument(
             "--modems", type=int, metavar="N",
             help="how many, 500 m apart in calm water (default: those of the scenario, or 2)",

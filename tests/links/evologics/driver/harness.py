@@ -1,4 +1,4 @@
-"""Harness of the conformance battery: two drivers on emulated modems, which listen on real ports."""
+"""Harness of the conformance battery: two drivers on emulated modems with real ports."""
 
 import os
 

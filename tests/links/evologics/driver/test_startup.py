@@ -180,7 +180,7 @@ def test_highest_address_must_cover_the_node() -> None:
 
 def test_refused_setting_is_an_error_with_the_words_of_the_modem() -> None:
     modem = ScriptedModem()
-    modem.answers["!L"] = ["ERROR NO CONTROL"]
+    modem.answers["!L"] = ["ERROR NO CONTROL"] * 2
     bench = Bench(modem, EvologicsConfig(source_level=1))
     bench.connect()
     bench.run(2.0)
@@ -190,7 +190,7 @@ def test_refused_setting_is_an_error_with_the_words_of_the_modem() -> None:
 
 def test_without_control_of_the_retries_there_are_no_acknowledgements() -> None:
     modem = ScriptedModem()
-    modem.answers["!RI"] = ["ERROR NO CONTROL"]
+    modem.answers["!RI"] = ["ERROR NO CONTROL"] * 2
     bench = Bench(modem)
     bench.make_ready()
     assert not bench.dialogue.capabilities.acknowledges
