@@ -87,5 +87,6 @@ def test_nothing_is_misread_when_frames_are_damaged(
         modem = rng.choice(
             (Modem(checked=False), Modem(checked=False, framed=False, addressed=False))
         )
-        trial = Trial(seed, modem=modem, corrupt=0.3)
+        # Three frames in ten stay damaged: questions and answers get lost, and their pauses double.
+        trial = Trial(seed, modem=modem, corrupt=0.3, calm_s=6000.0)
         tell(trial, seed, modem)
