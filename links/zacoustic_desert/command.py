@@ -6,14 +6,13 @@ import contextlib
 import json
 import os
 import random
-import signal
 import sys
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic.serving import parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic_desert.server import StandInServer
@@ -85,7 +84,7 @@ async def _serve(arguments: argparse.Namespace) -> None:
         raise ConfigError(f"--start-delay is {arguments.start_delay:g}; allowed: 0 or more")
     server = StandInServer(standin, host=host, ports=ports, time_scale=arguments.time_scale)
     # Signals first: whoever reads that we listen may stop us at once.
-    with _stopped_by_signals(stop):
+    with stopped_by_signals(stop):
         await server.open(start_delay_s=arguments.start_delay)
         try:
             reporter.listening(server)
@@ -178,7 +177,7 @@ class _Reporter:
 
 def _parse_listen(listen: list[str] | None, nodes: int) -> tuple[str, list[int]]:
     """Host, and a port for each node."""
-    places = [_parse_place(place) for place in listen or [f"127.0.0.1:{FIRST_PORT}"]]
+    places = [parse_place(place) for place in listen or [f"127.0.0.1:{FIRST_PORT}"]]
     if len(places) == 1:
         host, first = places[0]
         if first + nodes - 1 > 65_535:
@@ -191,28 +190,3 @@ def _parse_listen(listen: list[str] | None, nodes: int) -> tuple[str, list[int]]
             "nodes, with one host"
         )
     return hosts.pop(), [port for _, port in places]
-
-
-def _parse_place(place: str) -> tuple[str, int]:
-    host, colon, port = place.rpartition(":")
-    if not (colon and host and port.isascii() and port.isdigit() and int(port) <= 65_535):
-        raise ConfigError(f"--listen {place!r}; allowed: HOST:PORT, port 0..65535")
-    return host.removeprefix("[").removesuffix("]"), int(port)
-
-
-@contextlib.contextmanager
-def _stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
-    loop = asyncio.get_running_loop()
-    if sys.platform == "win32":
-        # There SIGINT is a KeyboardInterrupt, and a handler must wake the loop by itself.
-        signal.signal(signal.SIGTERM, lambda *_: loop.call_soon_threadsafe(stop.set))
-        yield
-        return
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    try:
-        yield
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)

@@ -5,15 +5,13 @@ import asyncio
 import contextlib
 import json
 import queue
-import signal
 import sys
 import threading
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final, Self
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.errors import ConfigError
+from zacoustic.serving import parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario
@@ -63,10 +61,10 @@ class MediumCommand(Command):
         from zacoustic_sim.server import MediumServer
 
         scenario = _read_scenario(arguments.scenario, arguments.seed)
-        host, port = _parse_listen(arguments.listen)
+        host, port = parse_place(arguments.listen)
         stop = asyncio.Event()
         # Signals first: whoever reads that we listen may stop us at once.
-        with _stopped_by_signals(stop), _LineWriter(stop) as writer:
+        with stopped_by_signals(stop), _LineWriter(stop) as writer:
             reporter = _Reporter(writer, as_json=arguments.json)
             medium = SimMedium(scenario, time_scale=arguments.time_scale, observer=reporter.observe)
             server = MediumServer(medium, host, port)
@@ -173,28 +171,3 @@ def _read_scenario(path: str, seed: int | None) -> "Scenario":
 
     scenario = scenario_from_mapping(read_json5(path), source=path)
     return scenario if seed is None else msgspec.structs.replace(scenario, seed=seed)
-
-
-def _parse_listen(listen: str) -> tuple[str, int]:
-    host, colon, port = listen.rpartition(":")
-    if not (colon and host and port.isascii() and port.isdigit() and int(port) <= 65_535):
-        raise ConfigError(f"--listen {listen!r}; allowed: HOST:PORT, port 0..65535")
-    return host.removeprefix("[").removesuffix("]"), int(port)
-
-
-@contextlib.contextmanager
-def _stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
-    loop = asyncio.get_running_loop()
-    if sys.platform == "win32":
-        # There SIGINT is a KeyboardInterrupt, and a handler must wake the loop by itself.
-        signal.signal(signal.SIGTERM, lambda *_: loop.call_soon_threadsafe(stop.set))
-        yield
-        return
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    try:
-        yield
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)

@@ -2,14 +2,11 @@
 
 import argparse
 import asyncio
-import contextlib
-import signal
-import sys
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ZacousticError
+from zacoustic.serving import stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.gateway import Gateway, Notice
@@ -61,7 +58,7 @@ async def _run(arguments: argparse.Namespace) -> None:
         except BrokenPipeError:
             stop.set()
 
-    with _interrupts(stop):
+    with stopped_by_signals(stop):
         gateway = Gateway.from_file(
             arguments.file, address=arguments.address, locator=arguments.link, notify=notify
         )
@@ -95,30 +92,6 @@ async def _until(stop: asyncio.Event, task: "asyncio.Task[None]") -> None:
         for each in (task, interrupted):
             each.cancel()
         await asyncio.gather(task, interrupted, return_exceptions=True)
-
-
-@contextlib.contextmanager
-def _interrupts(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
-    loop = asyncio.get_running_loop()
-    numbers = (signal.SIGINT, signal.SIGTERM)
-    if sys.platform == "win32":
-        previous = {
-            number: signal.signal(number, lambda *_: loop.call_soon_threadsafe(stop.set))
-            for number in numbers
-        }
-    else:
-        for number in numbers:
-            loop.add_signal_handler(number, stop.set)
-    try:
-        yield
-    finally:
-        if sys.platform == "win32":
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-        else:
-            for number in numbers:
-                loop.remove_signal_handler(number)
 
 
 def _print(notice: "Notice", *, as_json: bool) -> None:

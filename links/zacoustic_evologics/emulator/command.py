@@ -4,13 +4,12 @@ import argparse
 import asyncio
 import contextlib
 import json
-import signal
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
+from zacoustic.serving import parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario
@@ -77,7 +76,7 @@ class EvologicsEmulation(Command):
         listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
         stop = asyncio.Event()
         # Signals first: whoever reads that we listen may stop us at once.
-        with _stopped_by_signals(stop):
+        with stopped_by_signals(stop):
             running = RunningFleet(fleet, time_scale=arguments.time_scale)
             server = FleetServer(running)
             try:
@@ -168,35 +167,10 @@ def _parse_settings(texts: Sequence[str]) -> Mapping[str, int]:
 def _listens(arguments: argparse.Namespace, addresses: Sequence[int]) -> list[tuple[str, int]]:
     """Return host and port of each modem."""
     texts = arguments.listen or [f"127.0.0.1:{FIRST_PORT}"]
-    given = [_parse_listen(text) for text in texts[: len(addresses)]]
+    given = [parse_place(text) for text in texts[: len(addresses)]]
     host, port = given[-1]
     for further in range(1, 1 + len(addresses) - len(given)):
         if port + further > 65_535:
             raise ConfigError(f"--listen {texts[-1]!r}; there is no port for every modem behind it")
         given.append((host, port + further if port else 0))
     return given
-
-
-def _parse_listen(listen: str) -> tuple[str, int]:
-    host, colon, port = listen.rpartition(":")
-    if not (colon and host and port.isascii() and port.isdigit() and int(port) <= 65_535):
-        raise ConfigError(f"--listen {listen!r}; allowed: HOST:PORT, port 0..65535")
-    return host.removeprefix("[").removesuffix("]"), int(port)
-
-
-@contextlib.contextmanager
-def _stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
-    """Set `stop` on SIGINT and SIGTERM, also where the loop knows no signals."""
-    loop = asyncio.get_running_loop()
-    if sys.platform == "win32":
-        # There SIGINT is a KeyboardInterrupt, and a handler must wake the loop by itself.
-        signal.signal(signal.SIGTERM, lambda *_: loop.call_soon_threadsafe(stop.set))
-        yield
-        return
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
-    try:
-        yield
-    finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.remove_signal_handler(number)
