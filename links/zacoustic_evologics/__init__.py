@@ -2,25 +2,22 @@
 
 From the bottom up:
 
-- `framing`: lines, packets, headers of payloads; the limits of each.
-- `fields`, `layouts`: what stands between commas, and which record has which fields.
-- `commands`, `notifications`, `usbl`, `replies`, `messages`: the records.
-- `decoder` (`AtDecoder`, a modem's bytes), `command_decoder` (`CommandDecoder`, a host's bytes),
-  `encoder` (both directions), `answers` (what the text of a reply means), `settings`.
-- The driver: `config`; `dialogue` (the state machine) with `dialogue_channel` (one command in
-  flight), `startup` (finding the modem and making it ready), `sending` (one frame), `session` (what
-  is known and measured); `link` (`EvologicsLink`, port and timer).
+- `at`: the grammar. Records of what a host and a modem say, decoders and encoders of both.
+- `driver`: one modem's dialogue without a port and without a clock: start-up, one command in
+  flight, one frame, what is known and measured.
+- `config` and `link` (`EvologicsLink`): the settings of a locator; the port and the timer.
+- `emulator`: modems of our own on simulated water.
 """
 
-from zacoustic_evologics.answers import ReplyCollector, decode_reply, reply_text
-from zacoustic_evologics.command_decoder import CommandDecoder
+from zacoustic_evologics.at.answers import ReplyCollector, decode_reply, reply_text
+from zacoustic_evologics.at.command_decoder import CommandDecoder
+from zacoustic_evologics.at.decoder import AtDecoder
+from zacoustic_evologics.at.encoder import command_name, encode_command, encode_message
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.decoder import AtDecoder
-from zacoustic_evologics.dialogue import AtDialogue
-from zacoustic_evologics.encoder import command_name, encode_command, encode_message
-from zacoustic_evologics.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.link import EvologicsLink
-from zacoustic_evologics.settings import SETTINGS
 
 __all__ = [
     "SERIAL_LINE_END",

@@ -3,9 +3,9 @@
 from typing import Final, Literal
 
 from zacoustic.link import LinkConfig
-from zacoustic_evologics.encoder import BURST_LIMIT_BYTES
-from zacoustic_evologics.layouts import IM_LIMIT_BYTES
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.settings import SETTINGS
 
 IN_AIR_SOURCE_LEVEL: Final = 3
 """The quietest one, 20 dB below the loudest; the only one that a transducer in air bears."""

@@ -10,8 +10,8 @@ from zacoustic.core.linktypes import LinkState, Transmission
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue import AtDialogue
-from zacoustic_evologics.dialogue_events import (
+from zacoustic_evologics.driver.dialogue import AtDialogue
+from zacoustic_evologics.driver.events import (
     CarrierChanged,
     ConnectionUseless,
     Event,

@@ -2,7 +2,9 @@
 
 from typing import Final
 
-from zacoustic_evologics.commands import Act, Action
+from zacoustic_evologics.at.commands import Act, Action
+from zacoustic_evologics.at.notifications import PhyOff, PhyOn
+from zacoustic_evologics.at.replies import Accepted, CommandReply, LinkStatus, TextReply
 from zacoustic_evologics.emulator.bursts import Bursts
 from zacoustic_evologics.emulator.chassis import (
     BACKOFF,
@@ -18,8 +20,6 @@ from zacoustic_evologics.emulator.chassis import (
 from zacoustic_evologics.emulator.instant import InstantMessages
 from zacoustic_evologics.emulator.queries import Answers
 from zacoustic_evologics.emulator.transducer import PhyState, Transducer
-from zacoustic_evologics.notifications import PhyOff, PhyOn
-from zacoustic_evologics.replies import Accepted, CommandReply, LinkStatus, TextReply
 
 FIRMWARE: Final = "1.9"
 """Answer to `ATI0`: layouts of records are those of this firmware."""

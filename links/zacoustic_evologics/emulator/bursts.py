@@ -11,7 +11,20 @@ modem into its backoff state for a while.
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from zacoustic_evologics.commands import SendBurst
+from zacoustic_evologics.at.commands import SendBurst
+from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.messages import RawData
+from zacoustic_evologics.at.notifications import (
+    BitRate,
+    Delivered,
+    Direction,
+    DropCount,
+    Failed,
+    Recv,
+    RemoteAddress,
+    Status,
+)
+from zacoustic_evologics.at.replies import Accepted, Refused
 from zacoustic_evologics.emulator.airtime import burst_airtime_ns, service_airtime_ns
 from zacoustic_evologics.emulator.chassis import (
     BACKOFF,
@@ -26,19 +39,6 @@ from zacoustic_evologics.emulator.instant import InstantMessages, check_message
 from zacoustic_evologics.emulator.pool import Queued, TransmitPool
 from zacoustic_evologics.emulator.signals import BurstPacket, Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.transducer import Transducer
-from zacoustic_evologics.encoder import BURST_LIMIT_BYTES
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.notifications import (
-    BitRate,
-    Delivered,
-    Direction,
-    DropCount,
-    Failed,
-    Recv,
-    RemoteAddress,
-    Status,
-)
-from zacoustic_evologics.replies import Accepted, Refused
 
 BIT_RATES_BPS: Final = ((30.0, 13_900), (15.0, 6900), (-1000.0, 2400))
 """From which SNR, dB, which bit rate is proposed; rates as in captures, limits ours."""

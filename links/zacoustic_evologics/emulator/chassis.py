@@ -12,14 +12,14 @@ from typing import Final, Literal, TypeAlias
 import msgspec
 
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import Noise, RawData
+from zacoustic_evologics.at.notifications import Notification
+from zacoustic_evologics.at.replies import CommandReply, PositionReply, RefusalKind, Refused
 from zacoustic_evologics.emulator.agenda import Agenda
 from zacoustic_evologics.emulator.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
 from zacoustic_evologics.emulator.signals import Signal
 from zacoustic_evologics.emulator.store import SettingsStore
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.messages import Noise, RawData
-from zacoustic_evologics.notifications import Notification
-from zacoustic_evologics.replies import CommandReply, PositionReply, RefusalKind, Refused
 
 CLOCK_SPAN_US: Final = 1 << 32
 """The modem's clock wraps here, after 71.6 minutes."""

@@ -116,9 +116,9 @@ def _create_fleet(arguments: argparse.Namespace) -> "EmulatedFleet":
     import msgspec
 
     from zacoustic.json5 import read_json5
+    from zacoustic_evologics.at.framing import Interpreter
     from zacoustic_evologics.emulator.faults import NO_FAULTS, plan_from_mapping
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
-    from zacoustic_evologics.framing import Interpreter
 
     faults = NO_FAULTS
     if arguments.faults is not None:

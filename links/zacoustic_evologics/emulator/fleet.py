@@ -27,6 +27,8 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.errors import ConfigError
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
 from zacoustic_evologics.emulator.agenda import Agenda, Task
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
@@ -34,8 +36,6 @@ from zacoustic_evologics.emulator.modem import EmulatedModem
 from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
 from zacoustic_evologics.emulator.water import Sound, Water, sound_id
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.settings import HIGHEST_ADDRESSES, SETTINGS
 
 PORTS_LIMIT: Final = 64
 """Open ports of one modem; more are refused."""

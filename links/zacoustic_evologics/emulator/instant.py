@@ -6,7 +6,19 @@ that waits for its instant, and one place for a piggyback message to each addres
 
 from typing import Final
 
-from zacoustic_evologics.commands import SendIm, SendIms, SendPbm
+from zacoustic_evologics.at.commands import SendIm, SendIms, SendPbm
+from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.notifications import (
+    CanceledIm,
+    CanceledIms,
+    CanceledPbm,
+    DeliveredIm,
+    ExpiredIms,
+    FailedIm,
+    ImFlag,
+    Notification,
+)
+from zacoustic_evologics.at.replies import Accepted, DeliveryState, Refused
 from zacoustic_evologics.emulator.agenda import Task
 from zacoustic_evologics.emulator.airtime import PREPARATION_NS, im_airtime_ns
 from zacoustic_evologics.emulator.chassis import (
@@ -23,18 +35,6 @@ from zacoustic_evologics.emulator.chassis import (
 from zacoustic_evologics.emulator.exchange import Ending, Exchange, ExchangeState
 from zacoustic_evologics.emulator.signals import Hearing, Piggyback, Signal, SignalKind
 from zacoustic_evologics.emulator.transducer import Transducer
-from zacoustic_evologics.layouts import IM_LIMIT_BYTES
-from zacoustic_evologics.notifications import (
-    CanceledIm,
-    CanceledIms,
-    CanceledPbm,
-    DeliveredIm,
-    ExpiredIms,
-    FailedIm,
-    ImFlag,
-    Notification,
-)
-from zacoustic_evologics.replies import Accepted, DeliveryState, Refused
 
 FOR_EVER: Final = 255
 """Retry count that has no end."""

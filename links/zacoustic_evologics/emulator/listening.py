@@ -5,14 +5,7 @@ from typing import Any
 
 from zacoustic.channel.faults import corrupt
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.emulator.airtime import TURNAROUND_NS, service_airtime_ns
-from zacoustic_evologics.emulator.bursts import Bursts
-from zacoustic_evologics.emulator.chassis import BROADCAST, Chassis
-from zacoustic_evologics.emulator.instant import InstantMessages
-from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
-from zacoustic_evologics.emulator.transducer import Transducer
-from zacoustic_evologics.emulator.usblhead import UsblHead
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.notifications import (
     ImFlag,
     Notification,
     RecvIm,
@@ -21,6 +14,13 @@ from zacoustic_evologics.notifications import (
     RecvProbe,
     RecvSrv,
 )
+from zacoustic_evologics.emulator.airtime import TURNAROUND_NS, service_airtime_ns
+from zacoustic_evologics.emulator.bursts import Bursts
+from zacoustic_evologics.emulator.chassis import BROADCAST, Chassis
+from zacoustic_evologics.emulator.instant import InstantMessages
+from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
+from zacoustic_evologics.emulator.transducer import Transducer
+from zacoustic_evologics.emulator.usblhead import UsblHead
 
 _ANSWERS = {
     SignalKind.IM: SignalKind.ACK,

@@ -14,7 +14,7 @@ import random
 from collections.abc import Mapping
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -30,6 +30,9 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
+from zacoustic_evologics.at.messages import Noise
+from zacoustic_evologics.at.notifications import PhyOn
+from zacoustic_evologics.at.replies import Accepted, CommandReply
 from zacoustic_evologics.emulator.actions import Actions
 from zacoustic_evologics.emulator.airtime import ACKNOWLEDGEMENT_NS
 from zacoustic_evologics.emulator.bursts import Bursts
@@ -53,9 +56,6 @@ from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.store import SettingsStore
 from zacoustic_evologics.emulator.transducer import Transducer
 from zacoustic_evologics.emulator.usblhead import UsblHead
-from zacoustic_evologics.messages import Noise
-from zacoustic_evologics.notifications import PhyOn
-from zacoustic_evologics.replies import Accepted, CommandReply
 
 
 class EmulatedModem:

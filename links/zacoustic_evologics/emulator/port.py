@@ -10,9 +10,9 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.answers import reply_text
-from zacoustic_evologics.command_decoder import CommandDecoder, CommandMessage
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.command_decoder import CommandDecoder, CommandMessage
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -23,17 +23,10 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.emulator.chassis import (
-    OUT_OF_RANGE,
-    UNKNOWN_COMMAND,
-    Origin,
-    Spoken,
-)
-from zacoustic_evologics.emulator.store import PORT_OPTIONS
-from zacoustic_evologics.encoder import command_name, encode_message
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.messages import RawData, Reply
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.encoder import command_name, encode_message
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import RawData, Reply
+from zacoustic_evologics.at.notifications import (
     BitRate,
     ExternalClock,
     PhyOff,
@@ -49,7 +42,7 @@ from zacoustic_evologics.notifications import (
     SourceLevel,
     Status,
 )
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     ModeReply,
@@ -58,8 +51,15 @@ from zacoustic_evologics.replies import (
     Refused,
     TextReply,
 )
-from zacoustic_evologics.settings import SETTINGS
-from zacoustic_evologics.usbl import UsblNotification
+from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.at.usbl import UsblNotification
+from zacoustic_evologics.emulator.chassis import (
+    OUT_OF_RANGE,
+    UNKNOWN_COMMAND,
+    Origin,
+    Spoken,
+)
+from zacoustic_evologics.emulator.store import PORT_OPTIONS
 
 GUARD_NS: Final = 1_000_000_000
 """Silence before and after `+++`."""

@@ -4,7 +4,23 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic_evologics.commands import Query, Set, SetOption
+from zacoustic_evologics.at.commands import Query, Set, SetOption
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import Noise
+from zacoustic_evologics.at.notifications import RemoteAddress
+from zacoustic_evologics.at.replies import (
+    Accepted,
+    CommandReply,
+    DeliveryReply,
+    LinkStatus,
+    Measurement,
+    MultipathReply,
+    NetStatus,
+    Number,
+    Path,
+    TextReply,
+)
+from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.emulator.bursts import Bursts
 from zacoustic_evologics.emulator.chassis import (
     BUFFERS_NOT_EMPTY,
@@ -18,22 +34,6 @@ from zacoustic_evologics.emulator.chassis import (
 )
 from zacoustic_evologics.emulator.instant import InstantMessages
 from zacoustic_evologics.emulator.transducer import PhyState, Transducer
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.messages import Noise
-from zacoustic_evologics.notifications import RemoteAddress
-from zacoustic_evologics.replies import (
-    Accepted,
-    CommandReply,
-    DeliveryReply,
-    LinkStatus,
-    Measurement,
-    MultipathReply,
-    NetStatus,
-    Number,
-    Path,
-    TextReply,
-)
-from zacoustic_evologics.settings import SETTINGS
 
 _BATTERY_V: Final = 24.1
 _PATHS: Final = 8

@@ -12,9 +12,9 @@ from typing import Protocol
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.emulator.fleet import EmulatedFleet
 from zacoustic_evologics.emulator.station import ModemDown, ModemUp, PortBytes, PortClosed
-from zacoustic_evologics.framing import Interpreter
 
 
 class PortHost(Protocol):

@@ -4,7 +4,7 @@ import enum
 
 import msgspec
 
-from zacoustic_evologics.notifications import ImFlag
+from zacoustic_evologics.at.notifications import ImFlag
 
 
 class SignalKind(enum.Enum):

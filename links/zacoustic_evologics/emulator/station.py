@@ -8,8 +8,13 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.channel.faults import corrupt
-from zacoustic_evologics.command_decoder import CommandMessage
-from zacoustic_evologics.commands import PayloadCommand
+from zacoustic_evologics.at.command_decoder import CommandMessage
+from zacoustic_evologics.at.commands import PayloadCommand
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import RawData
+from zacoustic_evologics.at.notifications import AsyncError, ExternalClock, RecvIm
+from zacoustic_evologics.at.notifications import FaultKind as ModemFault
+from zacoustic_evologics.at.replies import Accepted, CommandReply
 from zacoustic_evologics.emulator.agenda import Agenda
 from zacoustic_evologics.emulator.chassis import (
     CLOCK_SPAN_US,
@@ -23,11 +28,6 @@ from zacoustic_evologics.emulator.faults import FaultKind, FaultPlan, Misfortune
 from zacoustic_evologics.emulator.modem import EmulatedModem
 from zacoustic_evologics.emulator.port import Port
 from zacoustic_evologics.emulator.signals import Hearing, SignalKind
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.notifications import AsyncError, ExternalClock, RecvIm
-from zacoustic_evologics.notifications import FaultKind as ModemFault
-from zacoustic_evologics.replies import Accepted, CommandReply
 
 _STALE: Final = b",-44,118,0.0000,ld bytes\r\n"
 _LENGTH: Final = re.compile(rb"(RECV(?:IM|IMS|PBM)?,(?:p[0-9],)?)([0-9]+)")

@@ -6,8 +6,8 @@ Options of a port (`AT@Z…`, protocol id) are not here but in `port`.
 from collections.abc import Mapping
 from typing import Final
 
-from zacoustic_evologics.replies import SettingsReply, ShownSetting
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.replies import SettingsReply, ShownSetting
+from zacoustic_evologics.at.settings import SETTINGS
 
 PORT_OPTIONS: Final = ("ZS", "ZF", "ZX", "ZU", "ZA", "ZB")
 """Settings that each port has for itself."""

@@ -7,10 +7,10 @@ medium decides what that costs; here it is only known whether something sounds.
 import enum
 from collections.abc import Callable
 
+from zacoustic_evologics.at.notifications import RecvEnd, RecvFailed, RecvStart, SendEnd, SendStart
 from zacoustic_evologics.emulator.airtime import GAP_NS
 from zacoustic_evologics.emulator.chassis import Chassis
 from zacoustic_evologics.emulator.signals import Hearing, Signal
-from zacoustic_evologics.notifications import RecvEnd, RecvFailed, RecvStart, SendEnd, SendStart
 
 
 class PhyState(enum.Enum):

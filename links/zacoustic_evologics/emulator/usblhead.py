@@ -9,10 +9,10 @@ drawn for each fix; a range is what the set sound speed makes of the propagation
 import math
 from typing import Final
 
+from zacoustic_evologics.at.replies import PositionReply
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
 from zacoustic_evologics.emulator.chassis import Chassis
 from zacoustic_evologics.emulator.signals import Hearing
-from zacoustic_evologics.replies import PositionReply
-from zacoustic_evologics.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
 
 FIX_DELAY_NS: Final = 318_000_000
 """From the end of a signal to its fix: 0.457 s after it began, in a capture."""

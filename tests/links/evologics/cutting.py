@@ -4,7 +4,7 @@ import random
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, Protocol
 
-from zacoustic_evologics.messages import RawData
+from zacoustic_evologics.at.messages import RawData
 
 
 class Decoder(Protocol):

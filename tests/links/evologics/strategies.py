@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from hypothesis import strategies as st
 
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -20,17 +20,17 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.encoder import BROADCAST, BURST_LIMIT_BYTES, NUMBERED_ACTIONS
-from zacoustic_evologics.fields import Choice, Decimal, Field, Integer, Seconds, Word
-from zacoustic_evologics.layouts import (
+from zacoustic_evologics.at.encoder import BROADCAST, BURST_LIMIT_BYTES, NUMBERED_ACTIONS
+from zacoustic_evologics.at.fields import Choice, Decimal, Field, Integer, Seconds, Word
+from zacoustic_evologics.at.layouts import (
     FIRMWARE_1_6_LAYOUTS,
     IM_LIMIT_BYTES,
     LINE_LAYOUTS,
     PAYLOAD_LAYOUTS,
     Layout,
 )
-from zacoustic_evologics.notifications import AsyncError, Extension, FaultKind, ImFlag
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.notifications import AsyncError, Extension, FaultKind, ImFlag
+from zacoustic_evologics.at.settings import SETTINGS
 
 ALL_LAYOUTS: Final = PAYLOAD_LAYOUTS + FIRMWARE_1_6_LAYOUTS + LINE_LAYOUTS
 WORDS: Final = st.from_regex(r"[!-+\--~ ]{1,40}", fullmatch=True)

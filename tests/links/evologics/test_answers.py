@@ -17,9 +17,9 @@ from zacoustic_evologics import (
     encode_message,
     reply_text,
 )
-from zacoustic_evologics.commands import Act, Action, Command, Help, Query, Set
-from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.commands import Act, Action, Command, Help, Query, Set
+from zacoustic_evologics.at.messages import Reply
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     DeliveryReply,

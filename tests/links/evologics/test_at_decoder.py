@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from tests.links.evologics.cutting import at_random, decoded, one_by_one
 from tests.links.evologics.strategies import NASTY_PIECES, NOTIFICATIONS
 from zacoustic_evologics import AtDecoder, Framing, encode_message
-from zacoustic_evologics.decoder import HELD_LIMIT_BYTES, LINE_LIMIT_BYTES
-from zacoustic_evologics.framing import BODY_LIMIT_BYTES, PAYLOAD_LIMIT_BYTES
-from zacoustic_evologics.messages import Message, Noise, RawData, Reply, Unrecognised
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.decoder import HELD_LIMIT_BYTES, LINE_LIMIT_BYTES
+from zacoustic_evologics.at.framing import BODY_LIMIT_BYTES, PAYLOAD_LIMIT_BYTES
+from zacoustic_evologics.at.messages import Message, Noise, RawData, Reply, Unrecognised
+from zacoustic_evologics.at.notifications import (
     AsyncError,
     CanceledIm,
     Delivered,

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from tests.links.evologics.cutting import at_random, decoded, one_by_one
 from tests.links.evologics.strategies import NASTY_PIECES
 from zacoustic_evologics import CommandDecoder, Framing, Interpreter
-from zacoustic_evologics.command_decoder import (
+from zacoustic_evologics.at.command_decoder import (
     COMMAND_LINE_LIMIT_BYTES,
     HELD_COMMAND_LIMIT_BYTES,
 )
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -32,8 +32,8 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.notifications import ImFlag
+from zacoustic_evologics.at.messages import RawData
+from zacoustic_evologics.at.notifications import ImFlag
 
 
 def data_mode() -> CommandDecoder:

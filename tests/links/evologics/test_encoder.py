@@ -12,7 +12,7 @@ from zacoustic_evologics import (
     encode_command,
     encode_message,
 )
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -28,9 +28,9 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.framing import PAYLOAD_LIMIT_BYTES, encode_packet
-from zacoustic_evologics.messages import RawData, Reply
-from zacoustic_evologics.notifications import Extension, ImFlag, RecvIm
+from zacoustic_evologics.at.framing import PAYLOAD_LIMIT_BYTES, encode_packet
+from zacoustic_evologics.at.messages import RawData, Reply
+from zacoustic_evologics.at.notifications import Extension, ImFlag, RecvIm
 
 
 @pytest.mark.parametrize(

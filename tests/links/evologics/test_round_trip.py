@@ -32,9 +32,9 @@ from zacoustic_evologics import (
     encode_command,
     encode_message,
 )
-from zacoustic_evologics.commands import Act, Action, Escape
-from zacoustic_evologics.layouts import Layout
-from zacoustic_evologics.messages import RawData, Reply
+from zacoustic_evologics.at.commands import Act, Action, Escape
+from zacoustic_evologics.at.layouts import Layout
+from zacoustic_evologics.at.messages import RawData, Reply
 
 LINE_ENDS = st.sampled_from([TCP_LINE_END, SERIAL_LINE_END, b"\r\n"])
 FRAMINGS = st.sampled_from(Framing)

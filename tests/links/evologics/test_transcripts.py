@@ -15,10 +15,10 @@ from zacoustic_evologics import (
     encode_command,
     encode_message,
 )
-from zacoustic_evologics.commands import InvalidCommand
-from zacoustic_evologics.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
-from zacoustic_evologics.messages import Noise
-from zacoustic_evologics.notifications import AsyncError, Extension
+from zacoustic_evologics.at.commands import InvalidCommand
+from zacoustic_evologics.at.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
+from zacoustic_evologics.at.messages import Noise
+from zacoustic_evologics.at.notifications import AsyncError, Extension
 
 BY_NAME = pytest.mark.parametrize("path", TRANSCRIPTS, ids=lambda path: path.stem)
 

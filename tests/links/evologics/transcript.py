@@ -16,8 +16,8 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic_evologics import commands, messages, notifications, usbl
-from zacoustic_evologics.framing import CRLF, TCP_LINE_END, Framing
+from zacoustic_evologics.at import commands, messages, notifications, usbl
+from zacoustic_evologics.at.framing import CRLF, TCP_LINE_END, Framing
 
 FOLDER: Final = Path(__file__).parents[2] / "golden" / "evologics"
 TRANSCRIPTS: Final = sorted(FOLDER.glob("*.txt"))

@@ -20,9 +20,9 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic_evologics.answers import reply_text
-from zacoustic_evologics.command_decoder import CommandDecoder
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.command_decoder import CommandDecoder
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -35,21 +35,10 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue import AtDialogue
-from zacoustic_evologics.dialogue_events import (
-    CarrierChanged,
-    ConnectionUseless,
-    FrameHeard,
-    LinkChanged,
-    OpeningHopeless,
-    TransmissionEnded,
-)
-from zacoustic_evologics.dialogue_states import State
-from zacoustic_evologics.encoder import Speakable, command_name, encode_message
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.messages import RawData, Reply
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.encoder import Speakable, command_name, encode_message
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import RawData, Reply
+from zacoustic_evologics.at.notifications import (
     CanceledIm,
     Delivered,
     DeliveredIm,
@@ -58,8 +47,19 @@ from zacoustic_evologics.notifications import (
     SendEnd,
     SendStart,
 )
-from zacoustic_evologics.replies import NetStatus
-from zacoustic_evologics.session import BIT_RATE_BPS, PREAMBLE_S
+from zacoustic_evologics.at.replies import NetStatus
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.driver.dialogue import AtDialogue
+from zacoustic_evologics.driver.events import (
+    CarrierChanged,
+    ConnectionUseless,
+    FrameHeard,
+    LinkChanged,
+    OpeningHopeless,
+    TransmissionEnded,
+)
+from zacoustic_evologics.driver.session import BIT_RATE_BPS, PREAMBLE_S
+from zacoustic_evologics.driver.states import State
 
 IGNORED: Final = "ignored"
 ANSWER_S: Final = 0.004

@@ -15,18 +15,18 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue import AtDialogue
-from zacoustic_evologics.dialogue_events import (
+from zacoustic_evologics.driver.dialogue import AtDialogue
+from zacoustic_evologics.driver.events import (
     CarrierChanged,
     ConnectionUseless,
     FrameHeard,
     LinkChanged,
     TransmissionEnded,
 )
-from zacoustic_evologics.dialogue_states import State
+from zacoustic_evologics.driver.states import State
 from zacoustic_evologics.emulator import EmulatedFleet, PortBytes, PortClosed
-from zacoustic_evologics.framing import Interpreter
 
 
 class Node:

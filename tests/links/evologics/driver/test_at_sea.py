@@ -8,7 +8,9 @@ import pytest
 from tests.links.evologics.driver.sea import Sea, outcomes
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
+from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.driver.session import GAP_S
 from zacoustic_evologics.emulator import (
     Behaviour,
     EmulatedFleet,
@@ -17,8 +19,6 @@ from zacoustic_evologics.emulator import (
     ScriptedFault,
     scenario_of,
 )
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.session import GAP_S
 
 SENT, DELIVERED, NOT_DELIVERED, ABORTED = (
     TransmitOutcome.SENT,

@@ -6,10 +6,10 @@ import pytest
 
 from tests.links.evologics.driver.bench import IGNORED, Bench, ScriptedModem
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue_states import State
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.messages import RawData
+from zacoustic_evologics.driver.states import State
 
 PLACES = [
     pytest.param(Interpreter.NET, Framing.LINES, id="NET"),

@@ -16,10 +16,10 @@ from zacoustic.bytestream import ByteStream
 from zacoustic.core.linktypes import LinkState, Transmission, TransmitOutcome
 from zacoustic.errors import LinkClosedError, LinkOpenError
 from zacoustic.testing.linkpair import RecordingReceiver, Side
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, Framing, Interpreter
+from zacoustic_evologics.at.notifications import ImFlag, RecvIm
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.framing import SERIAL_LINE_END, Framing, Interpreter
 from zacoustic_evologics.link import EvologicsLink
-from zacoustic_evologics.notifications import ImFlag, RecvIm
 
 has_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals")
 Port = TcpModem | SerialModem

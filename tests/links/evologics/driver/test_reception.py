@@ -5,9 +5,8 @@ from msgspec.structs import replace
 
 from tests.links.evologics.driver.bench import Bench, ScriptedModem
 from zacoustic.core.linktypes import LinkMetrics, TransmitOutcome
-from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.notifications import (
     DropCount,
     ImFlag,
     Recv,
@@ -20,7 +19,8 @@ from zacoustic_evologics.notifications import (
     SendEnd,
     SendStart,
 )
-from zacoustic_evologics.usbl import UsblAngles, UsblLong
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
+from zacoustic_evologics.config import EvologicsConfig
 
 IM = RecvIm(
     payload=b"hello", source=2, destination=1, flag=ImFlag.NOACK, duration_us=204_800,

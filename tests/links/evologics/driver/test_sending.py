@@ -7,12 +7,10 @@ import pytest
 from tests.links.evologics.driver.bench import IGNORED, Bench, ScriptedModem
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
-from zacoustic_evologics.commands import SendBurst, SendIm, SendIms
-from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue_states import State
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.commands import SendBurst, SendIm, SendIms
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import Reply
+from zacoustic_evologics.at.notifications import (
     AsyncError,
     CanceledIm,
     DeliveredIm,
@@ -23,7 +21,9 @@ from zacoustic_evologics.notifications import (
     RecvStart,
     SendEnd,
 )
-from zacoustic_evologics.sending_states import Phase
+from zacoustic_evologics.config import EvologicsConfig
+from zacoustic_evologics.driver.sending_states import Phase
+from zacoustic_evologics.driver.states import State
 
 SENT, DELIVERED, NOT_DELIVERED = (
     TransmitOutcome.SENT,

@@ -4,12 +4,12 @@ import pytest
 
 from tests.links.evologics.driver.bench import IGNORED, Bench, ScriptedModem
 from zacoustic.core.linktypes import LinkState
-from zacoustic_evologics.commands import Set
+from zacoustic_evologics.at.commands import Set
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue_states import State
-from zacoustic_evologics.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.startup_probe import FILLER
+from zacoustic_evologics.driver.startup_probe import FILLER
+from zacoustic_evologics.driver.states import State
 
 PLACES = [
     pytest.param(Interpreter.NET, Framing.LINES, id="NET"),

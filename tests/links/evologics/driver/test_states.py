@@ -9,10 +9,10 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkState, Transmission, TransmitOutcome
 from zacoustic.errors import LocalError
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.dialogue import AtDialogue
-from zacoustic_evologics.dialogue_states import CONNECTED, TRANSITIONS, UP, Input, State
-from zacoustic_evologics.sending_states import TRANSITIONS as PHASES
-from zacoustic_evologics.sending_states import Phase, Word
+from zacoustic_evologics.driver.dialogue import AtDialogue
+from zacoustic_evologics.driver.sending_states import TRANSITIONS as PHASES
+from zacoustic_evologics.driver.sending_states import Phase, Word
+from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 FROM_OUTSIDE = {Input.OPENED, Input.GONE, Input.CLOSED, Input.TRANSMIT}
 

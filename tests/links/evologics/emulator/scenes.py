@@ -11,9 +11,9 @@ from typing import Final
 from tests.links.evologics.emulator.sea import Host, Sea
 from tests.links.evologics.transcript import expression
 from zacoustic_evologics import AtDecoder, CommandDecoder, Framing, Interpreter
+from zacoustic_evologics.at.framing import CRLF, TCP_LINE_END
+from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.emulator import FaultKind, FaultPlan, PortBytes, ScriptedFault
-from zacoustic_evologics.framing import CRLF, TCP_LINE_END
-from zacoustic_evologics.messages import RawData
 
 FOLDER: Final = Path(__file__).parents[3] / "golden" / "evologics"
 

@@ -5,6 +5,7 @@ from typing import Any
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
 from zacoustic_evologics import AtDecoder, Framing, Interpreter
+from zacoustic_evologics.at.messages import Message, Unrecognised
 from zacoustic_evologics.emulator import (
     EmulatedFleet,
     FleetOutput,
@@ -12,7 +13,6 @@ from zacoustic_evologics.emulator import (
     PortClosed,
     scenario_of,
 )
-from zacoustic_evologics.messages import Message, Unrecognised
 
 
 class Host:

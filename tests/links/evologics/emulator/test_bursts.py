@@ -5,8 +5,8 @@ import pytest
 from tests.links.evologics.emulator.sea import Sea
 from tests.links.evologics.emulator.test_instant import lossy
 from zacoustic_evologics import Interpreter
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.messages import RawData
+from zacoustic_evologics.at.notifications import (
     BitRate,
     Delivered,
     DeliveredIm,

@@ -4,7 +4,7 @@ import pytest
 
 from tests.links.evologics.emulator.sea import Host, Sea
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic_evologics.notifications import RecvIm
+from zacoustic_evologics.at.notifications import RecvIm
 
 SCENARIO = Scenario(
     nodes=(

@@ -7,9 +7,9 @@ import pytest
 from tests.links.evologics.emulator.scenes import FOLDER, SCENES
 from tests.links.evologics.transcript import read_transcript
 from zacoustic_evologics import AtDecoder, encode_message
-from zacoustic_evologics.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
-from zacoustic_evologics.messages import Noise, Unrecognised
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
+from zacoustic_evologics.at.messages import Noise, Unrecognised
+from zacoustic_evologics.at.notifications import (
     AsyncError,
     ClockOffset,
     Extension,

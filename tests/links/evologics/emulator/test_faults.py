@@ -5,6 +5,7 @@ import pytest
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic.errors import ConfigError
 from zacoustic_evologics import Interpreter
+from zacoustic_evologics.at.notifications import DeliveredIm, RecvIm, RecvStart, SendEnd, SendStart
 from zacoustic_evologics.emulator import (
     FaultKind,
     FaultPlan,
@@ -13,7 +14,6 @@ from zacoustic_evologics.emulator import (
     ScriptedFault,
 )
 from zacoustic_evologics.emulator.faults import plan_from_mapping
-from zacoustic_evologics.notifications import DeliveredIm, RecvIm, RecvStart, SendEnd, SendStart
 
 IM = b"AT*SENDIM,5,2,ack,hello\n"
 

@@ -5,9 +5,7 @@ import pytest
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic.channel.loss import LossSpec
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
-from zacoustic_evologics.emulator import Behaviour, FaultKind, FaultPlan, ScriptedFault
-from zacoustic_evologics.emulator.airtime import im_airtime_ns
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
     CanceledPbm,
@@ -24,6 +22,8 @@ from zacoustic_evologics.notifications import (
     SendEnd,
     SendStart,
 )
+from zacoustic_evologics.emulator import Behaviour, FaultKind, FaultPlan, ScriptedFault
+from zacoustic_evologics.emulator.airtime import im_airtime_ns
 
 LOUD = {"ZX": 1}
 

@@ -4,10 +4,9 @@ import pytest
 
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic_evologics import Framing, Interpreter, ReplyCollector, decode_reply
-from zacoustic_evologics.commands import Act, Action, Query
-from zacoustic_evologics.emulator import Behaviour, PortBytes
-from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.commands import Act, Action, Query
+from zacoustic_evologics.at.messages import Reply
+from zacoustic_evologics.at.notifications import (
     DropCount,
     ExternalClock,
     PhyOff,
@@ -16,13 +15,14 @@ from zacoustic_evologics.notifications import (
     RemoteAddress,
     SendEnd,
 )
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.replies import (
     LinkStatus,
     MultipathReply,
     NetStatus,
     PositionReply,
     SettingsReply,
 )
+from zacoustic_evologics.emulator import Behaviour, PortBytes
 
 
 def test_net_interpreter_is_recognised_as_drivers_do() -> None:

@@ -7,8 +7,8 @@ import pytest
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic.channel.position import Waypoint
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic_evologics.notifications import DeliveredIm, RecvIm
-from zacoustic_evologics.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
+from zacoustic_evologics.at.notifications import DeliveredIm, RecvIm
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
 
 SCENARIO = Scenario(
     nodes=(

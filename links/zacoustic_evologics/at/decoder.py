@@ -18,7 +18,7 @@ interpreter never says one, so a packet tells at start-up that this modem is in 
 
 from typing import Final
 
-from zacoustic_evologics.framing import (
+from zacoustic_evologics.at.framing import (
     BODY_LIMIT_BYTES,
     CRLF,
     HEADER_LIMIT_BYTES,
@@ -29,8 +29,8 @@ from zacoustic_evologics.framing import (
     packet_start_overlap,
     read_packet,
 )
-from zacoustic_evologics.layouts import PAYLOAD_TOKENS, decode_line, decode_payload_record
-from zacoustic_evologics.messages import Message, RawData, Reply, Unrecognised
+from zacoustic_evologics.at.layouts import PAYLOAD_TOKENS, decode_line, decode_payload_record
+from zacoustic_evologics.at.messages import Message, RawData, Reply, Unrecognised
 
 LINE_LIMIT_BYTES: Final = 1024
 """Longest line; the longest known, USBLPHYP, has 245."""

@@ -13,11 +13,17 @@ come late. So they are *certain* or a *rumour*, and after a rumour the modem is 
 """
 
 from zacoustic.core.linktypes import TransmitOutcome
-from zacoustic_evologics.encoder import encode_message
-from zacoustic_evologics.notifications import DeliveredIm, Notification, RecvEnd, SendEnd, SendStart
-from zacoustic_evologics.sending_service import Carriage, Service
-from zacoustic_evologics.sending_states import Word
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.at.encoder import encode_message
+from zacoustic_evologics.at.notifications import (
+    DeliveredIm,
+    Notification,
+    RecvEnd,
+    SendEnd,
+    SendStart,
+)
+from zacoustic_evologics.driver.sending_service import Carriage, Service
+from zacoustic_evologics.driver.sending_states import Word
+from zacoustic_evologics.driver.session import ModemSession
 
 
 class Evidence:

@@ -10,11 +10,11 @@ lines to the text that a packet would have had.
 import re
 from typing import Final, assert_never
 
-from zacoustic_evologics.commands import Act, Action, Command, Help, Query
-from zacoustic_evologics.fields import ADDRESS, COUNT, METRES, SIGNED, Decimal
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.commands import Act, Action, Command, Help, Query
+from zacoustic_evologics.at.fields import ADDRESS, COUNT, METRES, SIGNED, Decimal
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.messages import Reply
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     DeliveryReply,

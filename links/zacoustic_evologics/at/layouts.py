@@ -15,9 +15,9 @@ from typing import Any, Final, TypeAlias
 
 import msgspec
 
-from zacoustic_evologics import notifications as said
-from zacoustic_evologics import usbl
-from zacoustic_evologics.fields import (
+from zacoustic_evologics.at import notifications as said
+from zacoustic_evologics.at import usbl
+from zacoustic_evologics.at.fields import (
     ACCURACY,
     ADDRESS,
     ANGLE_RAD,
@@ -37,14 +37,14 @@ from zacoustic_evologics.fields import (
     Field,
     Integer,
 )
-from zacoustic_evologics.framing import (
+from zacoustic_evologics.at.framing import (
     CRLF,
     PAYLOAD_LIMIT_BYTES,
     Gap,
     Header,
     read_header,
 )
-from zacoustic_evologics.messages import Noise
+from zacoustic_evologics.at.messages import Noise
 
 IM_LIMIT_BYTES: Final = 64
 """Longest payload of an instant, synchronous or piggyback message."""

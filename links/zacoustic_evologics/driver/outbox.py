@@ -9,8 +9,8 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic_evologics.dialogue_events import Event, LinkChanged, TransmissionEnded
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.driver.events import Event, LinkChanged, TransmissionEnded
+from zacoustic_evologics.driver.session import ModemSession
 
 
 class Outbox:

@@ -8,7 +8,7 @@ What they write, the decoder of the other side reads as the same record.
 import re
 from typing import Final, TypeAlias, assert_never
 
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Command,
     Escape,
@@ -24,17 +24,17 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.fields import CLOCK_US, MODEM, PROTOCOL_ID, SIGNED, TARGET, Maybe
-from zacoustic_evologics.framing import CRLF, TCP_LINE_END, Framing, encode_packet
-from zacoustic_evologics.layouts import (
+from zacoustic_evologics.at.fields import CLOCK_US, MODEM, PROTOCOL_ID, SIGNED, TARGET, Maybe
+from zacoustic_evologics.at.framing import CRLF, TCP_LINE_END, Framing, encode_packet
+from zacoustic_evologics.at.layouts import (
     FIRMWARE_1_6_LAYOUT_OF,
     IM_LIMIT_BYTES,
     LAYOUTS_OF,
     Layout,
     encode_columns,
 )
-from zacoustic_evologics.messages import Noise, RawData, Reply
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.messages import Noise, RawData, Reply
+from zacoustic_evologics.at.notifications import (
     AsyncError,
     Extension,
     ImFlag,
@@ -42,7 +42,7 @@ from zacoustic_evologics.notifications import (
     RecvIm,
     RecvPbm,
 )
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.settings import SETTINGS
 
 BURST_LIMIT_BYTES: Final = 1024
 """Longest burst that is written. By convention of several drivers; no source knows the modem's."""

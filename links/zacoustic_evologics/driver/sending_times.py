@@ -3,8 +3,8 @@
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.sending_service import Carriage, Service
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.driver.sending_service import Carriage, Service
+from zacoustic_evologics.driver.session import ModemSession
 
 BUSY_PAUSE_S: Final = 1.0
 """Between two questions whether the modem has time, s; the vendor's middleware waits as long."""

@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.notifications import Notification
+from zacoustic_evologics.at.notifications import Notification
 
 
 class Reply(msgspec.Struct, frozen=True):

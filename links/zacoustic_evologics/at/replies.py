@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.framing import Interpreter
+from zacoustic_evologics.at.framing import Interpreter
 
 
 class Accepted(msgspec.Struct, frozen=True):

@@ -2,9 +2,8 @@
 
 from typing import Final
 
-from zacoustic_evologics.answers import reply_text
-from zacoustic_evologics.dialogue_channel import Answer
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     DeliveryReply,
@@ -16,8 +15,9 @@ from zacoustic_evologics.replies import (
     Refused,
     TextReply,
 )
-from zacoustic_evologics.sending_service import Carriage, Remedy, Service, remedy_for
-from zacoustic_evologics.sending_states import Phase, Word
+from zacoustic_evologics.driver.channel import Answer
+from zacoustic_evologics.driver.sending_service import Carriage, Remedy, Service, remedy_for
+from zacoustic_evologics.driver.sending_states import Phase, Word
 
 _FREE: Final = ("LISTEN", "ONLINE")
 _WORD_OF_REMEDY: Final = {

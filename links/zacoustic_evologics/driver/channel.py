@@ -17,8 +17,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic_evologics.answers import ReplyCollector, decode_reply
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.answers import ReplyCollector, decode_reply
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -29,10 +29,10 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.encoder import command_name, encode_command
-from zacoustic_evologics.framing import Framing, Interpreter
-from zacoustic_evologics.messages import Reply
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.encoder import command_name, encode_command
+from zacoustic_evologics.at.framing import Framing, Interpreter
+from zacoustic_evologics.at.messages import Reply
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     DeliveryReply,
@@ -40,7 +40,7 @@ from zacoustic_evologics.replies import (
     Number,
     Refused,
 )
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.settings import SETTINGS
 
 FENCE: Final = Query("MODE")
 """The question whose answer cannot be mistaken for any other."""

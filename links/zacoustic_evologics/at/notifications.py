@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.usbl import UsblNotification
+from zacoustic_evologics.at.usbl import UsblNotification
 
 
 class ImFlag(enum.Enum):

@@ -11,11 +11,11 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.commands import Command, Query, Set
+from zacoustic_evologics.at.commands import Command, Query, Set
+from zacoustic_evologics.at.replies import Accepted, CommandReply, Number
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
-from zacoustic_evologics.dialogue_channel import FENCE, Answer, CommandChannel
-from zacoustic_evologics.replies import Accepted, CommandReply, Number
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.driver.channel import FENCE, Answer, CommandChannel
+from zacoustic_evologics.driver.session import ModemSession
 
 CHECK_PAUSE_S: Final = 10.0
 """Between two checks, s: data from the water may look like a restart for as long as it comes."""

@@ -17,11 +17,11 @@ In data mode such a filler would be data for the water, which is why it comes la
 
 from typing import Final
 
-from zacoustic_evologics.commands import Query
-from zacoustic_evologics.encoder import BURST_LIMIT_BYTES, encode_command
-from zacoustic_evologics.framing import SERIAL_LINE_END, TCP_LINE_END, Framing
-from zacoustic_evologics.messages import Message, Reply
-from zacoustic_evologics.replies import RefusalKind
+from zacoustic_evologics.at.commands import Query
+from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES, encode_command
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing
+from zacoustic_evologics.at.messages import Message, Reply
+from zacoustic_evologics.at.replies import RefusalKind
 
 FILLER: Final = b"A" * (BURST_LIMIT_BYTES + 1)
 """Ends the longest payload that may be waited for."""

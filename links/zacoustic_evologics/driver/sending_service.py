@@ -22,7 +22,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.linktypes import BROADCAST, Transmission, TransmitOutcome
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -32,8 +32,8 @@ from zacoustic_evologics.commands import (
     SendIm,
     SendIms,
 )
-from zacoustic_evologics.layouts import IM_LIMIT_BYTES
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
     Delivered,
@@ -46,8 +46,8 @@ from zacoustic_evologics.notifications import (
     SendEnd,
     SendStart,
 )
-from zacoustic_evologics.replies import RefusalKind, Refused
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.at.replies import RefusalKind, Refused
+from zacoustic_evologics.driver.session import ModemSession
 
 
 class Service(enum.Enum):

@@ -20,7 +20,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.commands import (
+from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
@@ -38,9 +38,9 @@ from zacoustic_evologics.commands import (
     Set,
     SetOption,
 )
-from zacoustic_evologics.encoder import NUMBERED_ACTIONS
-from zacoustic_evologics.fields import SIGNED, Choice, Integer, Maybe
-from zacoustic_evologics.framing import (
+from zacoustic_evologics.at.encoder import NUMBERED_ACTIONS
+from zacoustic_evologics.at.fields import SIGNED, Choice, Integer, Maybe
+from zacoustic_evologics.at.framing import (
     HEADER_LIMIT_BYTES,
     PACKET_START,
     PAYLOAD_LIMIT_BYTES,
@@ -51,9 +51,9 @@ from zacoustic_evologics.framing import (
     packet_start_overlap,
     read_header,
 )
-from zacoustic_evologics.layouts import Columns, decode_columns, width
-from zacoustic_evologics.messages import RawData
-from zacoustic_evologics.notifications import ImFlag
+from zacoustic_evologics.at.layouts import Columns, decode_columns, width
+from zacoustic_evologics.at.messages import RawData
+from zacoustic_evologics.at.notifications import ImFlag
 
 COMMAND_LINE_LIMIT_BYTES: Final = 256
 """Longest line command, and longest rest of a wrong payload that is shown."""

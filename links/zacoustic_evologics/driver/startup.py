@@ -17,14 +17,11 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.errors import LinkError
-from zacoustic_evologics.answers import reply_text
-from zacoustic_evologics.commands import Act, Action, Command, Query, Set, SetOption
-from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
-from zacoustic_evologics.dialogue_channel import FENCE, CommandChannel
-from zacoustic_evologics.dialogue_states import Input
-from zacoustic_evologics.encoder import command_name
-from zacoustic_evologics.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
-from zacoustic_evologics.replies import (
+from zacoustic_evologics.at.answers import reply_text
+from zacoustic_evologics.at.commands import Act, Action, Command, Query, Set, SetOption
+from zacoustic_evologics.at.encoder import command_name
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
+from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     DeliveryReply,
@@ -37,8 +34,11 @@ from zacoustic_evologics.replies import (
     Refused,
     TextReply,
 )
-from zacoustic_evologics.session import ModemSession
-from zacoustic_evologics.settings import SETTINGS
+from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
+from zacoustic_evologics.driver.channel import FENCE, CommandChannel
+from zacoustic_evologics.driver.session import ModemSession
+from zacoustic_evologics.driver.states import Input
 
 DATA_MODE_PAUSE_S: Final = 0.2
 """After `ATO`, which is not answered, s; the vendor's middleware does not wait at all."""

@@ -8,9 +8,9 @@ from typing import Final
 
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities, TransmitOutcome
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.framing import Interpreter
-from zacoustic_evologics.usbl import UsblAngles, UsblLong
 
 PREAMBLE_S: Final = 0.1503
 """Airtime of an instant message without a byte, s: straight line through the published airtimes of

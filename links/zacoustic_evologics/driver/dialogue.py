@@ -2,9 +2,9 @@
 
 The contract with the shell that has both (`link`): after any input or command call `poll_output`
 until None and write that, `poll_event` until None, and arm one timer with `poll_timeout`; `now`
-never decreases. What comes from the modem never raises. States are in `dialogue_states`, what is
+never decreases. What comes from the modem never raises. States are in `states`, what is
 done in them in `startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both speak through
-one `dialogue_channel`. Besides them there are *errands*: single questions that belong to no state,
+one `channel`. Besides them there are *errands*: single questions that belong to no state,
 such as `AT?T` after an exchange. Their answers may come in any state, and a frame does not wait for
 more than one of them.
 
@@ -23,29 +23,29 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
 )
 from zacoustic.errors import LocalError
+from zacoustic_evologics.at.decoder import AtDecoder
+from zacoustic_evologics.at.framing import Framing
+from zacoustic_evologics.at.messages import Message, Noise, RawData, Reply, Unrecognised
+from zacoustic_evologics.at.notifications import Notification, PhyOff, PhyOn, SourceLevel
+from zacoustic_evologics.at.replies import CommandReply, ModeReply
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
-from zacoustic_evologics.decoder import AtDecoder
-from zacoustic_evologics.dialogue_channel import FENCE_TICKET, Answer, CommandChannel
-from zacoustic_evologics.dialogue_errands import Errands
-from zacoustic_evologics.dialogue_events import (
+from zacoustic_evologics.driver.channel import FENCE_TICKET, Answer, CommandChannel
+from zacoustic_evologics.driver.errands import Errands
+from zacoustic_evologics.driver.events import (
     ConnectionUseless,
     Event,
     OpeningHopeless,
 )
-from zacoustic_evologics.dialogue_outbox import Outbox
-from zacoustic_evologics.dialogue_states import CONNECTED, TRANSITIONS, UP, Input, State
-from zacoustic_evologics.framing import Framing
-from zacoustic_evologics.messages import Message, Noise, RawData, Reply, Unrecognised
-from zacoustic_evologics.notifications import Notification, PhyOff, PhyOn, SourceLevel
-from zacoustic_evologics.replies import CommandReply, ModeReply
-from zacoustic_evologics.sending import Sending
-from zacoustic_evologics.sending_service import choose_carriage
-from zacoustic_evologics.sending_states import HAS_FRAME
-from zacoustic_evologics.session import ModemSession
-from zacoustic_evologics.session_reception import Reception
-from zacoustic_evologics.startup import StartupError
-from zacoustic_evologics.startup_probe import Probe
-from zacoustic_evologics.startup_run import StartupRun
+from zacoustic_evologics.driver.outbox import Outbox
+from zacoustic_evologics.driver.sending import Sending
+from zacoustic_evologics.driver.sending_service import choose_carriage
+from zacoustic_evologics.driver.sending_states import HAS_FRAME
+from zacoustic_evologics.driver.session import ModemSession
+from zacoustic_evologics.driver.session_reception import Reception
+from zacoustic_evologics.driver.startup import StartupError
+from zacoustic_evologics.driver.startup_probe import Probe
+from zacoustic_evologics.driver.startup_run import StartupRun
+from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 SETTLING_S: Final = 0.5
 """What comes so soon after connecting is dropped, s; the vendor's own middleware does the same."""

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.notifications import ImFlag
+from zacoustic_evologics.at.notifications import ImFlag
 
 
 class SendIm(msgspec.Struct, frozen=True, kw_only=True):

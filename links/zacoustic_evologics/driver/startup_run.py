@@ -1,14 +1,14 @@
 """Runs a start-up: the probe until the modem gives a sign, then the stages of `startup`."""
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.commands import Query
-from zacoustic_evologics.dialogue_channel import Answer, CommandChannel
-from zacoustic_evologics.dialogue_states import Input
-from zacoustic_evologics.messages import Message
-from zacoustic_evologics.replies import CommandReply
-from zacoustic_evologics.session import ModemSession
-from zacoustic_evologics.startup import Pause, Reached, Stages, StartupError, start_up
-from zacoustic_evologics.startup_probe import Probe
+from zacoustic_evologics.at.commands import Query
+from zacoustic_evologics.at.messages import Message
+from zacoustic_evologics.at.replies import CommandReply
+from zacoustic_evologics.driver.channel import Answer, CommandChannel
+from zacoustic_evologics.driver.session import ModemSession
+from zacoustic_evologics.driver.startup import Pause, Reached, Stages, StartupError, start_up
+from zacoustic_evologics.driver.startup_probe import Probe
+from zacoustic_evologics.driver.states import Input
 
 
 class StartupRun:

@@ -18,8 +18,7 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST, LinkMetrics, ReceivedFrame
-from zacoustic_evologics.dialogue_events import CarrierChanged, Event, FrameHeard
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.notifications import (
     AsyncError,
     DropCount,
     FaultKind,
@@ -35,8 +34,9 @@ from zacoustic_evologics.notifications import (
     SendStart,
     SourceLevel,
 )
-from zacoustic_evologics.session import ModemSession
-from zacoustic_evologics.usbl import UsblAngles, UsblLong
+from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
+from zacoustic_evologics.driver.events import CarrierChanged, Event, FrameHeard
+from zacoustic_evologics.driver.session import ModemSession
 
 CARRIER_LIMIT_S: Final = 3.0
 """Longer than any instant message with its delay; a burst says when it begins again."""

@@ -25,10 +25,8 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
-from zacoustic_evologics.commands import Command, Query, Set
-from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
-from zacoustic_evologics.dialogue_channel import Answer, CommandChannel
-from zacoustic_evologics.notifications import (
+from zacoustic_evologics.at.commands import Command, Query, Set
+from zacoustic_evologics.at.notifications import (
     Notification,
     RecvEnd,
     RecvFailed,
@@ -36,19 +34,21 @@ from zacoustic_evologics.notifications import (
     SendStart,
     Status,
 )
-from zacoustic_evologics.replies import DeliveryReply, DeliveryState, Number, Refused
-from zacoustic_evologics.sending_answers import read_answer, said
-from zacoustic_evologics.sending_evidence import Evidence
-from zacoustic_evologics.sending_service import (
+from zacoustic_evologics.at.replies import DeliveryReply, DeliveryState, Number, Refused
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
+from zacoustic_evologics.driver.channel import Answer, CommandChannel
+from zacoustic_evologics.driver.sending_answers import read_answer, said
+from zacoustic_evologics.driver.sending_evidence import Evidence
+from zacoustic_evologics.driver.sending_service import (
     Carriage,
     Remedy,
     Service,
     remedy_command,
     remedy_for,
 )
-from zacoustic_evologics.sending_states import HAS_FRAME, TRANSITIONS, Phase, Word
-from zacoustic_evologics.sending_times import BUSY_PAUSE_S, Timetable
-from zacoustic_evologics.session import ModemSession
+from zacoustic_evologics.driver.sending_states import HAS_FRAME, TRANSITIONS, Phase, Word
+from zacoustic_evologics.driver.sending_times import BUSY_PAUSE_S, Timetable
+from zacoustic_evologics.driver.session import ModemSession
 
 _STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
 
