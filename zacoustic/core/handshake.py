@@ -55,7 +55,7 @@ from zacoustic.core.frame import (
     Tag,
 )
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.core.peer import Pause, Peer
+from zacoustic.core.peer import Peer
 from zacoustic.core.stats import Cause
 from zacoustic.core.streams import StreamTable
 
@@ -244,7 +244,8 @@ class Handshake:
             peer.owes_hello = True
         else:
             peer.owed_rows[ask.stream_id] = None
-        self._speak_soon(peer, peer.answer_pause, now)
+        # Whoever asks has made its own pause; a second one here would grow with every loss.
+        self._speak_soon(peer, now)
 
     def heard_row(self, source: int, row: TableRow, now: int) -> None:
         """A row of a peer's table arrived."""
@@ -262,7 +263,7 @@ class Handshake:
             self._tell_difference(source, peer, row.stream_id)
             if not known:
                 peer.owed_rows[row.stream_id] = None
-                self._speak_soon(peer, peer.answer_pause, now)
+                self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
         """Decide whether a record may be decoded.
@@ -351,19 +352,18 @@ class Handshake:
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
             peer.owes_confirm = True
-            self._speak_soon(peer, peer.answer_pause, max(now, peer.settled_at))
+            self._speak_soon(peer, max(now, peer.confirm_at))
         elif not peer.answer_pause.is_longest:
             # It will never confirm us, so nothing tells that it has heard; a few times are enough.
             peer.owes_hello = True
-            self._speak_soon(peer, peer.answer_pause, now)
+            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
         peer.questions[stream_id] = None
-        self._speak_soon(peer, peer.ask_pause, now)
+        self._speak_soon(peer, max(now, peer.ask_pause.not_before))
 
-    def _speak_soon(self, peer: Peer, pause: Pause, now: int) -> None:
+    def _speak_soon(self, peer: Peer, earliest: int) -> None:
         """Give what is owed a frame of its own, unless one goes anyway before."""
-        earliest = max(now, pause.not_before)
         at = earliest + self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
         if peer.speak_at is None or at < peer.speak_at:
             peer.speak_at = at

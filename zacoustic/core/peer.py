@@ -3,15 +3,23 @@
 from typing import Final
 
 _FIRST_PAUSE_UNITS: Final = 2
-_LONGEST_PAUSE_UNITS: Final = 256
+_LONGEST_ANSWER_PAUSE_UNITS: Final = 256
+_LONGEST_QUESTION_PAUSE_UNITS: Final = 64
+"""A question is asked of somebody who transmits what is of no use here: its cost is small beside
+that, and until it is answered all of that is lost."""
 
 
 class Pause:
-    """Doubles with each use: no question is repeated faster than answers can come."""
+    """Doubles with each use: no question is repeated faster than answers can come.
 
-    __slots__ = ("_units", "not_before")
+    Args:
+        longest_units: Where it stops to grow, units.
+    """
 
-    def __init__(self) -> None:
+    __slots__ = ("_longest_units", "_units", "not_before")
+
+    def __init__(self, longest_units: int) -> None:
+        self._longest_units = longest_units
         self.reset()
 
     def reset(self) -> None:
@@ -22,12 +30,12 @@ class Pause:
     def use(self, now: int, unit_ns: int) -> None:
         """Note a use; the next one is allowed after the pause."""
         self.not_before = now + self._units * unit_ns
-        self._units = min(2 * self._units, _LONGEST_PAUSE_UNITS)
+        self._units = min(2 * self._units, self._longest_units)
 
     @property
     def is_longest(self) -> bool:
         """It grows no more."""
-        return self._units == _LONGEST_PAUSE_UNITS
+        return self._units == self._longest_units
 
 
 class Peer:
@@ -45,8 +53,8 @@ class Peer:
         self.owed_rows: dict[int, None] = {}
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
-        self.ask_pause = Pause()
-        self.answer_pause = Pause()
+        self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
+        self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
 
     @property
     def is_owed(self) -> bool:
