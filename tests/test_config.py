@@ -1,6 +1,7 @@
 """The configuration: what a section means, and that each mistake in it is one line that helps."""
 
 import copy
+import json
 import re
 import sys
 from pathlib import Path
@@ -70,6 +71,7 @@ SECTION: dict[str, Any] = {
             "priority": "interactive_high",
         },
     ],
+    "ranging": [{"by": 2, "to": 1, "every_s": 30}],
 }
 
 
@@ -151,15 +153,44 @@ def test_nodes_share_a_digest_whatever_their_address() -> None:
     assert one.table.digest == config_from_mapping(SECTION, source="-", address=2).table.digest
 
 
+def test_what_a_node_keeps_in_its_journal_is_its_own_affair() -> None:
+    usual = config_from_mapping(SECTION, source="-")
+    section = changed("streams.0.journal", True)
+    section["streams"][2]["journal"] = False
+    tuned = config_from_mapping(section, source="-")
+    assert [stream.spec.journal for stream in usual.table] == [False, False, True]
+    assert [stream.spec.journal for stream in tuned.table] == [True, False, False]
+    assert tuned.table.digest == usual.table.digest
+
+
+def test_folder_of_the_journal_is_relative_to_that_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "fleet.json5"
+    for written, expected in (
+        ("state/acoustic", tmp_path / "state" / "acoustic"),
+        (str(tmp_path.parent), tmp_path.parent),
+        ("~/acoustic", Path.home() / "acoustic"),
+    ):
+        section = {**SECTION, "journal": written}
+        path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+        assert read_config(path).journal == expected
+    assert config_from_mapping(SECTION, source="-").journal is None
+
+
 ROOT = "fleet.json5: plugins.acoustic"
 PRIORITIES = "real_time, interactive_high, interactive_low, data_high, data, data_low, background"
 LATER = "(a later version will have it)"
 
 MISTAKES: list[tuple[str, object, str]] = [
     # keys
-    ("adress", 2, ".adress: unknown key; allowed: address, nodes, links, types, streams (did you"),
+    ("adress", 2, ".adress: unknown key; allowed: address, nodes, links, types, journal, streams"),
     ("adress", 2, '(did you mean "address"?)'),
-    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, links, types, streams"),
+    ("zzz", 2, ".zzz: unknown key; allowed: address, nodes, links, types, journal, streams"),
+    ("journal", 3, ".journal: 3; allowed: a text, the folder of the journal"),
+    ("journal", "", '.journal: ""; allowed: a text, the folder of the journal'),
+    ("journal", "a\0b", "allowed: a text, the folder of the journal"),
+    ("journal", "~nobody-at-all/j", "(write the folder out)"),
+    ("streams.0.journal", "yes", '.streams[0].journal: "yes"; allowed: true, false'),
+    ("streams.2.journal", 1, ".streams[2].journal: 1; allowed: true, false"),
     ("nodes.0.nmae", 2, '.nodes[0].nmae: unknown key; allowed: address, name (did you mean "name"'),
     ("links.0.locater", 2, ".links[0].locater: unknown key; allowed: locator, wire (did you mean"),
     ("types.0.feilds", 2, ".types[0].feilds: unknown key; allowed: name, fields, python (did you"),
@@ -363,6 +394,24 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("streams.0.lifespan_s", 0, ".streams[0].lifespan_s: 0; allowed: above 0"),
     ("streams.0.min_interval_s", -1, ".streams[0].min_interval_s: -1; allowed: 0 or more"),
     ("streams.2.linger_s", -1, ".streams[2].linger_s: -1; allowed: 0 or more"),
+    ("ranging", {}, ".ranging: {}; allowed: a list of { to, every_s }"),
+    ("ranging.0.to", "auv1", '.ranging[0].to: "auv1"; allowed: the address of another node'),
+    ("ranging.0.to", 9, ".ranging[0].to: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
+    ("ranging.0.to", 2, ".ranging[0].to: 2 is the node that measures; allowed: another node"),
+    (
+        "ranging.0",
+        {"to": 2, "every_s": 3},
+        "(say by whom, so that one file serves a fleet: by: ADDRESS)",
+    ),
+    ("ranging.0.to", ..., ".ranging[0].to: is missing; allowed: the address of another node"),
+    ("ranging.0.by", 1, ".ranging[0].to: 1 is the node that measures; allowed: another node"),
+    ("ranging.0.by", 9, ".ranging[0].by: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
+    ("ranging.0.every_s", 0.5, ".ranging[0].every_s: 0.5; allowed: seconds, 1..86400"),
+    ("ranging.0.every_s", -1, ".ranging[0].every_s: -1; allowed: seconds, 1..86400"),
+    ("ranging.0.every_s", "5", '.ranging[0].every_s: "5"; allowed: seconds, 1..86400'),
+    ("ranging.0.every_s", ..., ".ranging[0].every_s: is missing; allowed: seconds, 1..86400"),
+    ("ranging.0.rate", 1, ".ranging[0].rate: unknown key; allowed: to, every_s, by"),
+    ("ranging.1", {"to": 1, "every_s": 9}, ".ranging[1].to: 1 a second time; allowed: each"),
     ("streams.2.timeout_s", 0, ".streams[2].timeout_s: 0.0; allowed: above 0"),
     ("streams.0.stamp", "clock", '.streams[0].stamp: "clock"; allowed: none, age'),
     (
@@ -451,7 +500,21 @@ def test_mistake_is_one_line_with_file_key_value_and_what_is_allowed(
 @pytest.mark.parametrize("section", [None, [], 3, "text"])
 def test_section_that_is_no_table_is_refused(section: object) -> None:
     assert message_of(section).startswith(f"{ROOT}: ")
-    assert message_of(section).endswith("allowed: { address, nodes, links, types, streams }")
+    assert message_of(section).endswith(
+        "{ address, nodes, links, types, journal, streams, ranging }"
+    )
+
+
+def test_ranges_are_those_that_this_node_measures() -> None:
+    section = changed(
+        "ranging", [{"by": 2, "to": 1, "every_s": 30}, {"by": 1, "to": 2, "every_s": 9.5}]
+    )
+    for address, expected in ((1, {2: 9.5}), (2, {1: 30.0})):
+        config = config_from_mapping(section, source="fleet.json5", address=address)
+        assert config.ranges_to() == expected
+    assert config_from_mapping(SECTION, source="fleet.json5").ranges_to() == {1: 30.0}
+    alone = {"address": 7, "ranging": [{"to": 3, "every_s": 1}]}
+    assert config_from_mapping(alone, source="fleet.json5").ranges_to() == {3: 1.0}
 
 
 def test_address_given_beside_the_file_is_checked() -> None:

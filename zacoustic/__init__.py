@@ -19,6 +19,7 @@ from zacoustic.errors import (
     PayloadInvalidError,
     PayloadTooLargeError,
     QueueFullError,
+    RangeUnavailableError,
     ServiceError,
     SessionError,
     UnknownStreamError,
@@ -27,6 +28,7 @@ from zacoustic.errors import (
 
 if TYPE_CHECKING:
     from zacoustic.config import Config, read_config
+    from zacoustic.core.measurements import Range
     from zacoustic.core.qos import Priority, Qos, Stamp
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
@@ -60,6 +62,8 @@ __all__ = [
     "Publisher",
     "Qos",
     "QueueFullError",
+    "Range",
+    "RangeUnavailableError",
     "Sample",
     "Service",
     "ServiceError",
@@ -74,6 +78,7 @@ __all__ = [
 
 _HOMES: Final = {
     "zacoustic.config": ("Config", "read_config"),
+    "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.qos": ("Priority", "Qos", "Stamp"),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (

@@ -10,13 +10,14 @@
      │   ├─ UnknownStreamError         a name or id that the stream table does not have
      │   └─ QueueFullError             a bounded queue whose policy is to refuse
      ├─ DeliveryError                  it did not get there: link down, rejected, expired
-     │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of the call
+     │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
      ├─ ServiceError                   the remote handler failed; carries its text
      ├─ SessionError                   Zenoh: router unreachable, port in use
      └─ LinkError
          ├─ LinkUnavailableError       no such link, or its package is not installed
          ├─ LinkOpenError (OSError)    the port or the peer cannot be opened
-         └─ LinkClosedError            used after close, or before open
+         ├─ LinkClosedError            used after close, or before open
+         └─ RangeUnavailableError      the link measures no ranges, or none to that node
 
 Misbehaviour of a remote node is never an exception: what comes off the water is counted, traced
 and dropped.
@@ -72,7 +73,7 @@ class DeliveryError(ZacousticError):
 
 
 class CallTimeoutError(DeliveryError, TimeoutError):
-    """No answer arrived before the deadline of the call."""
+    """No answer arrived before the deadline of the call, or of the range that was asked for."""
 
 
 class ServiceError(ZacousticError):
@@ -97,3 +98,7 @@ class LinkOpenError(LinkError, OSError):
 
 class LinkClosedError(LinkError):
     """A link was used before `open` or after `close`."""
+
+
+class RangeUnavailableError(LinkError):
+    """The link measures no ranges, or none to that node."""

@@ -14,18 +14,32 @@ nothing about streams. Rules, all proven by the conformance battery
 - A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
 - After `close` has returned no callback is made; `close` may be called again.
 - `received_at` is stamped where the bytes are read, and never decreases.
+- What the device measures is told by `measured` when it is known. Where `measures_range`, that
+  includes the propagation delay of each transmission that ended DELIVERED, measured in this very
+  exchange and not in an earlier one; a delay that the device does not know is not told.
 - Bytes from the device never raise; what cannot be understood is ignored and counted in
   `diagnostics`.
 """
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Final, Protocol, Self
+from typing import (
+    Any,
+    ClassVar,
+    Final,
+    Literal,
+    Protocol,
+    Self,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import msgspec
 
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
+    Measurement,
     ReceivedFrame,
     Transmission,
     TransmitReport,
@@ -57,6 +71,10 @@ class LinkReceiver(Protocol):
 
     def carrier_changed(self, busy: bool) -> None:
         """Somebody else's transmission began or ended; only where `senses_carrier`."""
+        ...
+
+    def measured(self, measurement: Measurement) -> None:
+        """The device has measured something of another modem, or says something of itself."""
         ...
 
 
@@ -127,9 +145,28 @@ def convert_config(
     Raises:
         ConfigError: Unknown key or a value of the wrong kind; names both and what is allowed.
     """
+    kinds = get_type_hints(config_type, include_extras=True)
+    for name, text in settings.items():
+        if name not in config_type.__struct_fields__:
+            allowed = ", ".join(config_type.__struct_fields__) or "none"
+            raise ConfigError(f"{source}: unknown setting {name!r}; allowed settings: {allowed}")
+        try:
+            msgspec.convert(text, kinds[name], strict=False)
+        except msgspec.ValidationError as error:
+            allowed = _allowed_values(kinds[name]) or str(error)
+            raise ConfigError(f"{source}: {name} is {text!r}; allowed: {allowed}") from error
     values: dict[str, Any] = dict(settings)
     try:
         return msgspec.convert(values, config_type, strict=False)
     except msgspec.ValidationError as error:
-        allowed = ", ".join(config_type.__struct_fields__) or "none"
-        raise ConfigError(f"{source}: {error}; allowed settings: {allowed}") from error
+        raise ConfigError(f"{source}: {error}") from error
+
+
+def _allowed_values(kind: object) -> str:
+    """Return in words what a setting of that kind can be; empty if there are no words for it."""
+    if get_origin(kind) is Literal:
+        return ", ".join(map(str, get_args(kind)))
+    members = [each for each in get_args(kind) if each is not type(None)]
+    if len(members) == 1:
+        return _allowed_values(members[0])
+    return {bool: "true, false", int: "a whole number", float: "a number"}.get(kind, "")  # type: ignore[call-overload, no-any-return]

@@ -8,8 +8,9 @@ One thread owns the engine, that of the loop. Two things come from elsewhere:
 
 - Commands of foreign threads (Zenoh's callbacks), by `submit`: a bounded list, and one wake-up of
   the loop if none is pending. A wake-up for each would be an unbounded queue inside the loop.
-- Commits of the journal, by a future of its one worker thread. While one is under way, further
-  writes collect and are committed together.
+- Commits of the journal, by a future of its one worker thread (`JournalThread`). While one is under
+  way, further writes collect and are committed together; one that fails is told to the engine and
+  tried again.
 
 An exception that nobody expects, in the engine, in the link's callbacks, in the receiver of events
 or in the journal, is logged with its traceback, stops the runner and comes out of `wait_failed`.
@@ -20,17 +21,17 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias, TypeVar
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
 from zacoustic.core.journal import JournalWrite
-from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitReport
+from zacoustic.core.linktypes import LinkState, Measurement, ReceivedFrame, TransmitReport
 from zacoustic.errors import LinkClosedError, ZacousticError
 from zacoustic.journal import Journal
+from zacoustic.journal.thread import JournalThread
 from zacoustic.link import Link
 
 SUBMIT_LIMIT: Final = 1024
@@ -59,8 +60,8 @@ class LinkRunner:
         link: Its link, not open yet.
         deliver: Takes each event, on the loop; may call `apply`. What it raises stops the runner.
         clock: Where instants come from; the same as the link's.
-        journal: Where writes go, or None: then they count as committed at once. Closed with the
-        runner.
+        journal: Where writes go, recovered; None: they count as committed at once. Closed with the
+            runner.
     """
 
     def __init__(
@@ -91,8 +92,14 @@ class LinkRunner:
         self._inbox: deque[Command] = deque()
         self._inbox_guard = threading.Lock()
         self._wake_pending = False
-        self._commits = _Commits(journal) if journal is not None else None
-        self._commit_task: asyncio.Task[None] | None = None
+        self._journal: JournalThread | None = None
+        if journal is not None:
+            self._journal = JournalThread(
+                journal,
+                committed=self._committed,
+                state_changed=self._journal_changed,
+                fail=self._fail,
+            )
 
     async def start(self) -> None:
         """Open the link and run.
@@ -119,11 +126,11 @@ class LinkRunner:
         self._is_closing = True
         self._stop_timer()
         try:
-            await self.link.close()
-            if self._commit_task is not None:
-                await asyncio.wait([self._commit_task])
-            if self._commits is not None:
-                await self._commits.close()
+            try:
+                await self.link.close()
+            finally:
+                if self._journal is not None:
+                    await self._journal.close()
         finally:
             self._closed.set()
             self._ended.set()
@@ -203,6 +210,12 @@ class LinkRunner:
     def carrier_changed(self, busy: bool) -> None:
         """Tell the engine whether somebody else is audible."""
         self._guarded(lambda: self.engine.handle_carrier(busy, self._instant()), self._service)
+
+    def measured(self, measurement: Measurement) -> None:
+        """Give a measurement to the engine."""
+        self._guarded(
+            lambda: self.engine.handle_measurement(measurement, self._instant()), self._service
+        )
 
     # The driver of the engine
 
@@ -294,26 +307,24 @@ class LinkRunner:
 
     def _keep(self, write: JournalWrite) -> None:
         """Bring a write to the journal."""
-        if self._commits is None:
+        if self._journal is None:
             self.engine.handle_journal_committed(write.write_id, self._now)
-            return
-        self._commits.waiting.append(write)
-        if self._commit_task is None:
-            assert self._loop is not None
-            self._commit_task = self._loop.create_task(self._commit(self._commits), name="journal")
+        else:
+            self._journal.put(write)
 
-    async def _commit(self, commits: "_Commits") -> None:
-        """Commit what waits, group by group, until nothing does."""
-        try:
-            while group := await commits.commit():
-                now = self._instant()
-                for write in group:
-                    self.engine.handle_journal_committed(write.write_id, now)
-                self._service()
-        except Exception as error:
-            self._fail(error)
-        finally:
-            self._commit_task = None
+    def _committed(self, group: Sequence[JournalWrite]) -> None:
+        now = self._instant()
+        for write in group:
+            self.engine.handle_journal_committed(write.write_id, now)
+        self._service()
+
+    def _journal_changed(self, failure: str) -> None:
+        if failure:
+            _logger.error("node %d: what is reliable waits: %s", self.engine.address, failure)
+        else:
+            _logger.info("node %d: the journal can be written again", self.engine.address)
+        self.engine.handle_journal_state(failure, self._instant())
+        self._service()
 
     def _guarded(self, *steps: Callable[[], None]) -> None:
         """Run steps at the top of a callback: an unexpected exception stops the runner."""
@@ -336,25 +347,3 @@ class LinkRunner:
             raise LinkClosedError(f"the runner has failed: {self.failure}") from self.failure
         if self._is_closing or self._loop is None:
             raise LinkClosedError("the runner is not running")
-
-
-class _Commits:
-    """The journal and its thread."""
-
-    def __init__(self, journal: Journal) -> None:
-        self.waiting: list[JournalWrite] = []
-        self._journal = journal
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
-
-    async def commit(self) -> tuple[JournalWrite, ...]:
-        """Commit all that waits, in one group; returns the group."""
-        group = tuple(self.waiting)
-        self.waiting.clear()
-        if group:
-            loop = asyncio.get_running_loop()
-            await loop.run_in_executor(self._thread, self._journal.commit, group)
-        return group
-
-    async def close(self) -> None:
-        await asyncio.get_running_loop().run_in_executor(self._thread, self._journal.close)
-        self._thread.shutdown()

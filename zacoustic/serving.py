@@ -1,14 +1,27 @@
-"""What verbs that serve until they are interrupted share: where to listen, when to stop."""
+"""What verbs that serve until they are interrupted share: where, how fast, until when, lines."""
 
 import asyncio
 import contextlib
+import math
+import os
+import queue
 import signal
+import socket
 import sys
+import threading
+import time
 from collections.abc import Iterator
+from typing import Final, Self
 
-from zacoustic.errors import ConfigError
+from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.errors import ConfigError, LinkOpenError
 
-_LAST_PORT = 65_535
+LINES_LIMIT: Final = 10_000
+"""Lines that may wait for a reader."""
+
+_LAST_PORT: Final = 65_535
+# How long the last lines may take when the verb ends, s.
+_LAST_LINES_S: Final = 1.0
 
 
 def parse_place(place: str) -> tuple[str, int]:
@@ -21,6 +34,56 @@ def parse_place(place: str) -> tuple[str, int]:
     if not (colon and host and port.isascii() and port.isdigit() and int(port) <= _LAST_PORT):
         raise ConfigError(f"--listen {place!r}; allowed: HOST:PORT, port 0..{_LAST_PORT}")
     return host.removeprefix("[").removesuffix("]"), int(port)
+
+
+def place_name(host: str, port: int) -> str:
+    """Return `HOST:PORT` as clients write it."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def cannot_listen(host: str, port: int, error: OSError, *, rival: str) -> LinkOpenError:
+    """Return what to raise when a place cannot be listened at.
+
+    Args:
+        host: As given.
+        port: As given.
+        error: What the operating system says.
+        rival: Who may have the port.
+    """
+    is_name = isinstance(error, socket.gaierror)
+    reason = error.strerror if is_name else os.strerror(error.errno or 0)
+    return LinkOpenError(
+        f"cannot listen at {place_name(host, port)}: {reason}",
+        hint=f"{rival} may be running; port 0 takes any that is free",
+    )
+
+
+class ScaledClock:
+    """The time of something emulated, ns: begins at 0 when it is made, and may run faster.
+
+    Args:
+        time_scale: How many times faster than real, > 0.
+        clock: Where instants come from.
+
+    Raises:
+        ConfigError: The time scale is not above 0.
+    """
+
+    def __init__(self, time_scale: float = 1.0, clock: Clock = time.monotonic_ns) -> None:
+        if not 0 < time_scale < math.inf:
+            raise ConfigError(f"time scale is {time_scale:g}; allowed: above 0")
+        self.time_scale = time_scale
+        self._clock = clock
+        self._origin_at = clock()
+
+    def now(self) -> int:
+        """Instant of what is emulated."""
+        return round((self._clock() - self._origin_at) * self.time_scale)
+
+    def delay_s(self, due_at: int) -> float:
+        """Real time until an instant of what is emulated, s; 0 if it is over."""
+        delay_ns = self._origin_at + math.ceil(due_at / self.time_scale) - self._clock()
+        return max(0.0, ns_to_seconds(delay_ns))
 
 
 @contextlib.contextmanager
@@ -46,3 +109,49 @@ def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
         else:
             for number in numbers:
                 loop.remove_signal_handler(number)
+
+
+class LineWriter:
+    """Writes lines to standard output from a thread: a reader who stops does not stop the verb.
+
+    Args:
+        name: The verb, for what it complains about.
+        stop: Set when the reader has gone.
+    """
+
+    def __init__(self, name: str, stop: asyncio.Event) -> None:
+        self._name = name
+        self._stop = stop
+        self._loop = asyncio.get_running_loop()
+        self._lines: queue.Queue[str | None] = queue.Queue(LINES_LIMIT)
+        self._dropped = 0
+        # A daemon: a write that the reader blocks cannot be interrupted.
+        self._thread = threading.Thread(target=self._run, name="output", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exc_info: object) -> None:
+        with contextlib.suppress(queue.Full):
+            self._lines.put_nowait(None)
+        self._thread.join(_LAST_LINES_S)
+
+    def write(self, line: str) -> None:
+        """Write a line soon; dropped, and told once on standard error, when too many wait."""
+        try:
+            self._lines.put_nowait(line)
+        except queue.Full:
+            if not self._dropped:
+                print(f"{self._name}: nobody reads the output; lines are dropped", file=sys.stderr)
+            self._dropped += 1
+
+    def _run(self) -> None:
+        try:
+            while (line := self._lines.get()) is not None:
+                sys.stdout.write(line + "\n")
+                sys.stdout.flush()  # whoever reads a pipe wants each line when it happens
+        except BrokenPipeError:
+            # The interpreter flushes once more at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            self._loop.call_soon_threadsafe(self._stop.set)

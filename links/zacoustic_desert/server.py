@@ -10,15 +10,15 @@ Everything runs on the loop. `time_scale` makes the whole of DESERT that many ti
 
 import asyncio
 import logging
-import math
 import os
 import socket
 import time
 from collections.abc import Sequence
 from typing import Final
 
-from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.serving import ScaledClock, cannot_listen, place_name
 from zacoustic_desert.standin import StandIn
 
 BACKLOG: Final = 1
@@ -55,13 +55,9 @@ class StandInServer:
         wanted = tuple(ports) if ports is not None else (0,) * standin.nodes
         if len(wanted) != standin.nodes:
             raise ConfigError(f"{len(wanted)} ports for {standin.nodes} nodes")
-        if not 0 < time_scale < math.inf:
-            raise ConfigError(f"time scale is {time_scale:g}; allowed: above 0")
         self.standin = standin
         self._host = host
-        self._time_scale = time_scale
-        self._clock = clock
-        self._origin_at = clock()
+        self._clock = ScaledClock(time_scale, clock)
         self._ports = [_Port(self, node, port) for node, port in enumerate(wanted)]
         self._timer: asyncio.TimerHandle | None = None
         self._start: asyncio.TimerHandle | None = None
@@ -69,8 +65,7 @@ class StandInServer:
     @property
     def addresses(self) -> tuple[str, ...]:
         """`HOST:PORT` of each node, valid after `open`."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return tuple(f"{host}:{port.number}" for port in self._ports)
+        return tuple(place_name(self._host, port.number) for port in self._ports)
 
     async def open(self, *, start_delay_s: float | None = 0.0) -> None:
         """Bind the ports, and listen after a delay.
@@ -91,7 +86,7 @@ class StandInServer:
             self.listen()
         elif start_delay_s is not None:
             loop = asyncio.get_running_loop()
-            self._start = loop.call_later(start_delay_s / self._time_scale, self.listen)
+            self._start = loop.call_later(start_delay_s / self._clock.time_scale, self.listen)
 
     def listen(self) -> None:
         """Accept clients from now on."""
@@ -118,7 +113,7 @@ class StandInServer:
 
     def now(self) -> int:
         """Instant of the stand-in, ns since the server was made."""
-        return round((self._clock() - self._origin_at) * self._time_scale)
+        return self._clock.now()
 
     def client_came(self, node: int) -> None:
         """Tell the stand-in; called by a connection."""
@@ -153,8 +148,7 @@ class StandInServer:
             self._timer = None
         due_at = self.standin.poll_timeout()
         if due_at is not None:
-            delay_ns = self._origin_at + math.ceil(due_at / self._time_scale) - self._clock()
-            delay_s = max(0.0, ns_to_seconds(delay_ns))
+            delay_s = self._clock.delay_s(due_at)
             self._timer = asyncio.get_running_loop().call_later(delay_s, self._expire)
 
 
@@ -180,12 +174,8 @@ class _Port:
             listener.bind((host, self.number))
         except OSError as error:
             listener.close()
-            is_name = isinstance(error, socket.gaierror)
-            reason = error.strerror if is_name else os.strerror(error.errno or 0)
-            raise LinkOpenError(
-                f"cannot listen at {host}:{self.number}: {reason}",
-                hint="DESERT or another stand-in may be running; port 0 takes any that is free",
-            ) from error
+            rival = "DESERT or another stand-in"
+            raise cannot_listen(host, self.number, error, rival=rival) from error
         self.number = listener.getsockname()[1]
         self._listener = listener
 

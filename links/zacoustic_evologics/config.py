@@ -21,15 +21,25 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
 
     baudrate: int = 19_200
     """Of a serial port, baud."""
-    service: Literal["auto", "im", "ims", "burst"] = "auto"
+    service: Literal["auto", "im", "ims", "pbm", "burst"] = "auto"
     """What carries frames. `im`: instant messages. `ims`: synchronous instant messages, which carry
-    the instant of their start and are never acknowledged. `burst`: burst data, where there is one
-    receiver. `auto`: instant messages up to 64 bytes, burst data above."""
+    the instant of their start and are never acknowledged. `pbm`: piggyback messages where there is
+    one receiver, never acknowledged; they wait up to `busy_s` until the modem answers something to
+    it, and are rejected if it does not. `burst`: burst data, where there is one receiver. `auto`:
+    instant messages up to 64 bytes, burst data above, and a piggyback message where that is sooner:
+    to a modem that is owed an acknowledgement."""
     mtu: int = IM_LIMIT_BYTES
     """Largest frame, bytes, 16…64, with burst data up to 1024. Above 64 only frames for one
     receiver can be sent: burst data knows no broadcast."""
     check: bool = False
-    """The core adds a check to each frame: the modem protects the water, not a serial cable."""
+    """The core adds a check to each frame, a CRC-32 of 4 bytes; equal in all nodes of a fleet.
+
+    What comes through the water is protected by the modem, what comes by TCP by the network. A
+    serial cable protects nothing, and the modem's grammar has no check: a received message with a
+    wrong bit, or one that ends early and borrows the rest from the next, is a message like any
+    other. So: off by TCP and on a short cable indoors, where what is lost or added *between*
+    messages is found out anyway; on where a serial line is long, runs beside thrusters or through a
+    slip ring, has no handshake at a high baud rate, or `unrecognised` grows in `diagnostics`."""
     set_address: bool = False
     """Give the modem the address of this node; otherwise another one is an error."""
     highest_address: int | None = None
@@ -52,7 +62,7 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     propagation_s: float = 1.0
     """Longest propagation delay to reckon with, one way, s, above 0: 1 s is 1500 m."""
     busy_s: float = 10.0
-    """How long a frame may wait while the modem says BUSY, s, ≥ 0."""
+    """How long a frame may wait while the modem says BUSY, or for an occasion, s, ≥ 0."""
     reply_s: float = 1.0
     """How long an answer may take, s, above 0, besides the time on a serial port."""
     wait_s: float = 15.0
@@ -83,6 +93,8 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
             raise ValueError(
                 f"source_level is {self.source_level} on deck; allowed: {IN_AIR_SOURCE_LEVEL}"
             )
+        if self.service == "pbm" and not self.extended_notifications:
+            raise ValueError("service is pbm; extended_notifications must be true")
         for name in ("propagation_s", "reply_s", "wait_s"):
             if not 0 < getattr(self, name) <= 3600:
                 raise ValueError(f"{name} is {getattr(self, name)}; allowed: above 0, up to 3600")

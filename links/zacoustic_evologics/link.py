@@ -17,6 +17,7 @@ from zacoustic_evologics.driver.events import (
     Event,
     FrameHeard,
     LinkChanged,
+    Measured,
     OpeningHopeless,
     TransmissionEnded,
 )
@@ -190,6 +191,8 @@ class EvologicsLink(Link):
                 receiver.transmit_finished(event.report)
             case CarrierChanged():
                 receiver.carrier_changed(event.busy)
+            case Measured():
+                receiver.measured(event.measurement)
             case LinkChanged():
                 if event.capabilities is not None:
                     self.capabilities = event.capabilities

@@ -4,24 +4,15 @@ import argparse
 import asyncio
 import contextlib
 import json
-import queue
-import sys
-import threading
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.serving import parse_place, stopped_by_signals
+from zacoustic.serving import LineWriter, parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario
     from zacoustic_sim.medium import Observation
-
-LINES_LIMIT: Final = 10_000
-"""Lines that may wait for a reader."""
-
-# How long the last lines may take when the verb ends, s.
-_LAST_LINES_S: Final = 1.0
 
 
 class MediumCommand(Command):
@@ -64,7 +55,7 @@ class MediumCommand(Command):
         host, port = parse_place(arguments.listen)
         stop = asyncio.Event()
         # Signals first: whoever reads that we listen may stop us at once.
-        with stopped_by_signals(stop), _LineWriter(stop) as writer:
+        with stopped_by_signals(stop), LineWriter(self.name, stop) as writer:
             reporter = _Reporter(writer, as_json=arguments.json)
             medium = SimMedium(scenario, time_scale=arguments.time_scale, observer=reporter.observe)
             server = MediumServer(medium, host, port)
@@ -76,52 +67,10 @@ class MediumCommand(Command):
                 await server.close()
 
 
-class _LineWriter:
-    """Writes lines to standard output from a thread: a reader who stops does not stop the water.
-
-    Args:
-        stop: Set when the reader has gone.
-    """
-
-    def __init__(self, stop: asyncio.Event) -> None:
-        self._stop = stop
-        self._loop = asyncio.get_running_loop()
-        self._lines: queue.Queue[str | None] = queue.Queue(LINES_LIMIT)
-        self._dropped = 0
-        # A daemon: a write that the reader blocks cannot be interrupted.
-        self._thread = threading.Thread(target=self._run, name="output", daemon=True)
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *exc_info: object) -> None:
-        with contextlib.suppress(queue.Full):
-            self._lines.put_nowait(None)
-        self._thread.join(_LAST_LINES_S)
-
-    def write(self, line: str) -> None:
-        """Write a line soon; dropped, and counted on standard error, when too many wait."""
-        try:
-            self._lines.put_nowait(line)
-        except queue.Full:
-            if not self._dropped:
-                print("medium: nobody reads the output; lines are dropped", file=sys.stderr)
-            self._dropped += 1
-
-    def _run(self) -> None:
-        try:
-            while (line := self._lines.get()) is not None:
-                sys.stdout.write(line + "\n")
-                sys.stdout.flush()  # whoever reads a pipe wants each line when it happens
-        except BrokenPipeError:
-            self._loop.call_soon_threadsafe(self._stop.set)
-
-
 class _Reporter:
     """Says what happens, as text or as JSON."""
 
-    def __init__(self, writer: _LineWriter, *, as_json: bool) -> None:
+    def __init__(self, writer: LineWriter, *, as_json: bool) -> None:
         self._writer = writer
         self._as_json = as_json
 

@@ -17,6 +17,7 @@ from zacoustic.core.clock import Clock
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkState,
+    PeerMeasured,
     ReceivedFrame,
     Transmission,
     TransmitOutcome,
@@ -26,6 +27,7 @@ from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic_sim.connection import Connection, StreamConnection
 from zacoustic_sim.messages import (
+    Answered,
     Carrier,
     Finished,
     Heard,
@@ -50,6 +52,8 @@ class SimConfig(LinkConfig, frozen=True, kw_only=True):
     """Frames arrive as frames, not as pieces of a byte stream."""
     senses_carrier: bool = True
     """Says when somebody else is audible."""
+    acknowledges: bool = False
+    """Acknowledges frames that ask for it, and measures the range by the answer."""
     wait_s: float = WAIT_S
     """How long `open` waits for the medium, s, > 0."""
 
@@ -171,7 +175,9 @@ class SimLink(Link):
             self._refuse(transmission_id, TransmitOutcome.REJECTED, reason)
         else:
             to = transmission.destination if self._config.addressed else BROADCAST
-            if self._connection.send(Transmit(transmission_id, to, transmission.frame_bytes)):
+            asks = transmission.acknowledge and self.capabilities.acknowledges and to != BROADCAST
+            frame_bytes = transmission.frame_bytes
+            if self._connection.send(Transmit(transmission_id, to, frame_bytes, asks)):
                 self._on_air = transmission_id
             else:
                 self._refuse(transmission_id, TransmitOutcome.ABORTED, "no connection")
@@ -187,6 +193,8 @@ class SimLink(Link):
                 self._hear(message, received_at - message.ago_ns)
             case Finished():
                 self._finish(message, received_at - message.ago_ns)
+            case Answered():
+                self._measure(message, received_at - message.ago_ns)
             case Carrier():
                 self._sense(message.busy)
             case Welcome():
@@ -207,12 +215,16 @@ class SimLink(Link):
 
     def _welcome(self, message: Welcome) -> None:
         config, told = self._config, message.capabilities
+        acknowledges = told.acknowledges and config.acknowledges and config.addressed
         self.capabilities = msgspec.structs.replace(
             told,
             addressed=told.addressed and config.addressed,
             checked=told.checked and config.checked,
             framed=told.framed and config.framed,
             senses_carrier=told.senses_carrier and config.senses_carrier,
+            acknowledges=acknowledges,
+            measures=told.measures if acknowledges else frozenset(),
+            measures_range=acknowledges,
         )
         self._change_state(LinkState.UP, f"{message.profile} at {self._connection.address}")
         if self._welcomed is not None and not self._welcomed.done():
@@ -264,7 +276,7 @@ class SimLink(Link):
         )
 
     def _finish(self, message: Finished, at: int) -> None:
-        if message.outcome is TransmitOutcome.SENT:
+        if message.outcome is not TransmitOutcome.REJECTED:
             self._counts["sent"] += 1
         self._pass_on(
             self._settle(
@@ -275,6 +287,13 @@ class SimLink(Link):
                 detail=message.detail,
             )
         )
+
+    def _measure(self, message: Answered, at: int) -> None:
+        """Pass on what was measured on an acknowledgement."""
+        if self._receiver is not None:
+            self._receiver.measured(
+                PeerMeasured(address=message.source, measured_at=at, metrics=message.metrics)
+            )
 
     def _sense(self, busy: bool) -> None:
         if busy == self._carrier:

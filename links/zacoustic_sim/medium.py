@@ -21,9 +21,9 @@ from typing import Any, Final, TypeAlias
 
 import msgspec
 
+from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
 from zacoustic.channel.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Outcome, Reception
-from zacoustic.channel.profiles import ModemProfile
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities, LinkMetrics, TransmitOutcome
@@ -31,6 +31,7 @@ from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic_sim.connection import ConnectionReceiver
 from zacoustic_sim.link import SimConfig, SimLink
 from zacoustic_sim.messages import (
+    Answered,
     Carrier,
     Finished,
     Heard,
@@ -39,12 +40,12 @@ from zacoustic_sim.messages import (
     Transmit,
     Welcome,
 )
+from zacoustic_sim.place import Place, Tell
 
-METRICS: Final = frozenset({"snr_db", "received_level_db", "propagation_s", "range_rate_m_s"})
+METRICS: Final = frozenset(
+    {"snr_db", "received_level_db", "propagation_s", "range_m", "range_rate_m_s"}
+)
 """Fields of `LinkMetrics` that the simulated modem fills."""
-
-Tell: TypeAlias = Callable[[ServerMessage], None]
-"""How the medium talks to one modem."""
 
 
 class Attached(msgspec.Struct, frozen=True):
@@ -94,7 +95,7 @@ class SimMedium:
         self._medium = Medium(scenario)
         self._observer = observer
         self._nodes = {
-            address: _Node(address, self._medium.profile(address))
+            address: Place(address, self._medium.profile(address))
             for address in self._medium.addresses
         }
         self._origin_at = clock()
@@ -137,6 +138,8 @@ class SimMedium:
         node = self._nodes[address]
         if node.tell is not None:
             node.tell = None
+            if node.waits_for is not None:
+                node.waits_for, node.is_busy = None, False
             self._now()
             self._observe(Detached(address))
 
@@ -165,28 +168,44 @@ class SimMedium:
             self._timer.cancel()
             self._timer = None
 
-    def _emit(self, at: int, node: "_Node", request: Transmit) -> None:
+    def _emit(self, at: int, node: Place, request: Transmit) -> None:
         """The sound leaves the node."""
         emission = self._medium.transmit(node.address, len(request.frame_bytes), at)
         node.ready_at = emission.ready_at
+        self._spread(node, emission, self._end_arrival, request)
+        self._push(emission.ends_at, self._end_emission, node, request, at)
+
+    def _spread(
+        self, node: Place, emission: Emission, end: Callable[..., None], *about: object
+    ) -> None:
+        """Sound leaves a node: put its arrivals on the agenda."""
+        node.silent_at = emission.ends_at
         self._observe(emission)
         for arrival in emission.arrivals:
             if self._is_noticed(arrival):
                 self._push(arrival.starts_at, self._begin_arrival, arrival)
-            self._push(arrival.ends_at, self._end_arrival, arrival, request)
-        lasted_ns = self._node_ns(emission.ends_at - emission.started_at)
-        self._push(emission.ends_at, self._end_emission, node, request, lasted_ns)
+            self._push(arrival.ends_at, end, arrival, *about)
 
-    def _end_emission(self, at: int, node: "_Node", request: Transmit, lasted_ns: int) -> None:
+    def _end_emission(self, at: int, node: Place, request: Transmit, started_at: int) -> None:
+        if request.acknowledge and node.tell is not None:
+            node.waits_for = request, started_at
+            limit_ns = patience_ns(node.profile, self._farthest_s(node))
+            self._push(at + limit_ns, self._give_up, node, request)
+        else:
+            self._finish(at, node, request, started_at, TransmitOutcome.SENT)
+
+    def _give_up(self, at: int, node: Place, request: Transmit) -> None:
+        """The acknowledgement will not come any more."""
+        if node.waits_for is not None and node.waits_for[0] is request:
+            self._finish(at, node, request, node.waits_for[1], TransmitOutcome.NOT_DELIVERED)
+
+    def _finish(
+        self, at: int, node: Place, request: Transmit, started_at: int, outcome: TransmitOutcome
+    ) -> None:
         node.is_busy = False
-        node.say(
-            Finished(
-                request.transmission_id,
-                TransmitOutcome.SENT,
-                lasted_ns=lasted_ns,
-                ago_ns=self._ago_ns(at),
-            )
-        )
+        node.waits_for = None
+        lasted_ns, ago_ns = self._node_ns(at - started_at), self._ago_ns(at)
+        node.say(Finished(request.transmission_id, outcome, lasted_ns=lasted_ns, ago_ns=ago_ns))
 
     def _begin_arrival(self, at: int, arrival: Arrival) -> None:
         self._nodes[arrival.node].hear_begin()
@@ -198,13 +217,44 @@ class SimMedium:
         node = self._nodes[arrival.node]
         if reception.is_received or self._is_garbled(reception):
             heard = self._heard(reception, request)
-            self._deliver(at, node, heard)
+            if request.acknowledge and request.destination == node.address and not heard.damaged:
+                self._push(at + turnaround_ns(node.profile), self._acknowledge, arrival, request)
+            first_at = at + seconds_to_ns(reception.delay_s)
+            if first_at > at:
+                self._push(first_at, self._deliver, node, heard)
+            else:
+                self._deliver(at, node, heard)
             for after_s in reception.duplicates_after_s:
-                self._push(at + seconds_to_ns(after_s), self._deliver, node, heard)
+                self._push(first_at + seconds_to_ns(after_s), self._deliver, node, heard)
         if self._is_noticed(arrival):
             node.hear_end()
 
-    def _deliver(self, at: int, node: "_Node", heard: Heard) -> None:
+    def _acknowledge(self, at: int, arrival: Arrival, request: Transmit) -> None:
+        """The modem that has received a frame says so, if it is there and has nothing else to do.
+
+        Sound that it has not begun yet waits for the end of this.
+        """
+        node = self._nodes[arrival.node]
+        if node.tell is None or node.is_busy or at < node.silent_at:
+            return
+        emission = self._medium.transmit(node.address, ACKNOWLEDGEMENT_BYTES, at)
+        node.ready_at = max(node.ready_at, emission.ready_at)
+        asker = self._nodes[arrival.source]
+        self._spread(node, emission, self._end_answer, asker, request)
+
+    def _end_answer(self, at: int, answer: Arrival, asker: Place, request: Transmit) -> None:
+        """An acknowledgement has arrived, at the modem that waits for it or at another one."""
+        reception = self._medium.finish(answer)
+        self._observe(reception)
+        waits_for = asker.waits_for
+        is_for_it = answer.node == asker.address and reception.is_received
+        if is_for_it and waits_for is not None and waits_for[0] is request:
+            self._finish(at, asker, request, waits_for[1], TransmitOutcome.DELIVERED)
+            asker.say(Answered(answer.source, self._metrics(answer), self._ago_ns(at)))
+        if self._is_noticed(answer):
+            self._nodes[answer.node].hear_end()
+
+    def _deliver(self, at: int, node: Place, heard: Heard) -> None:
         node.say(msgspec.structs.replace(heard, ago_ns=self._ago_ns(at)))
 
     def _heard(self, reception: Reception, request: Transmit) -> Heard:
@@ -217,13 +267,17 @@ class SimMedium:
             source=arrival.source,
             destination=request.destination,
             frame_bytes=frame_bytes,
-            metrics=LinkMetrics(
-                snr_db=arrival.snr_db,
-                received_level_db=arrival.received_level_db,
-                propagation_s=arrival.propagation_s / self.time_scale,
-                range_rate_m_s=arrival.range_rate_m_s * self.time_scale,
-            ),
+            metrics=self._metrics(arrival),
             damaged=garbled,
+        )
+
+    def _metrics(self, arrival: Arrival) -> LinkMetrics:
+        return LinkMetrics(
+            snr_db=arrival.snr_db,
+            received_level_db=arrival.received_level_db,
+            propagation_s=arrival.propagation_s / self.time_scale,
+            range_m=arrival.distance_m,
+            range_rate_m_s=arrival.range_rate_m_s * self.time_scale,
         )
 
     def _is_noticed(self, arrival: Arrival) -> bool:
@@ -237,7 +291,7 @@ class SimMedium:
             reception.outcome is Outcome.NOISE and not arrival.dropped and self._is_noticed(arrival)
         )
 
-    def _capabilities(self, node: "_Node") -> LinkCapabilities:
+    def _capabilities(self, node: Place) -> LinkCapabilities:
         """What the modem of a node can do, in the clock of the node."""
         profile, scale = node.profile, self.time_scale
         return LinkCapabilities(
@@ -250,10 +304,13 @@ class SimMedium:
             # The fault is that modems do not notice the damage: then they do not check.
             checked=self.scenario.faults.corrupt == 0.0,
             senses_carrier=not profile.separates_senders,
+            acknowledges=True,
             reports=METRICS,
+            measures=METRICS,
+            measures_range=True,
         )
 
-    def _farthest_s(self, node: "_Node") -> float:
+    def _farthest_s(self, node: Place) -> float:
         """Propagation delay to the node that is farthest away now, s."""
         now = self._now()
         here = self._medium.position(node.address, now)
@@ -366,36 +423,3 @@ class LocalConnection:
     def _tell(self, message: ServerMessage) -> None:
         if self._receiver is not None:
             self._receiver.message_received(message, self._medium.clock())
-
-
-class _Node:
-    """One place in the water."""
-
-    def __init__(self, address: int, profile: ModemProfile) -> None:
-        self.address = address
-        self.profile = profile
-        self.tell: Tell | None = None
-        # Its modem has a frame that is not out of it yet.
-        self.is_busy = False
-        # End of the gap behind the last frame, ns.
-        self.ready_at = 0
-        # How many transmissions of others it hears at this moment.
-        self.audible = 0
-
-    def say(self, message: ServerMessage) -> None:
-        if self.tell is not None:
-            self.tell(message)
-
-    def reject(self, request: Transmit, reason: str) -> None:
-        outcome = TransmitOutcome.REJECTED
-        self.say(Finished(request.transmission_id, outcome, detail=reason))
-
-    def hear_begin(self) -> None:
-        self.audible += 1
-        if self.audible == 1:
-            self.say(Carrier(True))
-
-    def hear_end(self) -> None:
-        self.audible -= 1
-        if self.audible == 0:
-            self.say(Carrier(False))

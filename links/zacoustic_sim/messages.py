@@ -2,7 +2,8 @@
 
 A conversation: the modem says `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
 Then the modem says `Transmit`, and the medium `Finished` for each of those, `Heard` for what
-arrives, `Carrier` when somebody else becomes audible or falls silent.
+arrives, `Carrier` when somebody else becomes audible or falls silent, and `Answered` for each
+acknowledgement, behind its `Finished`.
 
 Over TCP each message is a mark of two bytes, two bytes of length, big-endian, and a tagged msgpack
 map. The mark is there so that nonsense is noticed at once, and not when as many bytes have come as
@@ -19,7 +20,7 @@ import msgspec
 
 from zacoustic.core.linktypes import LinkCapabilities, LinkMetrics, TransmitOutcome
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Of this conversation; the medium refuses another one."""
 MESSAGE_LIMIT_BYTES: Final = 65_535
 """Longest message: a hundred times the largest frame of the modems known."""
@@ -46,6 +47,8 @@ class Transmit(msgspec.Struct, frozen=True, tag="transmit"):
     """Address, or `BROADCAST`."""
     frame_bytes: bytes
     """The frame."""
+    acknowledge: bool = False
+    """The modem at the destination is to acknowledge it."""
 
 
 class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
@@ -105,9 +108,20 @@ class Carrier(msgspec.Struct, frozen=True, tag="carrier"):
     """Whether somebody is audible."""
 
 
+class Answered(msgspec.Struct, frozen=True, tag="answered"):
+    """An acknowledgement has come, and what the modem measured on it."""
+
+    source: int
+    """Address of the node whose modem has acknowledged."""
+    metrics: LinkMetrics
+    """With the propagation delay."""
+    ago_ns: int = 0
+    """How long before this message it had arrived, ns."""
+
+
 ClientMessage: TypeAlias = Hello | Transmit
 """What a modem says."""
-ServerMessage: TypeAlias = Welcome | Refused | Finished | Heard | Carrier
+ServerMessage: TypeAlias = Welcome | Refused | Finished | Heard | Carrier | Answered
 """What the medium says."""
 
 MessageT = TypeVar("MessageT")

@@ -8,11 +8,11 @@ time.
 
 import asyncio
 import logging
-import os
 import socket
 from typing import Final
 
 from zacoustic.errors import LinkOpenError
+from zacoustic.serving import cannot_listen, place_name
 from zacoustic_sim.medium import SimMedium
 from zacoustic_sim.messages import (
     VERSION,
@@ -55,8 +55,7 @@ class MediumServer:
     @property
     def address(self) -> str:
         """`HOST:PORT` as modems write it."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{host}:{self.port}"
+        return place_name(self.host, self.port)
 
     async def open(self) -> None:
         """Listen; `port` is the real one afterwards.
@@ -70,12 +69,8 @@ class MediumServer:
                 lambda: _Client(self.medium, self._clients), self.host, self.port
             )
         except OSError as error:
-            is_name = isinstance(error, socket.gaierror)
-            reason = error.strerror if is_name else os.strerror(error.errno or 0)
-            raise LinkOpenError(
-                f"cannot listen at {self.address}: {reason}",
-                hint="another medium may be running; port 0 takes any that is free",
-            ) from error
+            refused = cannot_listen(self.host, self.port, error, rival="another medium")
+            raise refused from error
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def close(self) -> None:

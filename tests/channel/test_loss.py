@@ -8,7 +8,7 @@ from zacoustic.channel.loss import FrameLoss, LossSpec
 
 def _lost(spec: LossSpec, count: int, seed: int = 1) -> list[bool]:
     process = FrameLoss(spec, random.Random(seed))
-    return [process.next_is_lost() for _ in range(count)]
+    return [process.next_is_lost(0) for _ in range(count)]
 
 
 @pytest.mark.parametrize(

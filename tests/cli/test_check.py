@@ -122,6 +122,33 @@ def test_what_does_not_fit_a_frame_is_noted(
     assert "note: stream 10 (auv1/nav), topic: Text has no largest size" in capsys.readouterr().out
 
 
+def test_it_is_said_where_the_journal_is_and_what_is_forgotten_without(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["check", str(write(tmp_path, SECTION))]) == 0
+    line = "no journal, so a restart forgets calls of auv1/arm (one may run twice)"
+    assert line in capsys.readouterr().out.splitlines()
+    assert main(["check", str(write(tmp_path, SECTION)), "--address", "1"]) == 0
+    assert "forgets" not in capsys.readouterr().out, "it serves nothing"
+    path = write(tmp_path, {**SECTION, "journal": "state"})
+    assert main(["check", str(path), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["journal"] == str(tmp_path / "state" / "node-2.sqlite")
+    assert report["forgotten"] == ""
+    assert main(["check", str(path)]) == 0
+    assert f"journal {report['journal']}" in capsys.readouterr().out.splitlines()
+    assert not (tmp_path / "state").exists()
+
+
+def test_journal_whose_folder_cannot_be_made_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "taken").write_text("a file")
+    assert main(["check", str(write(tmp_path, {**SECTION, "journal": "taken/state"}))]) == 0
+    folder = tmp_path / "taken" / "state"
+    assert f"note: journal: this user cannot write {folder}" in capsys.readouterr().out
+
+
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
     for address in ("1", "2"):

@@ -10,12 +10,15 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.link import Link
 from zacoustic.testing.linkpair import LinkHarness
 from zacoustic.testing.proxy import StreamProxy
+from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_sim.link import SimConfig
 from zacoustic_sim.medium import SimMedium
 from zacoustic_sim.server import MediumServer
 
 SETTINGS: Final = (
     "", "#addressed=false", "#checked=false", "#framed=false", "#senses_carrier=false",
+    "#acknowledges=true",
 )  # fmt: skip
 
 
@@ -91,6 +94,11 @@ class SimServerHarness:
 
 MakeHarness = Callable[[], LinkHarness]
 
+_TERMINALS: Final[dict[str, MakeHarness]] = {
+    "pty": lambda: EvologicsHarness(is_serial=True),
+    "pty-check": lambda: EvologicsHarness(EvologicsConfig(check=True), is_serial=True),
+}
+
 HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
     "desert": {
         "mrl-64": DesertHarness,
@@ -102,11 +110,15 @@ HARNESSES: Final[dict[str, dict[str, MakeHarness]]] = {
     # In real time: that is what the driver's time limits are made for. Half a minute for each.
     "evologics": {
         "tcp": EvologicsHarness,
-        **({"pty": lambda: EvologicsHarness(is_serial=True)} if HAS_TERMINALS else {}),
+        "tcp-AT": lambda: EvologicsHarness(interpreter=Interpreter.AT),
+        **(_TERMINALS if HAS_TERMINALS else {}),
     },
     "sim": {
         "here": lambda: SimHarness("evologics_s2c_18_34", 50.0, SimConfig()),
         "here-unframed": lambda: SimHarness("nanomodem", 50.0, SimConfig(framed=False)),
+        "here-acknowledges": lambda: SimHarness(
+            "evologics_s2c_18_34", 50.0, SimConfig(acknowledges=True)
+        ),
         "here-ideal": lambda: SimHarness("ideal", 1.0, SimConfig()),
         "here-mtu-8": lambda: SimHarness("waterlinked_m64", 100.0, SimConfig()),
         **{

@@ -16,7 +16,7 @@ from zacoustic.testing import conformance
 from zacoustic.testing.conformance import CHECKS, Check
 from zacoustic_sim.link import SimConfig, SimLink
 from zacoustic_sim.medium import LocalConnection, SimMedium
-from zacoustic_sim.messages import Heard
+from zacoustic_sim.messages import Answered, Heard
 
 
 class Mutant(SimLink):
@@ -84,6 +84,16 @@ class MeasuresNothing(Mutant):
         super()._hear(msgspec.structs.replace(message, metrics=type(message.metrics)()), at)
 
 
+class TellsAnOldDelay(Mutant):
+    def _measure(self, message: Answered, at: int) -> None:
+        super()._measure(message, at - 10**9)
+
+
+class TellsNoDelay(Mutant):
+    def _measure(self, message: Answered, at: int) -> None:
+        pass
+
+
 class HasNoCarrier(Mutant):
     def _sense(self, busy: bool) -> None:
         pass
@@ -103,7 +113,11 @@ class MutantHarness(SimHarness):
     async def set_up(self) -> tuple[Link, Link]:
         self.medium = medium = SimMedium(self._scenario, time_scale=50.0)
         near, far = (
-            self._mutant(LocalConnection(medium, address), node_address=address)
+            self._mutant(
+                LocalConnection(medium, address),
+                SimConfig(acknowledges=True),
+                node_address=address,
+            )
             for address in self.addresses
         )
         return near, far
@@ -122,6 +136,8 @@ MUTANTS: list[tuple[type[Mutant], Check]] = [
     (LiesAboutTheSender, conformance.carries_frames_both_ways),
     (LiesAboutItsRate, conformance.lasts_as_long_as_it_says),
     (MeasuresNothing, conformance.measures_what_it_says),
+    (TellsAnOldDelay, conformance.measures_ranges),
+    (TellsNoDelay, conformance.measures_ranges),
     (HasNoCarrier, conformance.senses_the_carrier),
     (TakesFramesWhenClosed, conformance.closes_twice_and_unopened),
 ]

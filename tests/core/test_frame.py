@@ -13,6 +13,7 @@ from zacoustic.core.frame import (
     Control,
     Hello,
     Item,
+    Prefixes,
     Record,
     Stray,
     TableRow,
@@ -29,13 +30,13 @@ CONTROLS: tuple[Hello | Tag | Confirm | Ask | TableRow, ...] = (
 )
 
 
-def measure(stream_id: int, buffer: bytes, offset: int, delete: bool) -> int | None:
+def measure(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> int | None:
     """Stream 1 has two bytes, stream 2 shows no end, stream 3 claims too much; others: unknown."""
     if stream_id not in (1, 2, 3):
         raise KeyError(stream_id)
     if stream_id == 2:
         return None
-    return offset + (0 if delete else 2) if stream_id == 1 else offset + 1000
+    return offset + (0 if prefixes.delete else 2) if stream_id == 1 else offset + 1000
 
 
 def parse(frame: bytes) -> list[Item]:
@@ -81,7 +82,7 @@ def test_unknown_stream_ends_the_frame_unless_it_is_delimited() -> None:
     assert parse(b"\xb2\x03\x09ab\x01cd") == [Record(9, b"ab"), Record(1, b"cd")]
 
 
-@pytest.mark.parametrize("code", [0xB8, 0xBE, 0xBF, 0xC0, 0xFF])
+@pytest.mark.parametrize("code", [0xBF, 0xC0, 0xFF])
 def test_reserved_code_ends_the_frame_or_its_delimited_record(code: int) -> None:
     assert parse(bytes((code,)) + b"\x01ab") == [Stray("reserved", 4)]
     assert parse(b"\xb2\x02" + bytes((code, 1)) + b"\x01ab") == [
@@ -106,10 +107,11 @@ def test_length_inside_of_a_delimited_record_is_content_or_reserved() -> None:
 
 
 def test_prefixes_mark_deletes_and_encodings() -> None:
-    assert parse(b"\xb3\x01\x02x") == [Record(1, b"", delete=True), Record(2, b"x")]
-    assert parse(b"\xb4\x05\x02{}") == [Record(2, b"{}", encoding="application/json")]
-    assert parse(b"\xb4\xff\x03a/b\x02x") == [Record(2, b"x", encoding="a/b")]
-    assert parse(b"\xb4\x05\xb3\x01") == [Record(1, b"", delete=True, encoding="application/json")]
+    assert parse(b"\xb3\x01\x02x") == [Record(1, b"", Prefixes(delete=True)), Record(2, b"x")]
+    assert parse(b"\xb4\x05\x02{}") == [Record(2, b"{}", Prefixes(encoding="application/json"))]
+    assert parse(b"\xb4\xff\x03a/b\x02x") == [Record(2, b"x", Prefixes(encoding="a/b"))]
+    both = Prefixes(delete=True, encoding="application/json")
+    assert parse(b"\xb4\x05\xb3\x01") == [Record(1, b"", both)]
 
 
 @pytest.mark.parametrize(

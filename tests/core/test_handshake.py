@@ -56,7 +56,25 @@ def test_confirmation_waits_until_no_duplicate_of_a_former_life_can_arrive() -> 
     rig.exchange()
     unit_ns = rig.capabilities.airtime_ns(rig.capabilities.mtu_bytes)
     assert rig.run(3.9 * unit_ns / 1e9) == []
-    assert rig.run(10 * unit_ns / 1e9) == [Confirm(1, 1).encode()]
+    assert rig.run(20 * unit_ns / 1e9) == [Confirm(1, 1).encode()]
+
+
+def test_confirmation_goes_behind_a_frame_of_its_peer_not_when_one_may_be_on_its_way() -> None:
+    both = StreamTable(
+        [
+            TopicSpec(stream_id=10, name="report"),
+            TopicSpec(stream_id=11, name="command", subscribers=(1,)),
+        ],
+        nodes=NODES,
+    )
+    rig = Rig({1: both, 2: both})
+    unit_s = rig.capabilities.airtime_ns(rig.capabilities.mtu_bytes) / 1e9
+    rig.publish(1, 10, b"first")
+    rig.run(unit_s)
+    rig.publish(2, 11, b"too soon to carry a confirmation")
+    assert len(rig.run(9 * unit_s)) == 1
+    rig.publish(1, 10, b"second")
+    assert rig.run(2.1 * unit_s)[1:] == [Confirm(1, 1).encode()]
 
 
 def test_late_frame_of_a_former_life_is_not_decoded_by_the_new_table() -> None:

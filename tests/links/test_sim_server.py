@@ -13,7 +13,7 @@ from zacoustic.testing.linkpair import RecordingReceiver, Side
 from zacoustic_sim import server as server_module
 from zacoustic_sim.link import SimLink
 from zacoustic_sim.medium import SimMedium
-from zacoustic_sim.messages import Hello, Transmit, encode_message
+from zacoustic_sim.messages import VERSION, Hello, Transmit, encode_message
 from zacoustic_sim.server import STRANGERS_LIMIT, MediumServer
 
 WATER = Scenario(
@@ -90,10 +90,10 @@ NONSENSE = [
     b"\x5a\x5e\x00\x01\xc0",
     b"\x5a\x5e\x00\x00",
     encode_message(Transmit(1, 255, b"before hello")),
-    encode_message(Hello(1, 2)) + encode_message(Hello(1, 3)),
+    encode_message(Hello(VERSION, 2)) + encode_message(Hello(1, 3)),
     encode_message(Hello(99, 2)),
-    encode_message(Hello(1, 0)),
-    encode_message(Hello(1, 2)) + os.urandom(1000),
+    encode_message(Hello(VERSION, 0)),
+    encode_message(Hello(VERSION, 2)) + os.urandom(1000),
 ]
 
 
@@ -118,7 +118,7 @@ def test_client_that_talks_nonsense_is_dropped_alone(nonsense: bytes) -> None:
 def test_client_may_dribble_and_leave_in_the_middle() -> None:
     async def body(server: MediumServer) -> None:
         reader, writer = await raw(server)
-        for byte in encode_message(Hello(1, 1)):
+        for byte in encode_message(Hello(VERSION, 1)):
             writer.write(bytes([byte]))
             await writer.drain()
         assert await reader.read(1)
@@ -160,7 +160,7 @@ def test_client_that_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -
     async def body(server: MediumServer) -> None:
         _, writer = await raw(server)
         writer.transport.pause_reading()  # type: ignore[attr-defined]
-        writer.write(encode_message(Hello(1, 1)))
+        writer.write(encode_message(Hello(VERSION, 1)))
         await writer.drain()
         good = side(server, 2)
         await good.open()

@@ -3,6 +3,7 @@ import contextlib
 import errno
 import os
 import socket
+import threading
 from collections.abc import Awaitable, Callable
 
 import pytest
@@ -336,3 +337,35 @@ def test_reset_gives_the_connection_up_and_makes_a_new_one() -> None:
         await until(lambda: listener.opened == 2, listener.changed)
 
     pty_case(serial_case)
+
+
+async def give_up_and_close(stream: ByteStream, turns: int) -> None:
+    """Close while a connection is being closed already; a device that reads nothing delays that."""
+    while stream.write(bytes(1000)):
+        pass
+    stream.reset("the modem takes no more bytes")
+    for _ in range(turns):  # as far as it gets in so many turns of the loop
+        await asyncio.sleep(0)
+    await stream.close()
+
+
+@pytest.mark.parametrize("turns", [1, 2])
+def test_closed_stream_has_no_thread_of_a_connection_before(turns: int) -> None:
+    async def case(pty: Pty, stream: ByteStream, listener: Listener) -> None:
+        await give_up_and_close(stream, turns)
+        left = [each.name for each in threading.enumerate() if each.name.endswith(pty.path)]
+        assert left == []
+
+    pty_case(case)
+
+
+@pytest.mark.parametrize("turns", [1, 2])
+def test_closed_stream_has_no_socket_of_a_connection_before(turns: int) -> None:
+    async def case(peer: Peer, stream: ByteStream, listener: Listener) -> None:
+        for writer in peer.writers:
+            writer.transport.pause_reading()  # type: ignore[attr-defined]
+        connected = stream._connection._transport.get_extra_info("socket")  # type: ignore[union-attr]
+        await give_up_and_close(stream, turns)
+        assert connected.fileno() == -1
+
+    tcp_case(case)

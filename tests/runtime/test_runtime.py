@@ -12,7 +12,7 @@ from tests.runtime.loop_checks import run, until
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, LinkStateChanged, SampleReceived
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.journal import EPOCH_KEY, JournalWrite
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -112,6 +112,9 @@ class ScriptedEngine:
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         self._hear(now, "committed", write_id)
+
+    def handle_journal_state(self, failure: str, now: int) -> None:
+        self._hear(now, "journal", failure)
 
     def poll_transmit(self, now: int) -> Transmission | None:
         self.instants.append(now)
@@ -431,13 +434,51 @@ def test_close_waits_for_the_commit_that_is_under_way() -> None:
     run(main())
 
 
+def test_commit_that_fails_is_told_to_the_engine_and_tried_again(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("zacoustic.journal.thread.FIRST_RETRY_S", 0.001)
+
+    async def main() -> None:
+        engine, journal = ScriptedEngine(), RecordingJournal()
+        runner = scripted(engine, ScriptedLink(), journal=journal)
+        await runner.start()
+        commit, failures = journal.commit, [OSError("the disk is full")] * 3
+
+        def fail(writes: Sequence[JournalWrite]) -> None:
+            if failures:
+                raise failures.pop()
+            commit(writes)
+
+        journal.commit = fail  # type: ignore[method-assign]
+        write = JournalWrite(write_id=1, key="k", value=b"")
+        runner.apply(act(lambda engine: engine.writes.append(write)))
+        await until(lambda: ("committed", 1) in engine.heard, engine.changed)
+        assert engine.heard[1:] == [
+            ("journal", "the disk is full"),
+            ("journal", ""),
+            ("committed", 1),
+        ]
+        assert runner.failure is None
+        await runner.close()
+
+    run(main())
+    assert "node 1: what is reliable waits: the disk is full" in caplog.text
+
+
 def test_memory_journal_draws_an_epoch_and_keeps_writes_for_its_life() -> None:
     epochs = {MemoryJournal().recover().boot_epoch for _ in range(50)}
     assert len(epochs) > 1
     assert all(0 <= epoch < EPOCHS for epoch in epochs)
     journal = MemoryJournal()
+    first = journal.recover().boot_epoch
     journal.commit([JournalWrite(write_id=at, key="k", value=bytes([at])) for at in range(2)])
-    assert journal.recover().entries == {"k": b"\x01"}
+    second = journal.recover()
+    assert second.boot_epoch == (first + 1) % EPOCHS
+    assert second.entries == {"k": b"\x01", EPOCH_KEY: second.boot_epoch.to_bytes(2, "big")}
+    for _ in range(2):  # what is not there may be deleted, too
+        journal.commit([JournalWrite(write_id=3, key="k", value=None)])
+    assert set(journal.recover().entries) == {EPOCH_KEY}
     journal.close()
 
 

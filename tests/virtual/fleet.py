@@ -1,38 +1,31 @@
-"""A fleet whose tables differ, with an oracle that knows what every sample was.
+"""A fleet whose tables differ, and random stories of it.
 
 Each stream of a fleet exists in *variants*: another type under the same id, another name, other
-bounds, another stamp, no such stream. A table takes one variant of each. Every value that is
-published carries a *ticket*, a number under which `Oracle` remembers who published what, by which
-name and type; a value that was decoded by another variant shows another ticket, another name, or
-another value.
+bounds, another stamp, no such stream. A table takes one variant of each. The stories are those of
+`zacoustic.testing.stories`: every value that is published carries a ticket, so one that was decoded
+by another variant shows another ticket, another name, or another value.
 """
 
 import itertools
 import random
-from collections.abc import Callable
-from functools import partial
 from typing import Any, Final
 
 import msgspec
 
+from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
-    CallFailed,
-    CallFailure,
-    Event,
-    RequestReceived,
-    ResponseReceived,
-    SampleReceived,
-    StreamsDiffer,
-)
-from zacoustic.core.keys import Instance, Wildcard
+from zacoustic.core.events import Event, StreamsDiffer
+from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.testing.virtual import Modem, VirtualNetwork
+from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.testing.stories.invariants import OncePerCall
+from zacoustic.testing.stories.story import Cast, Lane, Shape, Story, cast_of
+from zacoustic.testing.stories.telling import Telling, settling_ns
+from zacoustic.testing.stories.witness import Arrived, Witness
+from zacoustic.testing.virtual import Modem
 
 TICKETS: Final = 30_000
 
@@ -58,46 +51,36 @@ _BOUNDED: Final = TypeSpec(
 _SIGNED: Final = TypeSpec(name="Signed", fields=(FieldSpec(name="number", type="int32"),))
 
 
-class Shape(msgspec.Struct, frozen=True):
-    """How a ticket becomes a value and how it is read back."""
-
-    type_spec: TypeSpec | None
-    write: Callable[[int], Any]
-    read: Callable[[Any], int]
-
-
 OPAQUE: Final = Shape(
-    None, lambda ticket: ticket.to_bytes(2, "big"), lambda value: int.from_bytes(value, "big")
+    None,
+    lambda ticket: ticket.to_bytes(2, "big"),
+    lambda value: int.from_bytes(value, "big"),
+    TICKETS,
 )
-FINE: Final = Shape(_FINE, lambda ticket: {"ticket": ticket}, lambda value: int(value["ticket"]))
+FINE: Final = Shape(
+    _FINE, lambda ticket: {"ticket": ticket}, lambda value: int(value["ticket"]), TICKETS
+)
 COARSE: Final = Shape(
-    _COARSE, lambda ticket: {"ticket": 2 * ticket}, lambda value: int(value["ticket"]) // 2
+    _COARSE,
+    lambda ticket: {"ticket": 2 * ticket},
+    lambda value: int(value["ticket"]) // 2,
+    TICKETS,
 )
 BOUNDED: Final = Shape(
-    _BOUNDED, lambda ticket: {"ticket": ticket}, lambda value: int(value["ticket"])
+    _BOUNDED, lambda ticket: {"ticket": ticket}, lambda value: int(value["ticket"]), TICKETS
 )
 SIGNED: Final = Shape(
-    _SIGNED, lambda ticket: {"number": -ticket}, lambda value: -int(value["number"])
+    _SIGNED, lambda ticket: {"number": -ticket}, lambda value: -int(value["number"]), TICKETS
 )
 
 
-class Variant(msgspec.Struct, frozen=True):
-    """One way to define a stream."""
-
-    spec: StreamSpec
-    shape: Shape
-    response: Shape = OPAQUE
-
-
-def _topic(stream_id: int, name: str, shape: Shape, **settings: Any) -> Variant:
+def _topic(stream_id: int, name: str, shape: Shape, **settings: Any) -> Lane:
     type_name = shape.type_spec.name if shape.type_spec else None
     settings.setdefault("qos", Qos(depth=3))
-    return Variant(
-        TopicSpec(stream_id=stream_id, name=name, type_name=type_name, **settings), shape
-    )
+    return Lane(TopicSpec(stream_id=stream_id, name=name, type_name=type_name, **settings), shape)
 
 
-def _service(stream_id: int, name: str, request: Shape, response: Shape, server: int) -> Variant:
+def _service(stream_id: int, name: str, request: Shape, response: Shape, server: int) -> Lane:
     spec = ServiceSpec(
         stream_id=stream_id,
         name=name,
@@ -107,7 +90,7 @@ def _service(stream_id: int, name: str, request: Shape, response: Shape, server:
         timeout_s=20,
         qos=Qos(priority=Priority.INTERACTIVE_HIGH),
     )
-    return Variant(spec, request, response)
+    return Lane(spec, request, response)
 
 
 def _wildcard(*values: str) -> tuple[Wildcard, ...]:
@@ -118,7 +101,7 @@ AGREED: Final = 5
 """The stream that every table has in the same way, and that carries bytes."""
 CALLS: Final = 6
 
-VARIANTS: Final[dict[int, tuple[Variant | None, ...]]] = {
+VARIANTS: Final[dict[int, tuple[Lane | None, ...]]] = {
     1: (
         _topic(1, "depth", FINE),
         _topic(1, "depth", COARSE),
@@ -161,20 +144,13 @@ VARIANTS: Final[dict[int, tuple[Variant | None, ...]]] = {
 }
 
 
-class Choice(msgspec.Struct, frozen=True):
-    """A table, and which variants it was made of."""
-
-    table: StreamTable
-    variants: dict[int, Variant]
-
-
-def base_table(addresses: int) -> Choice:
+def base_table(addresses: int) -> Cast:
     """Return the table of the first variants."""
     chosen = {stream_id: variants[0] for stream_id, variants in VARIANTS.items()}
     return _make(chosen, {address: f"n{address}" for address in range(1, addresses + 1)})
 
 
-def random_table(rng: random.Random, addresses: int, *, change: float) -> Choice:
+def random_table(rng: random.Random, addresses: int, *, change: float) -> Cast:
     """Draw a table: each stream is that of `base_table`, or with probability `change` another."""
     chosen = {
         stream_id: rng.choice(variants) if rng.random() < change else variants[0]
@@ -187,77 +163,38 @@ def random_table(rng: random.Random, addresses: int, *, change: float) -> Choice
     return _make(chosen, nodes)
 
 
-def _make(chosen: dict[int, Variant | None], nodes: dict[int, str]) -> Choice:
-    variants = {stream_id: variant for stream_id, variant in chosen.items() if variant}
-    types: dict[str, TypeSpec] = {}
-    specs: list[StreamSpec] = []
-    for stream_id, variant in sorted(variants.items()):
-        for shape in (variant.shape, variant.response):
-            if shape.type_spec is None:
-                continue
-            other = types.setdefault(shape.type_spec.name, shape.type_spec)
-            if other is not shape.type_spec:
-                # Two bounds under one type name cannot be in one table: the first one stays.
-                renamed = FINE if other is _FINE else BOUNDED
-                variant = msgspec.structs.replace(variant, shape=renamed)
-        variants[stream_id] = variant
-        specs.append(variant.spec)
-    return Choice(StreamTable(specs, types=TypeTable(types.values()), nodes=nodes), variants)
+def _make(chosen: dict[int, Lane | None], nodes: dict[int, str]) -> Cast:
+    lanes = {stream_id: lane for stream_id, lane in chosen.items() if lane}
+    fine = next((lane.shape for lane in lanes.values() if _names(lane, "Fine")), None)
+    for stream_id, lane in lanes.items():
+        if fine is not None and _names(lane, "Fine"):
+            # Two bounds under one type name cannot be in one table: the first one stays.
+            lanes[stream_id] = msgspec.structs.replace(lane, shape=fine)
+    return cast_of(lanes, nodes)
 
 
-class Published(msgspec.Struct, frozen=True):
-    """What the oracle remembers of a sample, a request or a response."""
-
-    source: int
-    key: str
-    stream_digest: bytes
-    value: Any
-    at: int
+def _names(lane: Lane, type_name: str) -> bool:
+    return lane.shape.type_spec is not None and lane.shape.type_spec.name == type_name
 
 
-class Oracle:
-    """Knows every ticket, and complains about what nobody published so."""
+class Differences(Witness):
+    """Remembers what was delivered, and which differences were reported."""
 
     def __init__(self) -> None:
-        self.wrong: list[str] = []
+        super().__init__()
         self.delivered: list[tuple[int, int, int, int]] = []
         """``(at, node, source, stream)`` of the samples that were right."""
-        self.answered = 0
-        self.executed: set[tuple[int, int]] = set()
-        self.differing: set[tuple[int, int, int]] = set()
+        self.reported: set[tuple[int, int, int]] = set()
         """``(node, peer, stream)`` of the reported differences."""
-        self._tickets: dict[int, Published] = {}
-        self._next = 1
 
-    def ticket(self, published: Callable[[int], Published]) -> int:
-        """Remember something under a new ticket."""
-        ticket = self._next
-        self._next = self._next % TICKETS + 1
-        self._tickets[ticket] = published(ticket)
-        return ticket
+    def received(self, arrived: Arrived) -> None:
+        publication = arrived.publication
+        lane = (arrived.node, publication.node, publication.stream.stream_id)
+        self.delivered.append((arrived.at, *lane))
 
-    def published(self, ticket: int) -> Published | None:
-        """Return what has that ticket, or None."""
-        return self._tickets.get(ticket)
-
-    def judge(self, node: int, choice: Choice, event: SampleReceived, now: int) -> None:
-        """Check a sample that arrived."""
-        variant = choice.variants[event.stream_id]
-        stream = choice.table.by_id(event.stream_id)
-        key = stream.keys.key(event.source, event.instance)
-        try:
-            known = self.published(variant.shape.read(event.value))
-        except (KeyError, TypeError, ValueError) as error:
-            known = None
-            self.wrong.append(f"{error!r}")
-        if (
-            known is None
-            or (known.source, known.key, known.value) != (event.source, key, event.value)
-            or known.stream_digest != stream.digest
-        ):
-            self.wrong.append(f"{now / NS_PER_S:.3f} s: node {node} got {key} {event}: {known}")
-        else:
-            self.delivered.append((now, node, event.source, event.stream_id))
+    def happened(self, node: int, event: Event, at: int) -> None:
+        if isinstance(event, StreamsDiffer):
+            self.reported.add((node, event.address, event.stream_id))
 
 
 class Trial:
@@ -272,7 +209,7 @@ class Trial:
         fault_s: How long there are losses, repetitions, restarts and outages.
         calm_s: How long there are none afterwards.
         change: How much tables differ.
-        corrupt: Share of the frames that arrive damaged; for modems that do not check.
+        corrupt: Share of the frames that arrive damaged, to the end; for modems that do not check.
         most_restarts: Restarts of each node at most.
     """
 
@@ -290,78 +227,75 @@ class Trial:
         corrupt: float = 0.0,
         most_restarts: int = 3,
     ) -> None:
-        self.rng = rng = random.Random(seed)
-        self.fault_s = fault_s
-        self.calm_s = calm_s
-        self.nodes = nodes
-        self.change = change
-        self.oracle = Oracle()
-        self._repeat = repeat
-        self._most_restarts = most_restarts
-        self._calls: dict[tuple[int, int], tuple[int, Choice]] = {}
-        self._pool = [base_table(nodes)] + [
-            random_table(rng, nodes, change=change) for _ in range(2)
-        ]
-        self.choices = {address: rng.choice(self._pool) for address in range(1, nodes + 1)}
-        positions = [0.0] + [rng.uniform(100, 900) for _ in range(nodes - 1)]
-        self._loss = {
-            (source, node): rng.choice([0.0, 0.1, 0.3, 0.6])
-            for source in range(1, nodes + 1)
-            for node in range(1, nodes + 1)
-        }
+        rng = random.Random(seed)
+        self.end_s = fault_s + calm_s
+        pool = (base_table(nodes), *(random_table(rng, nodes, change=change) for _ in range(2)))
         modem = modem or Modem()
         overhead = 2 * (not modem.addressed) + 4 * (not modem.checked) + 3 * (not modem.framed)
-        self.network = VirtualNetwork(
-            line(*positions, seed=seed, channel="none", faults={"corrupt": corrupt}),
-            {address: choice.table for address, choice in self.choices.items()},
-            modem=msgspec.structs.replace(modem, mtu_bytes=min(64, mtu_bytes + overhead)),
-            deliver=self._deliver,
-            disturb=self._disturb,
+        modem = msgspec.structs.replace(modem, mtu_bytes=min(64, mtu_bytes + overhead))
+        story = Story(
+            seed=seed,
+            scenario=_weather(
+                rng,
+                seed,
+                nodes,
+                fault_s,
+                modem=modem,
+                repeat=repeat,
+                corrupt=corrupt,
+                most_restarts=most_restarts,
+            ),
+            casts={address: rng.choice(pool) for address in range(1, nodes + 1)},
+            pool=pool,
+            modem=modem,
+            busy_s=fault_s,
+            calm_s=calm_s,
+            calm_pause_s=60.0 * nodes,
         )
-        self._settling_s = settling_s(self.network.engine(1).capabilities)
+        self._differences = Differences()
+        self._telling = Telling(story, [self._differences, OncePerCall()], digest=True)
+        self.network = self._telling.network
 
     def run(self) -> None:
         """Tell the story."""
-        network, rng = self.network, self.rng
-        for address in self.choices:
-            for stream_id in VARIANTS:
-                self._go_on(address, stream_id, 0.0)
-            for _ in range(rng.randint(0, self._most_restarts)):
-                network.at(rng.uniform(0, self.fault_s), partial(self._restart, address))
-            if rng.random() < 0.3:
-                begin_s = rng.uniform(0, self.fault_s)
-                network.at(begin_s, partial(network.set_link, address, up=False))
-                network.at(
-                    min(self.fault_s, begin_s + rng.uniform(1, 40)),
-                    partial(network.set_link, address, up=True),
-                )
-        network.run(until_s=self.fault_s + self.calm_s)
+        self._telling.run()
+
+    @property
+    def wrong(self) -> list[str]:
+        """What was misread, or ran twice."""
+        return self._telling.complaints()
+
+    @property
+    def delivered(self) -> list[tuple[int, int, int, int]]:
+        """``(at, node, source, stream)`` of the samples that were right."""
+        return self._differences.delivered
 
     def agree(self, one: int, other: int, stream_id: int) -> bool:
         """Tell whether two nodes define a stream in the same way."""
-        tables = [self.choices[address].table.get(stream_id) for address in (one, other)]
-        first, second = tables
+        casts = self._telling.casts
+        first, second = (casts[address].table.get(stream_id) for address in (one, other))
         return first is not None and second is not None and first.digest == second.digest
 
     def missing(self) -> list[str]:
         """Return what is wrong at the end: what agrees and is silent, what differs and is not."""
-        lately = self.delivered_after(self.fault_s + self.calm_s - 700)
+        lately = self.delivered_after(self.end_s - 700)
         complaints: list[str] = []
-        for node, source in itertools.permutations(self.choices, 2):
-            for stream_id, variant in self.choices[source].variants.items():
-                spec = variant.spec
+        casts = self._telling.casts
+        for node, source in itertools.permutations(casts, 2):
+            for stream_id, lane in casts[source].lanes.items():
+                spec = lane.spec
                 if isinstance(spec, ServiceSpec) or not self._reaches(spec, source, node):
                     continue
-                here = self.choices[node].table.get(stream_id)
-                lane = (node, source, stream_id)
+                here = casts[node].table.get(stream_id)
+                way = (node, source, stream_id)
                 if self.agree(node, source, stream_id):
                     listens = here is not None and here.may_subscribe(node)
-                    if listens and lane not in lately:
-                        complaints.append(f"agreed stream is silent: {lane}")
-                elif lane in lately:
-                    complaints.append(f"differing stream is delivered: {lane}")
-                elif lane not in self.oracle.differing:
-                    complaints.append(f"difference is not reported: {lane}")
+                    if listens and way not in lately:
+                        complaints.append(f"agreed stream is silent: {way}")
+                elif way in lately:
+                    complaints.append(f"differing stream is delivered: {way}")
+                elif way not in self._differences.reported:
+                    complaints.append(f"difference is not reported: {way}")
         return complaints
 
     @staticmethod
@@ -377,124 +311,61 @@ class Trial:
         after = seconds_to_ns(instant_s)
         return {
             (node, source, stream_id)
-            for at, node, source, stream_id in self.oracle.delivered
+            for at, node, source, stream_id in self.delivered
             if at >= after
         }
 
-    def _restart(self, address: int) -> None:
-        self.choices[address] = self.rng.choice(self._pool)
-        self._calls = {key: call for key, call in self._calls.items() if key[0] != address}
-        self.network.restart(address, self.choices[address].table)
 
-    def _disturb(self, source: int, node: int, now: int) -> list[float]:
-        if now >= seconds_to_ns(self.fault_s):
-            return [0.0]
-        delays_s = [] if self.rng.random() < self._loss[source, node] else [0.0]
-        if self.rng.random() < self._repeat:
-            delays_s.append(self.rng.uniform(0, self._settling_s))
-        return delays_s
-
-    def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
-        """Act on a stream at a random instant, and again, less often when calm."""
-        longest_s = 30.0 if now_s < self.fault_s else 60.0 * self.nodes
-
-        def act() -> None:
-            self._act(address, stream_id)
-            self._go_on(address, stream_id, self.network.now / NS_PER_S)
-
-        self.network.at(now_s + self.rng.uniform(1, longest_s), act)
-
-    def _act(self, address: int, stream_id: int) -> None:
-        """Publish or call, if the node's table has the stream for it."""
-        choice = self.choices[address]
-        variant = choice.variants.get(stream_id)
-        if variant is None:
-            return
-        stream = choice.table.by_id(stream_id)
-        if isinstance(variant.spec, ServiceSpec):
-            if variant.spec.server != address:
-                self._call(address, stream_id, choice, variant)
-            return
-        if not stream.may_publish(address):
-            return
-        instance: Instance = tuple(
-            self.rng.randrange(len(wildcard.values)) for wildcard in stream.keys.wildcards
-        )
-        key = stream.keys.key(address, instance)
-        ticket = self.oracle.ticket(
-            lambda number: Published(
-                address, key, stream.digest, variant.shape.write(number), self.network.now
-            )
-        )
-        self.network.publish(address, stream_id, variant.shape.write(ticket), instance=instance)
-
-    def _call(self, address: int, stream_id: int, choice: Choice, variant: Variant) -> None:
-        stream = choice.table.by_id(stream_id)
-        ticket = self.oracle.ticket(
-            lambda number: Published(
-                address, stream.name, stream.digest, variant.shape.write(number), self.network.now
-            )
-        )
-        value = variant.shape.write(ticket)
-        call_id = self.network.apply(
-            address, lambda engine, now: engine.call(stream_id, value, now)
-        )
-        self._calls[address, call_id] = (ticket, choice)
-
-    def _deliver(self, node: int, event: Event) -> None:
-        choice = self.choices[node]
-        if isinstance(event, SampleReceived):
-            self.oracle.judge(node, choice, event, self.network.now)
-        elif isinstance(event, StreamsDiffer):
-            self.oracle.differing.add((node, event.address, event.stream_id))
-        elif isinstance(event, RequestReceived):
-            self._serve(node, choice, event)
-        elif isinstance(event, ResponseReceived):
-            ticket, asked_by = self._calls.pop((node, event.call_id))
-            shape = asked_by.variants[event.stream_id].response
-            if shape.read(event.value) != ticket:
-                self.oracle.wrong.append(f"call {event.call_id} of ticket {ticket}: {event}")
-            self.oracle.answered += 1
-        elif isinstance(event, CallFailed):
-            if event.failure in (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE):
-                self.oracle.wrong.append(f"a call was misunderstood: {event}")
-            self._calls.pop((node, event.call_id), None)
-
-    def _serve(self, node: int, choice: Choice, event: RequestReceived) -> None:
-        """Answer with the ticket of the request, a little later."""
-        variant = choice.variants[event.call.stream_id]
-        stream = choice.table.by_id(event.call.stream_id)
-        ticket = variant.shape.read(event.value)
-        known = self.oracle.published(ticket)
-        found = (event.call.client, stream.name, stream.digest, event.value)
-        if known is None or found != (
-            known.source,
-            known.key,
-            known.stream_digest,
-            known.value,
-        ):
-            self.oracle.wrong.append(f"request {event}: {known}")
-        life = (ticket, self.network.engine(node).epoch)
-        if life in self.oracle.executed:
-            self.oracle.wrong.append(f"a second time: {event}")
-        self.oracle.executed.add(life)
-        epoch = self.network.engine(node).epoch
-
-        def answer() -> None:
-            if self.network.engine(node).epoch == epoch:
-                value = variant.response.write(ticket)
-
-                def reply(engine: Engine, now: int) -> bool:
-                    return engine.reply(event.call, value, now)
-
-                self.network.apply(node, reply)
-
-        after_s = self.rng.uniform(0, 10)
-        self.network.at(self.network.now / NS_PER_S + after_s, answer)
+def _weather(
+    rng: random.Random,
+    seed: int,
+    nodes: int,
+    fault_s: float,
+    *,
+    modem: Modem,
+    repeat: float,
+    corrupt: float,
+    most_restarts: int,
+) -> Scenario:
+    """Draw what goes wrong."""
+    positions = [0.0] + [rng.uniform(100, 900) for _ in range(nodes - 1)]
+    calm = line(*positions, seed=seed, channel="none")
+    capabilities = modem.capabilities(profile_named(calm.profile), calm.farthest_s)
+    addresses = range(1, nodes + 1)
+    loss = [
+        {
+            "from": source,
+            "to": target,
+            "loss": {"frame": rng.choice([0.0, 0.1, 0.3, 0.6]), "until_s": fault_s},
+        }
+        for source, target in itertools.permutations(addresses, 2)
+    ]
+    restarts = {
+        address: [rng.uniform(0, fault_s) for _ in range(rng.randint(0, most_restarts))]
+        for address in addresses
+    }
+    unplugged = []
+    for address in addresses:
+        if rng.random() < 0.3:
+            begin_s = rng.uniform(0, fault_s - 1)
+            end_s = min(fault_s, begin_s + rng.uniform(1, 40))
+            unplugged.append({"node": address, "from_s": begin_s, "to_s": end_s})
+    faults = {
+        "corrupt": corrupt,
+        "duplicate": repeat,
+        "duplicate_after_s": [0, settling_s(capabilities)],
+        "until_s": None if corrupt else fault_s,
+        "unplugged": unplugged,
+        "crashes": [
+            {"node": address, "at_s": instants, "restart_after_s": 0}
+            for address, instants in restarts.items()
+            if instants
+        ],
+    }
+    return line(*positions, seed=seed, channel="none", links=loss, faults=faults)
 
 
 def settling_s(capabilities: LinkCapabilities | None) -> float:
     """Return the time within which a link may repeat a frame, s: four of its longest frames."""
     assert capabilities is not None
-    airtime_s = capabilities.airtime_ns(capabilities.mtu_bytes) / NS_PER_S
-    return 4 * (airtime_s + capabilities.propagation_s)
+    return settling_ns(capabilities) / NS_PER_S

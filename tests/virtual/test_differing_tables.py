@@ -33,9 +33,9 @@ def block(number: int, share: int) -> range:
 def tell(trial: Trial, seed: int, settings: object) -> None:
     trial.run()
     story = f"seed {seed}, {settings}"
-    assert not trial.oracle.wrong, f"{story}: {trial.oracle.wrong[0]}"
+    assert not trial.wrong, f"{story}: {trial.wrong[0]}"
     assert not trial.missing(), f"{story}: {trial.missing()}"
-    assert trial.oracle.delivered, story
+    assert trial.delivered, story
 
 
 @pytest.mark.parametrize("number", BLOCKS)
@@ -75,7 +75,7 @@ def test_nothing_is_misread_in_a_storm_of_restarts(
             most_restarts=8,
         )
         trial.run()
-        assert not trial.oracle.wrong, f"seed {seed}: {trial.oracle.wrong[0]}"
+        assert not trial.wrong, f"seed {seed}: {trial.wrong[0]}"
 
 
 @pytest.mark.parametrize("number", BLOCKS)

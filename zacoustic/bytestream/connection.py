@@ -4,7 +4,7 @@ import asyncio
 import errno
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any, Final, Protocol, TypeAlias
 
 WRITE_LIMIT_BYTES: Final = 65_536
@@ -39,6 +39,23 @@ def settle(future: asyncio.Future[Any], outcome: object) -> None:
         future.set_exception(outcome)
     else:
         future.set_result(outcome)
+
+
+async def to_the_end(closing: Coroutine[Any, Any, None]) -> None:
+    """Await something that must not be cut short: a connection that is being closed.
+
+    Who is cancelled meanwhile still waits; otherwise threads and sockets would outlive the stream.
+    """
+    task = asyncio.get_running_loop().create_task(closing)
+    cancelled: asyncio.CancelledError | None = None
+    while not task.done():
+        try:
+            await asyncio.wait([task])
+        except asyncio.CancelledError as error:
+            cancelled = error
+    task.result()
+    if cancelled is not None:
+        raise cancelled
 
 
 def reason_of(error: BaseException) -> str:

@@ -23,6 +23,7 @@ from zacoustic.bytestream.connection import (
     Receive,
     reason_of,
     settle,
+    to_the_end,
 )
 from zacoustic.core.clock import Clock
 
@@ -77,7 +78,7 @@ class SerialConnection:
         try:
             await asyncio.shield(connection._opened)
         except BaseException:
-            await connection.close()
+            await to_the_end(connection.close())
             raise
         return connection
 

@@ -19,7 +19,7 @@ import logging
 import time
 from typing import Final, Protocol
 
-from zacoustic.bytestream.connection import Connection, reason_of, settle
+from zacoustic.bytestream.connection import Connection, reason_of, settle, to_the_end
 from zacoustic.bytestream.serialport import SerialConnection
 from zacoustic.bytestream.tcp import TcpConnection
 from zacoustic.core.clock import Clock
@@ -206,7 +206,7 @@ class ByteStream:
         finally:
             self._connection = None
             self.state = ByteStreamState.WAITING
-            await connection.close()
+            await to_the_end(connection.close())
 
     def _receive(self, data: bytes, read_at: int) -> None:
         """Pass on what a connection has read; what is read after its loss is dropped."""

@@ -59,6 +59,8 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """The scenario's `loss` takes this frame, whatever its level."""
     corrupt_seed: int | None = None
     """Seed for `faults.corrupt` when the frame arrives damaged without the modem noticing."""
+    delay_s: float = 0.0
+    """How late the modem reports the frame, s."""
     duplicates_after_s: tuple[float, ...] = ()
     """When the modem reports the frame again, s after its first report."""
 
@@ -80,6 +82,8 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Instant from which the modem takes the next frame, ns: `ends_at` and the gap."""
     arrivals: tuple[Arrival, ...]
     """One for each node that could receive it, in the order of the scenario."""
+    unheard: tuple[int, ...] = ()
+    """Nodes that would receive it, were there not a blackout."""
 
 
 class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -93,8 +97,10 @@ class Reception(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Level over ambient noise and everything that overlapped, averaged over the frame, dB."""
     corrupt_seed: int | None = None
     """If set, the frame is damaged: give it to `faults.corrupt` with a generator of this seed."""
+    delay_s: float = 0.0
+    """Deliver the frame so much later, s."""
     duplicates_after_s: tuple[float, ...] = ()
-    """Deliver the frame again after each of these times, s."""
+    """Deliver the frame again after each of these times, s, counted from the first delivery."""
 
     @property
     def is_received(self) -> bool:

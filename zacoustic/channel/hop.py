@@ -8,7 +8,10 @@ what overlapped it.
 
 from typing import Final
 
+import msgspec
+
 from zacoustic.channel.arrival import Arrival
+from zacoustic.channel.blackout import Darkness
 from zacoustic.channel.fading import FadingProcess
 from zacoustic.channel.faults import FaultSpec
 from zacoustic.channel.loss import FrameLoss, LossSpec
@@ -32,7 +35,9 @@ class Hop:
         receiver: Where the receiver is.
         sound_speed_m_s: Speed of sound, m/s.
         loss: Named loss of this direction.
-        faults: What the receiving modem does to frames.
+        faults: What the receiving modem does to frames, and blackouts.
+        gain_db: How much louder this direction is than the channel says, dB.
+        propagation_s: Propagation delay, s, instead of that of the geometry, or None.
     """
 
     def __init__(
@@ -47,6 +52,8 @@ class Hop:
         sound_speed_m_s: float,
         loss: LossSpec,
         faults: FaultSpec,
+        gain_db: float = 0.0,
+        propagation_s: float | None = None,
     ) -> None:
         self.source = source
         self.node = node
@@ -54,6 +61,8 @@ class Hop:
         self._sender = sender
         self._receiver = receiver
         self._sound_speed_m_s = sound_speed_m_s
+        self._gain_db = gain_db
+        self._fixed_s = propagation_s
         self._is_fixed = sender.is_fixed and receiver.is_fixed
         self._water_rng = direction_random(seed, source, node, "water")
         self._fading: FadingProcess | None = None
@@ -63,9 +72,12 @@ class Hop:
         if loss.frame > 0.0:
             self._loss = FrameLoss(loss, direction_random(seed, source, node, "loss"))
         self._faults: FaultSpec | None = None
-        if faults.corrupt > 0.0 or faults.duplicate > 0.0:
+        if faults.touch_frames:
             self._faults = faults
             self._fault_rng = direction_random(seed, source, node, "faults")
+            self._faults_until = None if faults.until_s is None else faults.until_s * _NS_PER_S
+        dark = [each for each in faults.blackouts if each.concerns(source, node)]
+        self._darkness = Darkness(dark, faults.until_s) if dark else None
         self._measure(0)
 
     def path(self, now: int) -> Path:
@@ -73,6 +85,11 @@ class Hop:
         if not self._is_fixed:
             self._measure(now)
         return self._path
+
+    def is_dark(self, arrival: Arrival) -> bool:
+        """Tell whether a blackout keeps an arrival of this hop away."""
+        darkness = self._darkness
+        return darkness is not None and darkness.covers(arrival.starts_at, arrival.ends_at)
 
     def arrival(self, sequence: int, frame_bytes: int, now: int, airtime_ns: int) -> Arrival:
         """Return the arrival that a frame causes, and draw everything about it.
@@ -90,9 +107,10 @@ class Hop:
         path = self._path
         gain_db = 0.0 if self._fading is None else self._fading.next_gain_db(now)
         corrupt_seed: int | None = None
+        delay_s = 0.0
         duplicates_after_s: tuple[float, ...] = ()
         if self._faults is not None:
-            corrupt_seed, duplicates_after_s = self._draw_faults(self._faults)
+            corrupt_seed, delay_s, duplicates_after_s = self._draw_faults(self._faults, now)
         starts_at = now + self._propagation_ns
         return Arrival(
             node=self.node,
@@ -108,8 +126,9 @@ class Hop:
             distance_m=path.distance_m,
             range_rate_m_s=path.range_rate_m_s,
             chance=self._water_rng.random(),
-            dropped=False if self._loss is None else self._loss.next_is_lost(),
+            dropped=False if self._loss is None else self._loss.next_is_lost(now),
             corrupt_seed=corrupt_seed,
+            delay_s=delay_s,
             duplicates_after_s=duplicates_after_s,
         )
 
@@ -117,18 +136,31 @@ class Hop:
         self._path = path_between(
             self._sender, self._receiver, now, sound_speed_m_s=self._sound_speed_m_s
         )
+        if self._fixed_s is not None:
+            self._path = msgspec.structs.replace(self._path, propagation_s=self._fixed_s)
         distance = self._path.distance_m
         self._propagation_ns = round(self._path.propagation_s * _NS_PER_S)
-        self._level_db = self._channel.received_level_db(distance)
+        self._level_db = self._channel.received_level_db(distance) + self._gain_db
         self._snr_db = self._level_db - self._channel.noise_level_db
-        self._effective_snr_db = self._channel.effective_snr_db(distance)
+        self._effective_snr_db = self._channel.effective_snr_db(distance) + self._gain_db
 
-    def _draw_faults(self, faults: FaultSpec) -> tuple[int | None, tuple[float, ...]]:
-        # Three draws always, so that the fate of later frames does not depend on the shares.
-        is_corrupt = self._fault_rng.random() < faults.corrupt
-        corrupt_seed = int(self._fault_rng.random() * _SEEDS)
-        is_duplicate = self._fault_rng.random() < faults.duplicate
+    def _draw_faults(
+        self, faults: FaultSpec, now: int
+    ) -> tuple[int | None, float, tuple[float, ...]]:
+        # As many draws for every frame, so that the fate of later ones does not depend on shares.
+        rng = self._fault_rng
+        is_corrupt = rng.random() < faults.corrupt
+        corrupt_seed = int(rng.random() * _SEEDS)
+        is_duplicate = rng.random() < faults.duplicate
+        after_s = faults.duplicate_after_s
+        if isinstance(after_s, tuple):
+            low_s, high_s = after_s
+            after_s = low_s + (high_s - low_s) * rng.random()
+        delay_s = rng.random() * faults.jitter_s if faults.jitter_s else 0.0
+        if self._faults_until is not None and now >= self._faults_until:
+            return None, 0.0, ()
         return (
             corrupt_seed if is_corrupt else None,
-            (faults.duplicate_after_s,) if is_duplicate else (),
+            delay_s,
+            (after_s,) if is_duplicate else (),
         )

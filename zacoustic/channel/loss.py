@@ -25,6 +25,8 @@ class LossSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Share of the frames that is lost, 0…1."""
     burst_frames: float | None = None
     """Mean length of a run of lost frames, ≥ 1; None: each frame on its own."""
+    until_s: float | None = None
+    """From this instant on none is lost any more, s; None: it goes on."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -33,6 +35,8 @@ class LossSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             ValueError: A share outside 0…1, or a burst that this share does not allow.
         """
         check_range("frame", self.frame, 0.0, 1.0)
+        if self.until_s is not None:
+            check_range("until_s", self.until_s, 0.0, 1.0e9)
         if self.burst_frames is None:
             return
         check_range("burst_frames", self.burst_frames, 1.0, 1.0e6)
@@ -54,6 +58,7 @@ class FrameLoss:
 
     def __init__(self, spec: LossSpec, rng: random.Random) -> None:
         self._rng = rng
+        self._until = None if spec.until_s is None else round(spec.until_s * 1e9)
         if spec.burst_frames is None:
             self.to_bad = spec.frame
             self.to_good = 1.0 - spec.frame
@@ -64,8 +69,8 @@ class FrameLoss:
         # in that proportion.
         self._bad = rng.random() < spec.frame
 
-    def next_is_lost(self) -> bool:
-        """Move on by one frame and return whether it is lost."""
+    def next_is_lost(self, now: int) -> bool:
+        """Move on by one frame, which leaves at an instant, ns, and return whether it is lost."""
         draw = self._rng.random()
         self._bad = draw >= self.to_good if self._bad else draw < self.to_bad
-        return self._bad
+        return self._bad and (self._until is None or now < self._until)

@@ -97,8 +97,8 @@ class Medium:
             now: Instant of the first sound, ns, not before that of any call before.
 
         Returns:
-            The emission, with one arrival for each node with a modem of the same kind; give each to
-            `finish`.
+            The emission, with one arrival for each node with a modem of the same kind that no
+            blackout keeps from hearing it; give each to `finish`.
 
         Raises:
             ValueError: Unknown node, a frame that the modem does not take, or the node is still
@@ -121,8 +121,12 @@ class Medium:
         site.transmits_until = ends_at
         site.receiver.transmits(now, ends_at)
         arrivals = []
+        unheard: tuple[int, ...] = ()
         for hop in self._hops_of(site):
             arrival = hop.arrival(sequence, frame_bytes, now, airtime_ns)
+            if hop.is_dark(arrival):
+                unheard += (hop.node,)
+                continue
             receiver = self._sites[hop.node].receiver
             is_decodable = receiver.profile is profile
             receiver.expect(arrival, now, is_decodable=is_decodable)
@@ -136,6 +140,7 @@ class Medium:
             ends_at=ends_at,
             ready_at=ends_at + profile.gap_ns,
             arrivals=tuple(arrivals),
+            unheard=unheard,
         )
 
     def finish(self, arrival: Arrival) -> Reception:
@@ -175,6 +180,8 @@ class Medium:
             sound_speed_m_s=scenario.sound_speed_m_s,
             loss=scenario.loss_between(site.address, other.address),
             faults=scenario.faults,
+            gain_db=scenario.gain_db_between(site.address, other.address),
+            propagation_s=scenario.delay_s,
         )
 
 

@@ -62,6 +62,11 @@ class Motion:
         return cls([Waypoint(t=0.0, position=position)])
 
     @property
+    def places(self) -> Sequence[Position]:
+        """The corners of its way: it never leaves what is between them."""
+        return self._positions
+
+    @property
     def is_fixed(self) -> bool:
         """Whether the node never moves."""
         return len(self._positions) == 1

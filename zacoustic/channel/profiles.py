@@ -41,6 +41,9 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
     """Airtime of each byte, coding included, s, > 0."""
     gap_s: float = 0.0
     """Pause of the sender after each frame, s, ≥ 0."""
+    turnaround_s: float = 0.11
+    """From the end of a frame to the acknowledgement of it, s, ≥ 0. Measured on an S2C, assumed for
+    the others."""
     frequency_hz: float
     """Centre of the band, Hz, > 0."""
     bandwidth_hz: float
@@ -238,6 +241,7 @@ _ALL = (
         mtu_bytes=512,
         preamble_s=0.0,
         per_byte_s=8.0e-9,
+        turnaround_s=0.0,
         frequency_hz=26_000.0,
         bandwidth_hz=16_000.0,
         source_level_db=184.0,

@@ -123,6 +123,7 @@ class Receiver:
             outcome=outcome,
             sinr_db=sinr_db,
             corrupt_seed=arrival.corrupt_seed,
+            delay_s=arrival.delay_s,
             duplicates_after_s=arrival.duplicates_after_s,
         )
 

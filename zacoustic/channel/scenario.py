@@ -10,27 +10,32 @@ A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scen
                                       { t: 600, position: [1000, 900, 50] } ] } ],
       loss: { frame: 0.1, burst_frames: 4 },
       links: [ { from: 1, to: 2, loss: { frame: 0.3 } } ],
-      faults: { corrupt: 0.001, duplicate: 0.01 } }
+      faults: { corrupt: 0.001, duplicate: 0.01, jitter_s: 0.2,
+                blackouts: [ { pair: [1, 2], from_s: 600, to_s: 900, every_s: 3600 } ],
+                crashes: [ { node: 2, at_s: [700, 2000], restart_after_s: 20 } ] } }
 
 `channel` says what the water itself does to a frame (`sea`), `loss` takes frames on top of that,
-independently: with ``channel: "none"`` only `loss` does. A direction in `links` replaces the loss
-of the scenario.
+independently: with ``channel: "none"`` only `loss` does. A direction in `links` has a loss or a
+level of its own. `faults` is everything else that goes wrong.
 
 A typo is an error that names the key. Each record checks itself when it is made, also from Python;
 every message begins with the key, says the value and what is allowed.
 """
 
+import itertools
 from typing import Final, Literal, get_args
 
 import msgspec
 
+from zacoustic.channel.blackout import BlackoutSpec
 from zacoustic.channel.complaint import explain
 from zacoustic.channel.faults import FaultSpec
 from zacoustic.channel.limits import check_range
 from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec, JumpSpec, SpanSpec
 from zacoustic.channel.position import Motion, Position, Waypoint, distance_m
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
-from zacoustic.channel.traffic import TrafficSpec
+from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
 
 ChannelName = Literal["sea", "awgn", "none", "desert"]
@@ -44,6 +49,7 @@ _MIN_SOUND_SPEED_M_S: Final = 1000.0
 _MAX_SOUND_SPEED_M_S: Final = 2000.0
 _MAX_COORDINATE_M: Final = 1.0e6  # beyond it the earth is not flat, and no modem reaches
 _MAX_SPEED_M_S: Final = 100.0  # far above any vehicle, far below sound
+_MAX_DELAY_S: Final = 60.0
 _MAX_TIME_S: Final = 1.0e9  # thirty years
 
 
@@ -60,8 +66,18 @@ class LinkSpec(
     """Address of the sender; `from` in the file."""
     target: int
     """Address of the receiver; `to` in the file."""
-    loss: LossSpec
-    """Replaces the loss of the scenario in this direction."""
+    loss: LossSpec | None = None
+    """Replaces the loss of the scenario in this direction; None: that of the scenario."""
+    gain_db: float = 0.0
+    """How much louder this direction is than the channel says, dB, −100…100; mostly negative."""
+
+    def __post_init__(self) -> None:
+        """Check the range.
+
+        Raises:
+            ValueError: A value outside its range.
+        """
+        check_range("gain_db", self.gain_db, -100.0, 100.0)
 
 
 class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -120,6 +136,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     """Wind speed, m/s, 0…60: the noise of waves."""
     shipping: float = 0.5
     """Activity of distant ships, 0…1."""
+    delay_s: float | None = None
+    """The same propagation delay between all nodes, s, 0…60, instead of that of the geometry: the
+    assumption behind the throughput formulae of carrier sense. None: distance / sound speed."""
     profile: str = DEFAULT_PROFILE
     """Modem of the nodes that name none."""
     channel: ChannelName = "sea"
@@ -129,9 +148,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     loss: LossSpec = LossSpec()
     """Frames lost on top of what the channel loses."""
     links: tuple[LinkSpec, ...] = ()
-    """Directions with a loss of their own."""
+    """Directions with a loss or a level of their own."""
     faults: FaultSpec = FaultSpec()
-    """What modems do to received frames."""
+    """What else goes wrong; a medium knows of frames and blackouts, `zacoustic sim` of all."""
     config: str = ""
     """Config of the fleet for `zacoustic sim`, relative to the scenario; empty: opaque topics."""
     traffic: tuple[TrafficSpec, ...] = ()
@@ -141,24 +160,52 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         """Check the ranges and that addresses fit together.
 
         Raises:
-            ValueError: A value outside its range, no node, an address twice, or a link of unknown
-                nodes.
+            ValueError: A value outside its range, no node, an address twice, or a link or a fault
+                of unknown nodes.
         """
         check_range(
             "sound_speed_m_s", self.sound_speed_m_s, _MIN_SOUND_SPEED_M_S, _MAX_SOUND_SPEED_M_S
         )
         check_range("wind_m_s", self.wind_m_s, 0.0, _MAX_WIND_M_S)
         check_range("shipping", self.shipping, 0.0, 1.0)
+        if self.delay_s is not None:
+            check_range("delay_s", self.delay_s, 0.0, _MAX_DELAY_S)
         profile_named(self.profile)
         self._check_nodes()
         self._check_links()
+        addresses = {node.address for node in self.nodes}
+        for key, address in self.faults.nodes():
+            if address not in addresses:
+                raise ValueError(f"faults.{key} is {address}; allowed: the address of a node")
 
     def loss_between(self, source: int, target: int) -> LossSpec:
         """Return the named loss of one direction: its own, or that of the scenario."""
         for link in self.links:
-            if (link.source, link.target) == (source, target):
+            if (link.source, link.target) == (source, target) and link.loss is not None:
                 return link.loss
         return self.loss
+
+    def gain_db_between(self, source: int, target: int) -> float:
+        """Return how much louder one direction is than the channel says, dB."""
+        for link in self.links:
+            if (link.source, link.target) == (source, target):
+                return link.gain_db
+        return 0.0
+
+    @property
+    def farthest_s(self) -> float:
+        """Longest propagation delay, one way, between any two nodes, wherever they go, s."""
+        routes = [node.motion().places for node in self.nodes]
+        farthest_m = max(
+            (
+                distance_m(one, other)
+                for first, second in itertools.combinations(routes, 2)
+                for one in first
+                for other in second
+            ),
+            default=0.0,
+        )
+        return farthest_m / self.sound_speed_m_s
 
     def profile_of(self, node: NodeSpec) -> str:
         """Return the name of the profile of a node: its own, or that of the scenario."""
@@ -223,11 +270,19 @@ _RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "links[].loss": LossSpec,
     "loss": LossSpec,
     "faults": FaultSpec,
+    "faults.blackouts[]": BlackoutSpec,
+    "faults.unplugged[]": SpanSpec,
+    "faults.crashes[]": CrashSpec,
+    "faults.clocks[]": ClockSpec,
+    "faults.clocks[].jumps[]": JumpSpec,
+    "faults.journal": JournalSpec,
+    "faults.journal.fails[]": SpanSpec,
     "traffic[]": TrafficSpec,
 }
 _CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "channel": get_args(ChannelName),
     "collisions": get_args(CollisionRule),
+    "traffic[].pattern": get_args(Pattern),
 }
 
 

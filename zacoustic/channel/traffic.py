@@ -2,20 +2,26 @@
 
 ::
 
-    traffic: [ { node: 2, topic: "auv1/nav", every_s: 10, value: { depth: 4.2 } },
-               { node: 2, topic: "auv1/raw", every_s: 10, first_s: 5, size_bytes: 30 },
+    traffic: [ { node: 2, topic: "auv1/nav", every_s: 10, value: { mode: "survey" },
+                 vary: { depth: [0, 40] } },
+               { node: 2, topic: "auv1/raw", every_s: 60, pattern: "random", burst: 5,
+                 size_bytes: [10, 30] },
                { node: 1, service: "auv1/arm", every_s: 60, value: { on: true },
-                 answer: { ok: true } } ]
+                 answer: { ok: true }, first_s: 600, until_s: 1200 } ]
 
 A topic or service is a name of the scenario's `config`. Without a config each topic is a stream of
 opaque bytes of its own.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from zacoustic.channel.limits import check_range
+
+Pattern = Literal["periodic", "random"]
+"""``periodic``: one period after the other. ``random``: the period is the mean of an exponential
+distribution, so that the instants are independent of each other."""
 
 _MAX_PERIOD_S = 1e8
 _MAX_SIZE_BYTES = 65_535
@@ -32,14 +38,24 @@ class TrafficSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Service that it calls; or a topic."""
     every_s: float
     """Period, s, > 0."""
+    pattern: Pattern = "periodic"
+    """What the instants are."""
+    burst: int = 1
+    """How many at each instant, ≥ 1."""
     first_s: float = 0.0
-    """First time, s, ≥ 0."""
+    """First instant, s, ≥ 0."""
+    until_s: float | None = None
+    """No instant from here on, s; None: it goes on."""
     jitter_s: float = 0.0
     """Each instant is later by up to this, s, ≥ 0."""
-    size_bytes: int | None = None
-    """Opaque payloads of this size, random; or a value."""
+    size_bytes: int | tuple[int, int] | None = None
+    """Opaque payloads of this size, or of one between two, random; or a value."""
     value: Any = None
-    """The same sample or request each time; or a size."""
+    """A sample or request; or a size."""
+    vary: dict[str, tuple[float, float]] = {}
+    """Fields of the value that are drawn between two numbers each time."""
+    late_after_s: float | None = None
+    """When a sample counts as late, s; None: after the lifespan of its stream."""
     answer: Any = None
     """What the server of a service answers; None: empty bytes."""
 
@@ -53,8 +69,19 @@ class TrafficSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             raise ValueError("topic is missing; allowed: exactly one of topic and service")
         if (self.size_bytes is None) == (self.value is None):
             raise ValueError("value is missing; allowed: exactly one of value and size_bytes")
+        if self.vary and not isinstance(self.value, dict):
+            raise ValueError(f"vary is {self.vary}; allowed: with a value that has fields")
         check_range("every_s", self.every_s, 1e-3, _MAX_PERIOD_S)
+        check_range("burst", self.burst, 1, 10_000)
         check_range("first_s", self.first_s, 0.0, _MAX_PERIOD_S)
         check_range("jitter_s", self.jitter_s, 0.0, _MAX_PERIOD_S)
-        if self.size_bytes is not None:
+        if self.until_s is not None:
+            check_range("until_s", self.until_s, 0.0, _MAX_PERIOD_S)
+        if self.late_after_s is not None:
+            check_range("late_after_s", self.late_after_s, 0.0, _MAX_PERIOD_S)
+        if isinstance(self.size_bytes, tuple):
+            low, high = self.size_bytes
+            check_range("size_bytes[0]", low, 0, _MAX_SIZE_BYTES)
+            check_range("size_bytes[1]", high, low, _MAX_SIZE_BYTES)
+        elif self.size_bytes is not None:
             check_range("size_bytes", self.size_bytes, 0, _MAX_SIZE_BYTES)

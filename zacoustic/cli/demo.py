@@ -28,7 +28,8 @@ class DemoCommand(Command):
         )
         parser.add_argument(
             "--link", choices=tuple(WATERS), default=next(iter(WATERS)),
-            help="what lies between: the simulator's water, or what stands in for another link's "
+            help="what lies between: the simulator's water, emulated S2C modems on TCP ports "
+            "(evologics) or on pseudo-terminals (evologics-serial), or a stand-in for DESERT "
             "(default: %(default)s)",
         )  # fmt: skip
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
@@ -40,7 +41,7 @@ class DemoCommand(Command):
         )
         parser.epilog = (
             "exits with 0 only if everything that should cross did\n\n"
-            "examples:\n  zacoustic demo\n  zacoustic demo --link desert"
+            "examples:\n  zacoustic demo\n  zacoustic demo --link evologics"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:

@@ -27,6 +27,9 @@ class GatewayCommand(Command):
         parser.add_argument(
             "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
         )
+        parser.add_argument(
+            "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
+        )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
         parser.epilog = (
             "the file's mode decides what it is: a router of its own, a peer, or a client of a\n"
@@ -60,7 +63,11 @@ async def _run(arguments: argparse.Namespace) -> None:
 
     with stopped_by_signals(stop):
         gateway = Gateway.from_file(
-            arguments.file, address=arguments.address, locator=arguments.link, notify=notify
+            arguments.file,
+            address=arguments.address,
+            locator=arguments.link,
+            journal=arguments.journal,
+            notify=notify,
         )
         try:
             await _until(stop, asyncio.create_task(gateway.start()))

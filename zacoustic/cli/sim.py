@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zacoustic.command import EXIT_OK, Command
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -22,8 +22,17 @@ class SimCommand(Command):
     summary = "run a scenario with its traffic in virtual time: hours in seconds"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare scenario, seed, length, trace and form of the output."""
-        parser.add_argument("scenario", metavar="SCENARIO", help="scenario with traffic, JSON5")
+        """Declare scenario or story, seed, length, trace and form of the output."""
+        what = parser.add_mutually_exclusive_group(required=True)
+        what.add_argument(
+            "scenario", metavar="SCENARIO", nargs="?", help="scenario with traffic, JSON5"
+        )
+        what.add_argument(
+            "--story",
+            type=int,
+            metavar="SEED",
+            help="instead of a file: the random story of this seed, as `make soak` tells it",
+        )
         parser.add_argument("--seed", type=int, help="replaces the seed of the scenario")
         parser.add_argument(
             "--until", type=float, metavar="S", help="length, s of virtual time (default: 3600)"
@@ -34,10 +43,12 @@ class SimCommand(Command):
         parser.add_argument("--json", action="store_true", help="one JSON object")
         parser.epilog = (
             "the scenario says who is where (nodes), which streams there are (config: FILE, or\n"
-            "none: each topic is opaque bytes), and who says what how often (traffic)\n\n"
+            "none: each topic is opaque bytes), who says what how often (traffic), and what\n"
+            "goes wrong (loss, faults); docs/sim.md has all keys\n\n"
             "example:\n"
             "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
-            "  zacoustic decode --config fleet.json5 < trace.jsonl"
+            "  zacoustic decode --config fleet.json5 < trace.jsonl\n"
+            "  zacoustic sim --story 1234     exits with 1 if something is lost, altered or doubled"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -46,8 +57,8 @@ class SimCommand(Command):
         Raises:
             ConfigError: The scenario or an argument is wrong.
         """
-        import msgspec
-
+        if arguments.story is not None:
+            return _tell(arguments)
         from zacoustic.tools.simulation import DEFAULT_UNTIL_S, simulate
         from zacoustic.tools.simulationtext import as_text
 
@@ -56,11 +67,32 @@ class SimCommand(Command):
             raise ConfigError(f"--until {until_s:g}; allowed: seconds, above 0")
         with _written_to(arguments.trace) as trace:
             result = simulate(arguments.scenario, seed=arguments.seed, until_s=until_s, trace=trace)
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(result), ensure_ascii=False))
-        else:
-            print(as_text(result))
+        print(_json(result) if arguments.json else as_text(result))
         return EXIT_OK
+
+
+def _tell(arguments: argparse.Namespace) -> int:
+    """Tell a story.
+
+    Raises:
+        ConfigError: An argument that a story does not have.
+    """
+    from zacoustic.tools.simulationtext import story_as_text
+    from zacoustic.tools.storytelling import tell_story
+
+    for name in ("seed", "until"):
+        if getattr(arguments, name) is not None:
+            raise ConfigError(f"--{name} with --story; allowed: with a scenario")
+    with _written_to(arguments.trace) as trace:
+        result = tell_story(arguments.story, trace=trace)
+    print(_json(result) if arguments.json else story_as_text(result))
+    return EXIT_FAILED if result.complaints else EXIT_OK
+
+
+def _json(result: object) -> str:
+    import msgspec
+
+    return json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False)
 
 
 @contextlib.contextmanager

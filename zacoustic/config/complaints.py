@@ -14,7 +14,7 @@ from typing import Any, Final, NoReturn, TypeVar
 
 import msgspec
 
-from zacoustic.config.sections import ALLOWED, FIELD_TYPE_ALLOWED, RECORDS
+from zacoustic.config.sections import ALLOWED, FIELD_TYPE_ALLOWED, FOLDER_ALLOWED, RECORDS
 from zacoustic.errors import ConfigError
 
 SECTION_PATH: Final = "plugins.acoustic"
@@ -123,6 +123,8 @@ def allowed_at(path: str) -> str:
         return ""
     if names[-1] == "type" and "fields" in names:
         return FIELD_TYPE_ALLOWED
+    if names == ["journal"]:
+        return FOLDER_ALLOWED
     return ALLOWED.get(names[-1], "")
 
 

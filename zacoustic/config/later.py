@@ -13,9 +13,7 @@ LATER_KEYS: Final = {
         "ros": ("ROS 2", "types, topic and service of Zenoh"),
         "overlays": ("bounds for ROS 2 types", "bounds in types"),
     },
-    "links": {
-        "access": ("a choice of medium access", "leaving it to the link"),
-    },
+    "links": {},
     "streams": {
         "action": ("actions", "topic, service"),
         "goal": ("actions", "topic, service"),

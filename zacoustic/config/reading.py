@@ -7,10 +7,21 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
+from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.later import check_word, refuse_later_keys
-from zacoustic.config.sections import ZENOH_KEYS, LinkEntry, NodeEntry, Section, TypeEntry
+from zacoustic.config.ranging import check_ranging
+from zacoustic.config.sections import (
+    FOLDER_ALLOWED,
+    ZENOH_KEYS,
+    LinkEntry,
+    NodeEntry,
+    RangingEntry,
+    Section,
+    TypeEntry,
+)
 from zacoustic.config.streams import Fleet, read_streams
+from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.keys import fault_of_name
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
@@ -36,12 +47,18 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Name of each node by address; empty when the fleet is not listed."""
     links: tuple[LinkEntry, ...]
     """The modem, at most one in this version; empty when none is given."""
+    access: AccessSpec | None
+    """Its medium access; None: as it says."""
     types: TypeTable
     """The types by name."""
     python_types: dict[str, type[msgspec.Struct]]
     """The Python class of each type that names one."""
     table: StreamTable
     """The streams."""
+    journal: Path | None = None
+    """Folder of the journal; None: nothing survives a restart."""
+    ranging: tuple[RangingEntry, ...] = ()
+    """Ranges that are measured again and again, by this node and by others of the fleet."""
     zenoh_config: "zenoh.Config | None" = None
     """The whole file for `zenoh.open`; None when it did not come from a file."""
 
@@ -49,6 +66,14 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     def name(self) -> str | None:
         """Name of this node, or None when the fleet is not listed."""
         return self.nodes.get(self.address)
+
+    def ranges_to(self) -> dict[int, float]:
+        """Return the nodes to which this one measures the range, each with its period, s."""
+        return {
+            entry.to: entry.every_s
+            for entry in self.ranging
+            if entry.by in (None, self.address) and entry.to != self.address
+        }
 
     def address_of(self, name: str) -> int:
         """Return the address of the node of that name.
@@ -78,7 +103,8 @@ def read_config(
     """
     zenoh_config, section = read_zenoh_config(path)
     config = config_from_mapping(section, source=str(path), address=address, locator=locator)
-    return msgspec.structs.replace(config, zenoh_config=zenoh_config)
+    journal = None if config.journal is None else Path(path).parent / config.journal
+    return msgspec.structs.replace(config, journal=journal, zenoh_config=zenoh_config)
 
 
 def config_from_mapping(
@@ -99,7 +125,7 @@ def config_from_mapping(
         section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
     place = Place(source, section)
     if not isinstance(section, dict):
-        place.complain(allowed="{ address, nodes, links, types, streams }")
+        place.complain(allowed="{ address, nodes, links, types, journal, streams, ranging }")
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
@@ -117,9 +143,12 @@ def config_from_mapping(
         address=own,
         nodes=nodes,
         links=links,
+        access=_read_accesses(place.at("links"), written.links, nodes),
         types=types,
         python_types=python_types,
+        journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
+        ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
     )
 
 
@@ -175,6 +204,28 @@ def _read_links(
             hint="a later version will have it",
         )
     return entries
+
+
+def _read_journal(place: Place, written: str | None) -> Path | None:
+    if written is None:
+        return None
+    if not written or "\0" in written:
+        place.complain(allowed=FOLDER_ALLOWED)
+    try:
+        return Path(written).expanduser()
+    except RuntimeError:  # "~somebody" whom this computer does not know
+        place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
+
+
+def _read_accesses(
+    place: Place, entries: tuple[LinkEntry, ...], nodes: Mapping[int, str]
+) -> AccessSpec | None:
+    """Read the medium access of each link; that of the first counts, also beside a locator."""
+    specs = [
+        read_access(place.at(index).at("access"), entry.access, nodes)
+        for index, entry in enumerate(entries)
+    ]
+    return specs[0] if specs else None
 
 
 def _read_types(

@@ -10,6 +10,7 @@ import msgspec
 
 from zacoustic.core.encoding import TYPED_ENCODINGS
 from zacoustic.core.qos import PRIORITY_NAMES, Stamp
+from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
 
 ALLOWED: Final = {
@@ -18,6 +19,20 @@ ALLOWED: Final = {
     "name": "a text",
     "locator": 'a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
     "wire": '"native"',
+    "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "polling" | "delegated", … }',
+    "method": "the name of a medium access",
+    "slots": "a list of addresses",
+    "slot_s": "seconds, above 0",
+    "guard_s": "seconds, above 0",
+    "max_range_m": "metres, above 0",
+    "clock_error_s": "seconds, 0 or more",
+    "clock": "the address of a node",
+    "beacon_s": "seconds, above 0",
+    "drift_ppm": "a number, 0 or more",
+    "back_off": "true, false",
+    "poller": "the address of a node",
+    "turn_s": "seconds, above 0, at most 5.1",
+    "idle_s": "seconds, 0 or more",
     "nodes": "a list of { address, name }",
     "links": "a list with one { locator }",
     "types": "a list of { name, fields } or { name, python }",
@@ -27,6 +42,7 @@ ALLOWED: Final = {
     "values": "a list of texts",
     "python": 'a text, "module:Class"',
     "type": "a text, the name of a type",
+    "journal": "true, false",
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
     "topic": "a text, a key expression",
@@ -54,8 +70,15 @@ ALLOWED: Final = {
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
     "default": "a value of the field's type",
+    "ranging": "a list of { to, every_s }",
+    "to": "the address of another node",
+    "by": "the address of a node",
+    "every_s": f"seconds, {LEAST_PERIOD_S:g}..{LONGEST_PERIOD_S:g}",
 }
 """What each key takes, in words."""
+
+FOLDER_ALLOWED: Final = "a text, the folder of the journal"
+"""What the key `journal` of the section takes."""
 
 FIELD_TYPE_ALLOWED: Final = f"{', '.join(SCALAR_TYPES)}, or the name of a type"
 """What the key `type` of a field takes."""
@@ -84,6 +107,8 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Which link, where, with which settings: ``NAME/ADDRESS#key=value``."""
     wire: str = "native"
     """Wire profile."""
+    access: dict[str, Any] | None = None
+    """Medium access, read by `zacoustic.config.access`; none: as the link says."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
@@ -148,6 +173,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """ROS's word."""
     forward: str = "always"
     """When samples cross the water."""
+    journal: bool = False
+    """Samples survive a restart of this node."""
 
 
 class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
@@ -163,6 +190,19 @@ class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
     """Type of a response; none: opaque bytes."""
     timeout_s: float = 60.0
     """Time after which a caller gives up, s."""
+    journal: bool = True
+    """Calls survive a restart of this node."""
+
+
+class RangingEntry(Entry, frozen=True, kw_only=True):
+    """A range that is measured again and again."""
+
+    to: int
+    """Address of the node that is far away."""
+    every_s: float
+    """Time between two measurements, s."""
+    by: int | None = None
+    """Address of the node that measures; none: the node that reads the file."""
 
 
 class Section(Entry, frozen=True, kw_only=True):
@@ -176,8 +216,12 @@ class Section(Entry, frozen=True, kw_only=True):
     """The modem; may be given beside the file instead."""
     types: tuple[TypeEntry, ...] = ()
     """Types that the streams and each other name."""
+    journal: str | None = None
+    """Folder of the journal, relative to the file's; none: nothing survives a restart."""
     streams: tuple[dict[str, Any], ...] = ()
     """What crosses the water."""
+    ranging: tuple[RangingEntry, ...] = ()
+    """Ranges that are measured again and again."""
 
 
 RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
@@ -187,5 +231,6 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "types": TypeEntry,
     "fields": FieldSpec,
     "wildcards": WildcardEntry,
+    "ranging": RangingEntry,
 }
 """The record of the entries of a list, by the key of the list; "" for the section itself."""

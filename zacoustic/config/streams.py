@@ -91,6 +91,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
         encoding=entry.encoding,
         qos=qos,
+        journal=entry.journal,
     )
 
 
@@ -99,7 +100,7 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
     _check_type(place.at("response"), entry.response, fleet)
     is_typed = entry.request is not None or entry.response is not None
     _check_codec(place, entry, is_typed=is_typed)
-    _check_address(place.at("server"), entry.server, fleet)
+    check_address(place.at("server"), entry.server, fleet)
     qos = _read_qos(
         place, lambda: Qos(priority=PRIORITY_NAMES[entry.priority], linger_s=entry.linger_s)
     )
@@ -112,6 +113,7 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         timeout_s=entry.timeout_s,
         encoding=entry.encoding,
         qos=qos,
+        journal=entry.journal,
     )
 
 
@@ -148,12 +150,17 @@ def _check_addresses(place: Place, addresses: tuple[int, ...] | None, fleet: Fle
     if not addresses:
         place.complain(allowed="at least one address", hint="leave it out for all nodes")
     for index, address in enumerate(addresses):
-        _check_address(place.at(index), address, fleet)
+        check_address(place.at(index), address, fleet)
         if address in addresses[:index]:
             place.at(index).complain(f"{address} a second time", allowed="each address once")
 
 
-def _check_address(place: Place, address: int, fleet: Fleet) -> None:
+def check_address(place: Place, address: int, fleet: Fleet) -> None:
+    """Check the address that is written at `place`.
+
+    Raises:
+        ConfigError: No node of the fleet has it, or no node can.
+    """
     if fleet.nodes and address not in fleet.nodes:
         known = ", ".join(f"{known} ({name})" for known, name in fleet.nodes.items())
         place.complain(f"{address} is no node", allowed=known, hint="add it to nodes")

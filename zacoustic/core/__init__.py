@@ -15,6 +15,7 @@ Map, in reading order:
 `calls`
 `handshake`, `peer`                 HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
+`ranging`, `measurements`           ranges on demand; what the modem measured
 `streams`, `keys`                   names ⇄ bytes, and the digest of the table
 `types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application
 `journal`, `stats`, `trace`         what is to be written down, counted, traced

@@ -4,6 +4,8 @@ Order of decisions:
 
 1. The most valuable payload decides the destination. It is in the frame, unless a HELLO, or what is
    owed for too long, has to go first and fills it; nothing goes before REAL_TIME.
+   A range that is due (`zacoustic.core.ranging`) decides it in its place, but not before REAL_TIME:
+   its frame goes to one node, with what that needs or with nothing.
 2. The introduction that the hearers need (`zacoustic.core.handshake`).
 3. What is owed to the hearers: confirmations, answers, questions.
 4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
@@ -26,13 +28,17 @@ from zacoustic.core.frame import (
     DELIMITER_BYTES,
     HELLO_BYTES,
     LONGEST_DELIMITED_BYTES,
+    PADDING,
     TAG_BYTES,
     Control,
 )
-from zacoustic.core.handshake import Handshake
+from zacoustic.core.handshake import HELLO_EVERY, Handshake
 from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.objects.objects import Objects, Offer
+from zacoustic.core.port import LinkPort
 from zacoustic.core.qos import Priority
 from zacoustic.core.queue import Lane, TransmitQueue, Waiting
+from zacoustic.core.ranging import Ranging
 from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
 
 
@@ -43,8 +49,17 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Address, or `BROADCAST`."""
     frame_bytes: bytes
     """With envelope."""
-    streams: tuple[int, ...]
-    """Streams of its records, in their order."""
+    records: tuple[Waiting, ...]
+    """Its records, in their order, fragments excepted."""
+    object_stream: int | None = None
+    """Stream of the fragment that is in it, or None."""
+
+    @property
+    def streams(self) -> tuple[int, ...]:
+        """Streams of its records, in their order."""
+        if self.object_stream is not None:
+            return (self.object_stream,)
+        return tuple(record.stream_id for record in self.records)
 
 
 class Composer:
@@ -53,20 +68,46 @@ class Composer:
     Args:
         queue: What waits.
         handshake: What has to be said beside it.
+        ranging: The ranges that are wanted.
         stats: Counts every byte.
     """
 
-    def __init__(self, queue: TransmitQueue, handshake: Handshake, stats: EngineStats) -> None:
+    def __init__(
+        self, queue: TransmitQueue, handshake: Handshake, ranging: Ranging, stats: EngineStats
+    ) -> None:
         self._queue = queue
         self._handshake = handshake
+        self._ranging = ranging
         self._stats = stats
+        self.objects: Objects | None = None
+        """Fragments, and what is to be said of those that arrived."""
+        self._since_introduction = 0
+        self.port: LinkPort | None = None
+        """The link: what medium access wants to say rides in the frames."""
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, and nothing else."""
+        said = port.access.controls(port.envelope.room_bytes, now, alone=True)
+        if not said:
+            return None
+        destination = port.access.answers_to
+        frame_bytes = port.envelope.wrap(said, destination)
+        self._stats.attribute(NO_STREAM, Cause.ACCESS, len(said))
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(said))
+        return Composed(destination=destination, frame_bytes=frame_bytes, records=())
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
         payload_at = self._queue.due_at(now)
-        speak = self._handshake.speak_next()
-        instants = [at for at in (payload_at, speak and speak[0]) if at is not None]
-        return min(instants, default=None)
+        others = (self._handshake.speak_next(), self._ranging.due(now))
+        instants = [payload_at, *(each and each[0] for each in others)]
+        earliest = min((at for at in instants if at is not None), default=None)
+        if self.objects is None:
+            return earliest
+        if earliest is not None and not self._queue.is_urgent:
+            earliest = max(earliest, self.objects.hold_until(now))
+        object_at = self.objects.due_at(now)
+        return min((at for at in (earliest, object_at) if at is not None), default=None)
 
     def compose(self, envelope: Envelope, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None when nothing is to be said."""
@@ -75,6 +116,15 @@ class Composer:
         )
         destination = first[1].destination if first else None
         urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
+        if self.objects is not None and not urgent:
+            offer = self.objects.offer(now)
+            rank = first[0].rank if first else None
+            if offer is not None and (rank is None or offer.rank <= rank):
+                composed = self._fill_object(envelope, offer, now)
+                if composed is not None:
+                    return composed
+            if self.objects.hold_until(now) > now:
+                return None
         # What is owed found no room in time: it goes before what else waits.
         while (overdue := self._overdue(now)) is not None and not urgent:
             if destination == BROADCAST:
@@ -82,6 +132,8 @@ class Composer:
             composed = self._fill(envelope, overdue, now, owed_first=True)
             if composed is not None:
                 return composed
+        if not urgent and (wanted := self._ranging.due(now)) is not None and wanted[0] <= now:
+            return self._fill(envelope, wanted[1], now, owed_first=False, must_go=True)
         if destination is None:
             return None
         return self._fill(envelope, destination, now, owed_first=False)
@@ -91,11 +143,69 @@ class Composer:
         speak = self._handshake.speak_next()
         return speak[1] if speak is not None and speak[0] <= now else None
 
+    def _fill_object(self, envelope: Envelope, offer: Offer, now: int) -> Composed | None:
+        """Make the frame of a fragment, or of what is to be said of an object."""
+        assert self.objects is not None
+        assert self.port is not None
+        destination = offer.destination
+        if not offer.is_fragment:
+            return self._fill(envelope, destination, now, owed_first=True, answer=True)
+        if self._handshake.is_unconfirmed(destination):
+            # A fragment fills its frame: whoever does not know us is told in another one.
+            self._since_introduction += 1
+            if self._since_introduction % HELLO_EVERY == 1 or self._handshake.introduces(
+                destination
+            ):
+                introduction = self._handshake.introduction(destination, envelope.room_bytes, now)
+                return self._wrap(envelope, destination, [(Cause.HELLO, introduction)])
+        taken = self.objects.take_fragment(
+            envelope.room_bytes, now, self.port.frames_before_pause(now)
+        )
+        if taken is None:
+            return None
+        cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
+        self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
+        data_bytes = len(taken.record) - taken.header_bytes
+        self._stats.attribute(taken.stream_id, cause, data_bytes)
+        frame_bytes = envelope.wrap(taken.record, destination)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.record))
+        return Composed(
+            destination=destination,
+            frame_bytes=frame_bytes,
+            records=(),
+            object_stream=taken.stream_id,
+        )
+
+    def _wrap(
+        self, envelope: Envelope, destination: int, said: list[tuple[Cause, bytes]]
+    ) -> Composed:
+        """Make a frame of controls."""
+        records = b"".join(control for _, control in said)
+        for cause, control in said:
+            self._stats.attribute(NO_STREAM, cause, len(control))
+        frame_bytes = envelope.wrap(records, destination)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(records))
+        return Composed(destination=destination, frame_bytes=frame_bytes, records=())
+
     def _fill(
-        self, envelope: Envelope, destination: int, now: int, *, owed_first: bool
+        self,
+        envelope: Envelope,
+        destination: int,
+        now: int,
+        *,
+        owed_first: bool,
+        must_go: bool = False,
+        answer: bool = False,
     ) -> Composed | None:
         room_bytes = envelope.room_bytes
-        first = next(self._concerning(destination, now), None)
+        answers: list[tuple[Cause, bytes]] = []
+        if self.objects is not None and destination != BROADCAST:
+            said_of_objects = self.objects.take_feedback(destination, room_bytes, now)
+            if said_of_objects is not None:
+                answers = [(Cause.REPAIR, said_of_objects.record)]
+                room_bytes -= _size(answers)
+        # Who waits for an answer listens for as long as a short frame takes.
+        first = None if answer else next(self._concerning(destination, now), None)
         first_bytes = first[1].size_bytes if first else 0
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
@@ -115,24 +225,42 @@ class Composer:
             late = self._handshake.owed(destination, room_bytes - reserved_bytes, now)
             room_bytes -= _size(late)
             owed += late
+        elif must_go:
+            # No record, so no introduction: it would have to be answered, and that is not wanted.
+            owed = self._handshake.owed(destination, room_bytes, now)
+            room_bytes -= _size(owed)
+        owed = answers + owed
         items = []
+        if self.port is not None and (first or introduction or owed):
+            said = self.port.controls(room_bytes - first_bytes, self._queue.waiting_bytes, now)
+            if said:
+                owed.append((Cause.ACCESS, said))
+                room_bytes -= len(said)
+            comfort_bytes = self.port.comfort_bytes(now)
+            if comfort_bytes is not None:
+                spent_bytes = envelope.room_bytes - room_bytes
+                room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
             items = self._choose(destination, room_bytes, now, introduced=bool(introduction))
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
         if not introduction and not owed and not items:
-            return None
+            if not must_go:
+                return None
+            owed = [(Cause.RANGE, PADDING)]
         records = introduction + b"".join(control for _, control in owed)
         self._stats.attribute(NO_STREAM, Cause.HELLO, len(introduction))
         for cause, control in owed:
             self._stats.attribute(NO_STREAM, cause, len(control))
-        records += self._encode(items, now, introduced=bool(introduction))
+        records += self._encode(
+            items, now, introduced=bool(introduction), broadcast=destination == BROADCAST
+        )
         frame_bytes = envelope.wrap(records, destination)
         self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(records))
         return Composed(
             destination=destination,
             frame_bytes=frame_bytes,
-            streams=tuple(item.stream_id for item in items),
+            records=tuple(items),
         )
 
     def _concerning(self, destination: int, now: int) -> Iterator[tuple[Lane, Waiting]]:
@@ -166,10 +294,14 @@ class Composer:
                 break
         return _open_end_last(chosen, introduced=introduced)
 
-    def _encode(self, items: list[Waiting], now: int, *, introduced: bool) -> bytes:
+    def _encode(
+        self, items: list[Waiting], now: int, *, introduced: bool, broadcast: bool
+    ) -> bytes:
         records = bytearray()
         for item in items:
-            record = bytearray(item.prefix)
+            record = bytearray(item.sync + item.prefix)
+            if broadcast:
+                record += item.address
             record.append(item.stream_id)
             record += item.head
             if item.stamped:
@@ -180,10 +312,16 @@ class Composer:
                 records += bytes((Control.LEN, len(record)))
                 header_bytes += DELIMITER_BYTES
             records += record
-            self._stats.attribute(item.stream_id, Cause.HEADER, header_bytes)
-            self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
-            count(self._stats.transmitted, item.stream_id)
+            self._attribute(item, header_bytes)
         return bytes(records)
+
+    def _attribute(self, item: Waiting, header_bytes: int) -> None:
+        if item.cause is not None:
+            self._stats.attribute(item.stream_id, item.cause, header_bytes + len(item.payload))
+            return
+        self._stats.attribute(item.stream_id, Cause.HEADER, header_bytes)
+        self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
+        count(self._stats.transmitted, item.stream_id)
 
 
 def _size(controls: list[tuple[Cause, bytes]]) -> int:

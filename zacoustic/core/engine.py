@@ -19,37 +19,54 @@ Who does what::
                                            ▲ Handshake (may it be decoded, what is owed)
     poll_event ◄── Receiver ◄── Envelope ◄── handle_frame
                                 MediumAccess: when a frame may start
+    ranging.request, .repeat ──► Composer: frames for the sake of the range
+    measurements ◄── handle_measurement, handle_frame
 """
 
 import random
 from collections import deque
+from collections.abc import Mapping
+from types import MappingProxyType
 
+from zacoustic.core.access import AccessSpec, Wanted
+from zacoustic.core.access.controls import AccessControl
+from zacoustic.core.arq.receiving import ReliableReceiving
+from zacoustic.core.arq.sending import ReliableSending
+from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composer
 from zacoustic.core.envelope import Opened
 from zacoustic.core.events import (
     CallFailure,
     CallKey,
     Event,
+    JournalStateChanged,
     LinkStateChanged,
     PeerSeen,
+    SampleReceived,
     StreamsDiffer,
 )
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.journal import EPOCH_KEY, JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
+from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
+    Measurement,
+    PeerMeasured,
     ReceivedFrame,
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.measurements import Measurements
+from zacoustic.core.objects.wire import Call
 from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import TransmitQueue
+from zacoustic.core.ranging import Ranging
 from zacoustic.core.receiver import Receiver
 from zacoustic.core.services import Services
-from zacoustic.core.stats import EngineStats
+from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.topics import Topics
 from zacoustic.core.trace import TraceRecord, TraceSink
@@ -63,6 +80,8 @@ class Engine:
         table: Its streams.
         epoch: Boot epoch, 0…65535: another one in each life of the node.
         rng: Source of all randomness.
+        stored: What the journal has kept from earlier lives.
+        access: Medium access as the config says; None: as the link says.
         trace: Takes a record of each thing done, or None.
     """
 
@@ -73,11 +92,18 @@ class Engine:
         table: StreamTable,
         epoch: int,
         rng: random.Random,
+        stored: Mapping[str, bytes] = MappingProxyType({}),
+        access: AccessSpec | None = None,
         trace: TraceSink | None = None,
     ) -> None:
         self.address = address
         self.table = table
+        self.stored = stored
+        self.journal_failure = ""
+        """Why the journal cannot be written now; empty: it can. To be read only."""
         self.stats = EngineStats()
+        self.measurements = Measurements()
+        """What was measured of peers and modem; to be read only."""
         self._rng = rng
         self._trace = trace
         self._now = 0
@@ -86,19 +112,55 @@ class Engine:
         stats = self.stats
         self._queue = queue = TransmitQueue()
         self._handshake = handshake = Handshake(address, epoch, table, rng)
-        self._composer = Composer(queue, handshake, stats)
-        self._topics = Topics(address, table, queue=queue, stats=stats, emit=emit)
+        self.ranging = ranging = Ranging(address, table, rng, emit)
+        """Commands about ranges: `request`, `cancel` and `repeat`."""
+        self._composer = Composer(queue, handshake, ranging, stats)
+        self._journal = journal = JournalPort()
+        self._sending = sending = ReliableSending(
+            address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
+        )
+        self._receiving = receiving = ReliableReceiving(
+            address, table, queue=queue, journal=journal, emit=self._hand_on
+        )
+        self._large = large = LargeSamples(
+            address,
+            table,
+            handshake=handshake,
+            journal=journal,
+            stats=stats,
+            rng=rng,
+            emit=emit,
+            hand_on=self._hand_on,
+        )
+        self._composer.objects = large.objects
+        self._topics = Topics(
+            address,
+            table,
+            queue=queue,
+            stats=stats,
+            sending=sending,
+            receiving=receiving,
+            emit=self._hand_on,
+        )
+        self._topics.large = large
         self._services = Services(
             address, table, queue=queue, handshake=handshake, stats=stats, emit=emit
         )
-        self._receiver = Receiver(table, handshake, self._topics, self._services, stats)
+        self._receiver = Receiver(
+            table, handshake, self._topics, self._services, sending, large, stats
+        )
+        self._receiver.handle_access = self._handle_access
+        self._receiver.handle_call = self._handle_call
+        self._access = access
+        self._clock: tuple[int, int] | None = None
         self._port: LinkPort | None = None
         self._link_state = LinkState.OPENING
         self._next_transmission_id = 1
-        self._writes: deque[JournalWrite] = deque()
-        self._uncommitted: set[int] = set()
-        self._next_write_id = 1
+        self._epochs_to_keep = 0
         self._write_epoch()
+        sending.recover(stored)
+        receiving.recover(stored)
+        sending.next_delivery_id(above=large.recover(stored))
 
     # Inputs
 
@@ -114,6 +176,8 @@ class Engine:
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
             if reason is None and isinstance(opened, Opened):
+                self.measurements.note(opened.source, frame.metrics, frame.received_at)
+                port.heard(opened.source, now)
                 streams = self._receiver.handle(opened, frame, now)
                 self._note("receive", opened.source, frame.frame_bytes, streams)
             elif reason is not None:
@@ -130,6 +194,9 @@ class Engine:
         if self._port is None or not self._port.finish(report, now):
             self.stats.drop("stray_report")
             return
+        self._sending.handle_report(report)
+        self._large.objects.transmitted(report.finished_at)
+        self.ranging.handle_report(report, now)
         outcome = report.outcome.value
         self.stats.reports[outcome] = self.stats.reports.get(outcome, 0) + 1
         self._note("report", 0, b"", (), outcome)
@@ -144,6 +211,8 @@ class Engine:
             self._use_link(capabilities)
         if state is not self._link_state:
             self._link_state = state
+            if state is LinkState.UP:
+                self._sending.link_up(now)
             self._events.append(LinkStateChanged(state=state, changed_at=now))
             self._note("link", 0, b"", (), state.value)
 
@@ -151,17 +220,55 @@ class Engine:
         """Somebody else's transmission began or ended."""
         self._now = now
         if self._port is not None:
-            self._port.access.handle_carrier(busy, now)
+            self._port.handle_carrier(busy, now)
+
+    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+        """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most.
+
+        To be told once before the link is up, when the offset has changed by more than the driver's
+        own jitter, and every ten seconds at least where the engine is driven at all.
+        """
+        self._now = now
+        self._clock = (offset_ns, error_ns)
+        if self._port is not None:
+            self._port.access.handle_clock(offset_ns, error_ns, now)
+
+    def handle_measurement(self, measurement: Measurement, now: int) -> None:
+        """The link has measured something of a peer, or says something of its modem."""
+        self._now = now
+        peer = measurement.address if isinstance(measurement, PeerMeasured) else 0
+        if isinstance(measurement, PeerMeasured):
+            if not 1 <= peer <= 254 or peer == self.address:
+                self.stats.drop("address")
+                return
+            self.ranging.measured(measurement)
+        self.measurements.handle(measurement)
+        self._events.append(measurement)
+        self._note("measure", peer, b"", ())
 
     def handle_timeout(self, now: int) -> None:
         """The instant that `poll_timeout` named has come."""
         self._now = now
         self._services.expire(now)
+        self._sending.expire(now)
+        self._large.at(now).objects.expire(now)
+        if self._port is not None:
+            self._port.access.handle_timeout(now)
+        self.ranging.expire(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         """A journal write is safe."""
         self._now = now
-        self._uncommitted.discard(write_id)
+        self._large.at(now)
+        self._journal.committed(write_id, now)
+
+    def handle_journal_state(self, failure: str, now: int) -> None:
+        """The journal cannot be written, for this reason; empty: it can be again."""
+        self._now = now
+        if failure != self.journal_failure:
+            self.journal_failure = failure
+            self._events.append(JournalStateChanged(failure=failure, changed_at=now))
+            self._note("journal", 0, b"", (), "fails" if failure else "works")
 
     # Commands
 
@@ -187,7 +294,7 @@ class Engine:
         encoding: str | None = None,
         delete: bool = False,
         queued_at: int | None = None,
-    ) -> None:
+    ) -> int:
         """Queue a sample of a topic.
 
         Args:
@@ -199,6 +306,9 @@ class Engine:
             delete: Delete the key instead.
             queued_at: Instant at which the sample was made, ns, where it is before `now`.
 
+        Returns:
+            For a reliable topic the delivery id that `DeliveryEnded` will name, else 0.
+
         Raises:
             UnknownStreamError: No such topic, or an instance that its name does not have.
             LocalError: This node may not publish it.
@@ -206,7 +316,7 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        self._topics.publish(
+        return self._topics.publish(
             stream_id,
             value,
             now,
@@ -215,6 +325,19 @@ class Engine:
             delete=delete,
             queued_at=queued_at,
         )
+
+    def cancel_delivery(self, delivery_id: int, now: int) -> bool:
+        """Give up a sample that is larger than a frame; False when it is not on its way.
+
+        `DeliveryEnded` follows, and its receivers are told.
+        """
+        self._now = now
+        return self._large.at(now).objects.cancel(delivery_id, now)
+
+    def refuse_object(self, source: int, transfer: int, now: int) -> bool:
+        """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
+        self._now = now
+        return self._large.at(now).objects.cancel_incoming(source, transfer)
 
     def call(
         self, stream_id: int, value: object, now: int, *, timeout_s: float | None = None
@@ -259,19 +382,26 @@ class Engine:
     def poll_transmit(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, if the link can take one."""
         self._now = now
-        port, transmit_at = self._port, self._transmit_at()
-        if port is None or transmit_at is None or transmit_at > now:
+        port = self._port
+        if port is None:
             return None
-        composed = self._composer.compose(port.envelope, now)
+        composed = None
+        if _is_over(self._transmit_at(), now):
+            composed = self._composer.compose(port.envelope, now)
+        if composed is None and _is_over(self._speak_at(), now):
+            composed = self._composer.speak(port, now)
         if composed is None:
             return None
         transmission = Transmission(
             transmission_id=self._next_transmission_id,
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
+            acknowledge=self.ranging.wants(composed.destination, now),
         )
         self._next_transmission_id += 1
-        port.transmit(transmission)
+        port.transmit(transmission, now)
+        self._sending.transmitted(composed.records)
+        self.ranging.transmitted(transmission, now)
         self.stats.frames_transmitted += 1
         self.stats.bytes_transmitted += len(composed.frame_bytes)
         self.stats.airtime_ns += port.capabilities.airtime_ns(len(composed.frame_bytes))
@@ -280,7 +410,7 @@ class Engine:
 
     def poll_journal(self) -> JournalWrite | None:
         """Return the next write that a promise waits for."""
-        return self._writes.popleft() if self._writes else None
+        return self._journal.poll()
 
     def poll_event(self) -> Event | None:
         """Return the next event for the application."""
@@ -291,7 +421,14 @@ class Engine:
 
         None means that the engine waits for inputs only.
         """
-        instants = (self._services.next_deadline_at(), self._transmit_at())
+        instants = (
+            self._services.next_deadline_at(),
+            self._sending.next_deadline_at(),
+            self._large.objects.next_deadline_at(),
+            self.ranging.next_deadline_at(),
+            self._transmit_at(),
+            self._speak_at(),
+        )
         return min((at for at in instants if at is not None), default=None)
 
     # Getters
@@ -315,11 +452,16 @@ class Engine:
     def is_idle(self) -> bool:
         """Nothing waits, nothing is under way, no timer is armed."""
         busy = self._port is not None and self._port.is_busy
-        return not busy and not self._queue and self.poll_timeout() is None
+        waits = bool(self._queue) or not self._large.objects.is_idle
+        return not busy and not waits and self.poll_timeout() is None
+
+    def delivering(self) -> int:
+        """Count the reliable samples that not all subscribers have acknowledged."""
+        return self._sending.delivering()
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self._queue.pending(stream_id)
+        return self._queue.pending(stream_id) + self._large.objects.pending(stream_id)
 
     @property
     def expired(self) -> dict[int, int]:
@@ -338,26 +480,61 @@ class Engine:
     # Below the methods above
 
     def _use_link(self, capabilities: LinkCapabilities) -> None:
-        self._port = LinkPort(capabilities, self.address, self._rng)
+        self._port = LinkPort(capabilities, self.address, self._rng, self._access)
+        self._composer.port = self._port
+        if self._clock is not None:
+            self._port.access.handle_clock(*self._clock, self._now)
         self._handshake.use_link(capabilities)
+        self.ranging.use_link(capabilities)
         self._services.settling_ns = self._handshake.settling_ns
-        for _ in range(self._queue.limit(self._port.envelope.room_bytes - TAG_BYTES)):
+        times = LinkTimes(capabilities)
+        self._sending.use_link(times, self._handshake.settling_ns)
+        self._receiving.use_link(times)
+        port = self._port
+        self._large.objects.use_link(
+            capabilities, port.envelope.room_bytes, port.listening.pause_ns, self._now
+        )
+        oversized = self._queue.limit(self._port.envelope.room_bytes - TAG_BYTES)
+        self._sending.dropped(oversized, self._now)
+        for _ in oversized:
             self.stats.drop("oversized")
 
     def _transmit_at(self) -> int | None:
         """Return the instant from which a frame can and should go, or None."""
-        if self._link_state is not LinkState.UP or self._port is None or self._uncommitted:
+        if self._link_state is not LinkState.UP or self._port is None or self._epochs_to_keep:
             return None
         due_at = self._composer.due_at(self._now)
-        free_at = self._port.free_at(self._now) if due_at is not None else None
-        return None if due_at is None or free_at is None else max(due_at, free_at)
+        if due_at is None:
+            return None
+        self._port.listening.exclusive = self._large.objects.is_exclusive
+        return self._port.free_at(Wanted(due_at, self._queue.is_urgent), self._now)
+
+    def _speak_at(self) -> int | None:
+        """Return the instant at which medium access wants a frame of its own, or None."""
+        if self._link_state is not LinkState.UP or self._port is None:
+            return None
+        return self._port.speak_at(self._now)
+
+    def _handle_access(
+        self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
+    ) -> None:
+        if self._port is not None:
+            self._port.handle_control(source, control, frame, now)
+
+    def _handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
+        if self._port is not None:
+            self._port.handle_call(source, call, frame, now)
 
     def _write_epoch(self) -> None:
-        write_id = self._next_write_id
-        self._next_write_id += 1
-        self._uncommitted.add(write_id)
-        epoch_bytes = self.epoch.to_bytes(2, "big")
-        self._writes.append(JournalWrite(write_id=write_id, key=EPOCH_KEY, value=epoch_bytes))
+        self._epochs_to_keep += 1
+        self._journal.write(EPOCH_KEY, self.epoch.to_bytes(2, "big"), self._epoch_kept)
+
+    def _epoch_kept(self, now: int) -> None:
+        self._epochs_to_keep -= 1
+
+    def _hand_on(self, sample: SampleReceived) -> None:
+        count(self.stats.received, sample.stream_id)
+        self._events.append(sample)
 
     def _note_news(self, news: PeerSeen | StreamsDiffer) -> None:
         if isinstance(news, PeerSeen):
@@ -382,3 +559,7 @@ class Engine:
                     frame=frame_bytes.hex(),
                 )
             )
+
+
+def _is_over(instant: int | None, now: int) -> bool:
+    return instant is not None and instant <= now

@@ -6,7 +6,9 @@ from typing import Any
 import msgspec
 
 from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import LinkMetrics, LinkState
+from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
+from zacoustic.core.objects.progress import ObjectProgress
+from zacoustic.core.ranging import RangeFailed, RangeMeasured
 
 
 class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,6 +33,47 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     """Instant at which the frame had arrived, ns."""
     metrics: LinkMetrics
     """What the modem measured on the frame."""
+
+
+class DeliveryOutcome(enum.Enum):
+    """How a reliable sample ended."""
+
+    DELIVERED = "delivered"
+    """Every subscriber's engine has it."""
+    SUPERSEDED = "superseded"
+    """A newer sample of its key pushed it out."""
+    EXPIRED = "expired"
+    """It became too old."""
+    REFUSED = "refused"
+    """A subscriber does not take it: it is larger than allowed there, or not wanted any more."""
+    CANCELLED = "cancelled"
+    """Given up by its publisher."""
+
+
+class DeliveryStored(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample that this node published is in its journal: it survives a restart."""
+
+    delivery_id: int
+    """What `Engine.publish` returned."""
+    stream_id: int
+    """The topic's stream."""
+
+
+class DeliveryEnded(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample that this node published reliably is not repeated any more."""
+
+    delivery_id: int
+    """What `Engine.publish` returned, maybe in a former life."""
+    stream_id: int
+    """The topic's stream."""
+    outcome: DeliveryOutcome
+    """How it ended."""
+    missing: tuple[int, ...]
+    """Addresses of the subscribers that have not acknowledged it."""
+    ended_at: int
+    """Instant, ns."""
+    detail: str = ""
+    """Why, where the outcome does not say it."""
 
 
 class CallKey(msgspec.Struct, frozen=True):
@@ -105,6 +148,15 @@ class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal cannot be written, or can be again."""
+
+    failure: str
+    """Why it cannot, one line; empty: it can. Until then nothing is promised that needs it."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -133,6 +185,14 @@ Event = (
     | ResponseReceived
     | CallFailed
     | LinkStateChanged
+    | JournalStateChanged
     | PeerSeen
     | StreamsDiffer
+    | DeliveryStored
+    | DeliveryEnded
+    | PeerMeasured
+    | ModemRead
+    | RangeMeasured
+    | RangeFailed
+    | ObjectProgress
 )

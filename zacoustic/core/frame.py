@@ -23,7 +23,15 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.access.controls import (
+    CLOCK_BYTES,
+    TURN_BYTES,
+    AccessControl,
+    ClockTime,
+    Turn,
+)
 from zacoustic.core.encoding import decode_prefix
+from zacoustic.core.objects.wire import Feedback, Fragment, decode_feedback, decode_fragment
 
 WIRE_VERSION: Final = 1
 """Version of this wire format, in every HELLO."""
@@ -55,6 +63,20 @@ class Control(enum.IntEnum):
     stream."""
     TABLE = 0xB7
     """Epoch (2), stream id (1), digest (4): one row of the sender's table."""
+    SYNC = 0xB8
+    """Prefix: lineage (2) and floor (3) of the count of a reliable topic (`zacoustic.core.arq`)."""
+    ACK = 0xB9
+    """Prefix: the record acknowledges samples of the node with this address (1); in a unicast frame
+    those of the frame's destination, without the address."""
+    FRAGMENT = 0xBA
+    """Transfer (1), index (2), data to the end: a fragment of an object (`zacoustic.core.objects`)."""
+    FEEDBACK = 0xBB
+    """Transfer (1) and more: what a receiver says of an object."""
+    CLOCK = 0xBD
+    """Time (6), its error (1): network time at the first bit of this frame
+    (`zacoustic.core.access.controls`)."""
+    TURN = 0xBE
+    """Node (1), span (1): who may speak now, or when the sender listens."""
     RELAY = 0xBF
     """Reserved: origin, destination, hops, sequence."""
 
@@ -120,15 +142,44 @@ class TableRow(msgspec.Struct, frozen=True):
         )
 
 
+class Sync(msgspec.Struct, frozen=True):
+    """Where a publisher's count of a key stands; see `zacoustic.core.arq`."""
+
+    lineage: int
+    """Boot epoch of the publisher in which the count began, 0…65535."""
+    floor: int
+    """The oldest number that may still come, modulo 2^24."""
+
+    def encode(self) -> bytes:
+        """Return the 6 bytes of the prefix."""
+        floor = self.floor & 0xFFFFFF
+        return bytes((Control.SYNC,)) + self.lineage.to_bytes(2, "big") + floor.to_bytes(3, "big")
+
+
+class Prefixes(msgspec.Struct, frozen=True):
+    """What stands before the stream id of a record."""
+
+    delete: bool = False
+    """The record deletes its key."""
+    encoding: str | None = None
+    """Zenoh encoding where it is not the stream's."""
+    sync: Sync | None = None
+    """Where the count stands."""
+    acknowledged: int | None = None
+    """The record is an ACK: for the node with this address, or 0 for the frame's destination."""
+
+
+_NO_PREFIXES: Final = Prefixes()
+
+
 class Record(msgspec.Struct, frozen=True):
     """What one stream has in a frame."""
 
     stream_id: int
     content: bytes
     """What follows the id."""
-    delete: bool = False
-    encoding: str | None = None
-    """Zenoh encoding where it is not the stream's."""
+    prefixes: Prefixes = _NO_PREFIXES
+    """What stands before it."""
 
 
 class Stray(msgspec.Struct, frozen=True):
@@ -139,10 +190,12 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-Item = Hello | Tag | Confirm | Ask | TableRow | Record | Stray
+Item = (
+    Hello | Tag | Confirm | Ask | TableRow | AccessControl | Fragment | Feedback | Record | Stray
+)
 
-Measure = Callable[[int, bytes, int, bool], int | None]
-"""``(stream_id, buffer, offset, delete)`` → end of the content there; None: it shows none.
+Measure = Callable[[int, bytes, int, Prefixes], int | None]
+"""``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.
 Raises KeyError for a stream that the table does not have."""
 
 ABSENT_DIGEST: Final = bytes(4)
@@ -154,19 +207,25 @@ _CONTROL_SIZES: Final = {
     Control.CONFIRM: 4,
     Control.ASK: 3,
     Control.TABLE: 8,
+    Control.CLOCK: CLOCK_BYTES,
+    Control.TURN: TURN_BYTES,
 }
+PADDING: Final = b"\x00"
+"""A frame that has to go and has nothing to say consists of it: every receiver skips it."""
 HELLO_BYTES: Final = _CONTROL_SIZES[Control.HELLO]
 TAG_BYTES: Final = _CONTROL_SIZES[Control.TAG]
+SYNC_BYTES: Final = 6
 DELIMITER_BYTES: Final = 2
 """What LEN and its length byte cost."""
 
 
-def parse_frame(frame: bytes, measure: Measure) -> Iterator[Item]:
+def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Iterator[Item]:
     """Take a frame apart; never raises, whatever the bytes.
 
     Args:
         frame: The records of one frame, without envelope.
         measure: Finds where the content of a stream ends.
+        unicast: The frame is for one node.
 
     Yields:
         Controls and records in the order of the frame; at most one `Stray` for what cannot be
@@ -187,7 +246,7 @@ def parse_frame(frame: bytes, measure: Measure) -> Iterator[Item]:
                 return
             offset = start + frame[offset + 1]
             if offset > start:
-                yield _parse_delimited(frame[start:offset])
+                yield _parse_delimited(frame[start:offset], unicast=unicast)
         elif code in _CONTROL_SIZES:
             size = _CONTROL_SIZES[Control(code)]
             if offset + size > len(frame):
@@ -195,8 +254,15 @@ def parse_frame(frame: bytes, measure: Measure) -> Iterator[Item]:
                 return
             yield _parse_control(frame, offset)
             offset += size
+        elif code == Control.FEEDBACK:
+            feedback = decode_feedback(frame, offset)
+            if feedback is None:
+                yield Stray("truncated", len(frame) - offset)
+                return
+            yield feedback[0]
+            offset = feedback[1]
         else:
-            item, offset = _parse_record(frame, offset, measure)
+            item, offset = _parse_record(frame, offset, measure, unicast=unicast)
             yield item
 
 
@@ -211,39 +277,70 @@ def _parse_control(frame: bytes, offset: int) -> Item:
         return Confirm(body[0], int.from_bytes(body[1:3], "big"))
     if code == Control.ASK:
         return Ask(body[0], body[1])
+    if code == Control.CLOCK:
+        return ClockTime.decode(body)
+    if code == Control.TURN:
+        return Turn.decode(body)
     return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
 
 
-def _parse_delimited(piece: bytes) -> Item:
+def _parse_delimited(piece: bytes, *, unicast: bool) -> Item:
     """Parse the one record that LEN delimits: its content reaches to the end."""
-    item, _ = _parse_record(piece, 0, _measure_nothing)
+    item, _ = _parse_record(piece, 0, _measure_nothing, unicast=unicast)
     return item
 
 
-def _measure_nothing(stream_id: int, buffer: bytes, offset: int, delete: bool) -> None:
+def _measure_nothing(stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> None:
     """Measure no content: it reaches to the end."""
 
 
-def _parse_record(frame: bytes, offset: int, measure: Measure) -> tuple[Item, int]:
+def _parse_record(
+    frame: bytes, offset: int, measure: Measure, *, unicast: bool
+) -> tuple[Item, int]:
     start, end = offset, len(frame)
-    delete, encoding = False, None
-    while offset < end and frame[offset] in (Control.DELETE, Control.ENCODING):
-        if frame[offset] == Control.DELETE:
-            delete, offset = True, offset + 1
-        else:
-            prefix = decode_prefix(frame, offset + 1)
-            if prefix is None:
-                return Stray("truncated", end - start), end
-            encoding, offset = prefix
-    if offset >= end:
+    if frame[offset] == Control.FRAGMENT:
+        fragment = decode_fragment(frame[offset:])
+        return fragment or Stray("truncated", end - start), end
+    parsed = _parse_prefixes(frame, offset, unicast=unicast)
+    if parsed is None or parsed[1] >= end:
         return Stray("truncated", end - start), end
+    prefixes, offset = parsed
     stream_id = frame[offset]
     if not 1 <= stream_id <= LAST_STREAM_ID:
         return Stray("reserved", end - start), end
     offset += 1
     try:
-        measured = measure(stream_id, frame, offset, delete)
+        measured = measure(stream_id, frame, offset, prefixes)
     except KeyError:
         return Stray("unknown_stream", end - start), end
     content_end = end if measured is None else min(measured, end)
-    return Record(stream_id, frame[offset:content_end], delete, encoding), content_end
+    return Record(stream_id, frame[offset:content_end], prefixes), content_end
+
+
+def _parse_prefixes(frame: bytes, offset: int, *, unicast: bool) -> tuple[Prefixes, int] | None:
+    """Read what stands before a stream id; None: it is cut off."""
+    if not Control.DELETE <= frame[offset] <= Control.ACK:
+        return _NO_PREFIXES, offset
+    delete, encoding, sync, acknowledged = False, None, None, None
+    while offset < len(frame):
+        code, offset = frame[offset], offset + 1
+        if code == Control.DELETE:
+            delete = True
+        elif code == Control.ENCODING:
+            prefix = decode_prefix(frame, offset)
+            if prefix is None:
+                return None
+            encoding, offset = prefix
+        elif code == Control.SYNC:
+            if offset + 5 > len(frame):
+                return None
+            words = int.from_bytes(frame[offset : offset + 5], "big")
+            sync, offset = Sync(words >> 24, words & 0xFFFFFF), offset + 5
+        elif code == Control.ACK:
+            if not unicast and offset >= len(frame):
+                return None
+            acknowledged = 0 if unicast else frame[offset]
+            offset += not unicast
+        else:
+            return Prefixes(delete, encoding, sync, acknowledged), offset - 1
+    return None

@@ -36,6 +36,10 @@ anyway; only after a random pause does it get a frame of its own, and each repet
 pause. Nothing of this happens unless a frame was received, so an idle system stays silent. Ends
 that differ can never confirm each other: they introduce themselves unasked until the pause has
 grown to its longest, and then only when asked.
+
+A CONFIRM that finds no frame to ride on goes behind the next frame of its peer: then no other one
+is on its way. At any other instant one may be, and would be lost where this node transmits; so a
+CONFIRM that no such frame has called forth waits until the peer has been silent for long.
 """
 
 import random
@@ -67,6 +71,9 @@ on average."""
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
 do; four is generous."""
+PATIENCE_UNITS: Final = 16
+"""So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
+1000 m 24 s, longer than from one report of a vehicle to the next."""
 _ASK_HELLO: Final = 0
 
 
@@ -87,6 +94,7 @@ class Handshake:
         self._peers: dict[int, Peer] = {}
         self._since_hello: dict[int, int] = {}
         self._unit_ns = seconds_to_ns(1)
+        self._patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
         """Time within which a duplicate of a frame can still arrive, ns."""
         self.epoch = epoch
@@ -98,6 +106,7 @@ class Handshake:
         """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+        self._patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
 
     def table_changed(self) -> None:
@@ -186,8 +195,16 @@ class Handshake:
     def spoken(self, address: int, now: int) -> None:
         """Note that a frame went to a peer; what did not fit is said in a next one."""
         peer = self._peers.get(address)
-        if peer is not None:
-            peer.speak_at = max(now, peer.sayable_at) if peer.is_owed else None
+        if peer is None:
+            return
+        if not peer.is_owed:
+            peer.speak_at = None
+        elif peer.sayable_at <= now:
+            peer.speak_at = now
+        elif peer.speak_at is None or peer.speak_at <= now:
+            # The instant was that of something that has been said.
+            confirm_at = peer.confirm_at + self._patience_ns
+            peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
     # What this node hears
 
@@ -234,10 +251,10 @@ class Handshake:
         if confirm.address == self._address and confirm.epoch == self.epoch:
             self._peer(source).confirmed_us = True
 
-    def heard_ask(self, source: int, ask: Ask, now: int) -> None:
-        """A peer wants our HELLO, or one row of our table."""
+    def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
+        """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
         if ask.address != self._address:
-            return
+            return False
         peer = self._peer(source)
         peer.confirmed_us = False
         if ask.stream_id == _ASK_HELLO:
@@ -246,6 +263,7 @@ class Handshake:
             peer.owed_rows[ask.stream_id] = None
         # Whoever asks has made its own pause; a second one here would grow with every loss.
         self._speak_soon(peer, now)
+        return True
 
     def heard_row(self, source: int, row: TableRow, now: int) -> None:
         """A row of a peer's table arrived."""
@@ -306,6 +324,17 @@ class Handshake:
         assert epoch is not None
         return epoch
 
+    def last_epoch(self, address: int) -> int | None:
+        """Return the last epoch that a node has told, or None."""
+        return self._peer(address).epoch
+
+    def is_unconfirmed(self, destination: int) -> bool:
+        """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
+        audience = self._audience(destination)
+        return not audience or any(
+            not peer.confirmed_us and not self._knows_difference(peer) for peer in audience
+        )
+
     def peers(self) -> dict[int, Peer]:
         """Return what is known of each node heard so far, by address."""
         return dict(self._peers)
@@ -352,7 +381,8 @@ class Handshake:
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
             peer.owes_confirm = True
-            self._speak_soon(peer, max(now, peer.confirm_at))
+            earliest = now if peer.confirm_at <= now else peer.confirm_at + self._patience_ns
+            self._speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
             # It will never confirm us, so nothing tells that it has heard; a few times are enough.
             peer.owes_hello = True

@@ -2,23 +2,60 @@
 
 The core has no files. It hands out `JournalWrite`s by `poll_journal` and waits for
 `handle_journal_committed` before it does what depends on them; the shell commits them in groups,
-in a thread of its own. Here one promise depends on it: a boot epoch is committed before the first
-HELLO that carries it, so that no two lives of a node share an epoch.
+in a thread of its own: a group, all or none, in the order in which they were handed out. What was
+committed in earlier lives comes back as `stored` when an engine is built. One promise depends on
+it in every engine: a boot epoch is committed before the first HELLO that carries it, so that no
+two lives of a node share an epoch.
+
+While the shell cannot commit, `handle_journal_state` tells why. Nothing that waits is lost then:
+the shell tries again, and `handle_journal_committed` comes when it has succeeded.
 """
+
+from collections import deque
+from collections.abc import Callable
 
 import msgspec
 
 
 class JournalWrite(msgspec.Struct, frozen=True, kw_only=True):
-    """One entry; replaces what was written under the same key before."""
+    """One entry; replaces or deletes what was written under the same key before."""
 
     write_id: int
     """Counted by the engine; `handle_journal_committed` names it."""
     key: str
     """What it is about, such as ``epoch``."""
-    value: bytes
-    """The content."""
+    value: bytes | None
+    """The content; None: the key is deleted."""
 
 
 EPOCH_KEY = "epoch"
 """Key of the boot epoch: two bytes, big-endian."""
+
+
+class JournalPort:
+    """What an engine has to write down, and what it does when that is safe."""
+
+    def __init__(self) -> None:
+        self._writes: deque[JournalWrite] = deque()
+        self._then: dict[int, Callable[[int], None]] = {}
+        self._next_write_id = 1
+
+    def write(
+        self, key: str, value: bytes | None, then: Callable[[int], None] | None = None
+    ) -> None:
+        """Hand out a write; `then` is called with the instant at which it is safe."""
+        write_id = self._next_write_id
+        self._next_write_id += 1
+        if then is not None:
+            self._then[write_id] = then
+        self._writes.append(JournalWrite(write_id=write_id, key=key, value=value))
+
+    def poll(self) -> JournalWrite | None:
+        """Return the next write."""
+        return self._writes.popleft() if self._writes else None
+
+    def committed(self, write_id: int, now: int) -> None:
+        """A write is safe; one that is not known does nothing."""
+        then = self._then.pop(write_id, None)
+        if then is not None:
+            then(now)

@@ -1,4 +1,4 @@
-"""What crosses between an engine and a link: capabilities, frames, transmissions, reports.
+"""What crosses between an engine and a link: capabilities, frames, reports, measurements.
 
 A link tells the truth about itself in `LinkCapabilities`; the core adds exactly what is missing
 (addresses, check, delimiting, medium access) and never asks which link it is. All records here
@@ -6,7 +6,7 @@ are frozen; instants are ns on the node's monotonic clock.
 """
 
 import enum
-from typing import Final
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -76,7 +76,12 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     address_range: tuple[int, int] = (1, 254)
     """First and last node address that the device can have."""
     reports: frozenset[str] = frozenset()
-    """Which fields of `LinkMetrics` received frames fill."""
+    """Which fields of `LinkMetrics` every received frame fills."""
+    measures: frozenset[str] = frozenset()
+    """Which fields of `LinkMetrics` the device may tell besides, by `PeerMeasured`."""
+    measures_range: bool = False
+    """A transmission that was acknowledged is followed by a `PeerMeasured` of that exchange, with
+    its propagation delay: so a range can be had on demand. Only where it `acknowledges`."""
     source_level_range_db: tuple[float, float] | None = None
     """Lowest and highest source level, dB re 1 µPa at 1 m, where it can be set."""
 
@@ -96,6 +101,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
         low, high = self.address_range
         if not 1 <= low <= high <= 254:
             raise ValueError(f"address_range is {self.address_range}; allowed: within 1..254")
+        if self.measures_range and not self.acknowledges:
+            raise ValueError("measures_range is True; allowed: only where the link acknowledges")
 
     def airtime_ns(self, frame_bytes: int) -> int:
         """Airtime of a frame of that many bytes, ns: preamble and bits, without the gap."""
@@ -103,7 +110,7 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkMetrics(msgspec.Struct, frozen=True, kw_only=True):
-    """What a modem measured on a frame; None where it reports nothing."""
+    """What a modem measured of another one, on a frame or besides; None where it tells nothing."""
 
     snr_db: float | None = None
     """Signal-to-noise ratio, dB."""
@@ -115,6 +122,53 @@ class LinkMetrics(msgspec.Struct, frozen=True, kw_only=True):
     """Propagation delay, one way, s."""
     range_rate_m_s: float | None = None
     """Relative velocity, m/s, positive when the distance grows."""
+    range_m: float | None = None
+    """Slant distance, m: the propagation delay by the sound speed that the device is set to."""
+    east_m: float | None = None
+    """Where it is, seen from here: towards the east, m. The three come together."""
+    north_m: float | None = None
+    """Towards the north, m."""
+    up_m: float | None = None
+    """Upwards, m: negative where it is deeper."""
+    accuracy_m: float | None = None
+    """Uncertainty of that place, m, as the device says."""
+    bearing_rad: float | None = None
+    """Direction in which it is heard, rad, 0…2π: 0 is north, π/2 east. Comes with the elevation."""
+    elevation_rad: float | None = None
+    """Direction above the horizontal, rad, -π/2…π/2."""
+    accuracy_rad: float | None = None
+    """Uncertainty of that direction, rad, as the device says."""
+
+
+class PeerMeasured(msgspec.Struct, frozen=True, kw_only=True):
+    """A modem has measured something of another one, outside of any frame."""
+
+    address: int
+    """The other node, 1…254."""
+    measured_at: int
+    """Instant of the measurement, ns: when the sound that it was made on had ended. What is told
+    later keeps this instant."""
+    metrics: LinkMetrics
+    """What was measured."""
+
+
+class ModemRead(msgspec.Struct, frozen=True, kw_only=True):
+    """What a modem says of itself; None where it says nothing."""
+
+    read_at: int
+    """Instant of the answer, ns."""
+    firmware: str = ""
+    """Its version, in the vendor's words."""
+    battery_v: float | None = None
+    """Supply, V."""
+    source_level_db: float | None = None
+    """Source level, dB re 1 µPa at 1 m, where the device knows it."""
+    relative_source_level_db: float | None = None
+    """Source level against the loudest that the device can, dB, at most 0."""
+
+
+Measurement: TypeAlias = PeerMeasured | ModemRead
+"""What a link tells of its own accord."""
 
 
 class ReceivedFrame(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,23 +1,32 @@
 """The engine's side of its link: what it can do, when it is free, what is under way.
 
 One transmission is outstanding at most, and between two the device gets the gap that it asks for.
-A frame that arrives
-twice because a modem or the water made two of it is recognised where that is certain: the same
-bytes from the same source, sooner than the source can have sent them again.
+When a frame may start is the answer of three: the gap, the medium access of the link, and the
+listen windows, unless the access gives everybody turns.
+
+A frame that arrives twice because a modem or the water made two of it is recognised where that is
+certain: the same bytes from the same source, sooner than the source can have sent them again.
 """
 
 import random
 
-from zacoustic.core.access import MediumAccess, choose
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.access import AccessSpec, Listening, MediumAccess, Wanted, choose
+from zacoustic.core.access.controls import ANYBODY, AccessControl, Turn
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.envelope import Damaged, Envelope, Opened
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkCapabilities,
     ReceivedFrame,
     Transmission,
+    TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.objects.wire import Call
+
+# What a modem's own time stamps may be wrong.
+_STAMP_ERROR_NS = NS_PER_S // 1000
+_NO_PAUSE = 255
 
 
 class LinkPort:
@@ -27,12 +36,25 @@ class LinkPort:
         capabilities: What the link can do.
         address: Address of this node.
         rng: For the back-off of the medium access.
+        access: What the config says of medium access, or None.
+
+    Raises:
+        ConfigError: That choice cannot work on this link.
     """
 
-    def __init__(self, capabilities: LinkCapabilities, address: int, rng: random.Random) -> None:
+    def __init__(
+        self,
+        capabilities: LinkCapabilities,
+        address: int,
+        rng: random.Random,
+        access: AccessSpec | None = None,
+    ) -> None:
         self.capabilities = capabilities
         self.envelope = Envelope(capabilities, address)
-        self.access: MediumAccess = choose(capabilities, rng)
+        self.access: MediumAccess = choose(access, capabilities, address, rng)
+        self.listening = Listening(capabilities)
+        """The pauses of this node and of the others."""
+        self._listens = not self.access.is_scheduled
         self._address = address
         self._outstanding: Transmission | None = None
         self._gap_until = 0
@@ -43,16 +65,50 @@ class LinkPort:
         """A transmission is under way."""
         return self._outstanding is not None
 
-    def free_at(self, now: int) -> int | None:
+    def free_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant from which a frame may start, ns; None: it depends on an input."""
-        ready_at = self.access.ready_at(now)
-        if self._outstanding is not None or ready_at is None:
+        if self._outstanding is not None:
             return None
-        return max(ready_at, self._gap_until)
+        due_at, is_invited = max(wanted.due_at, self._gap_until), False
+        if self._listens:
+            due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
+            invited_at = self.listening.invited_at(max(due_at, now))
+            if invited_at is not None:
+                due_at, is_invited = invited_at, True
+        return self.access.ready_at(Wanted(due_at, wanted.is_urgent, is_invited), now)
 
-    def transmit(self, transmission: Transmission) -> None:
+    def speak_at(self, now: int) -> int | None:
+        """Return when the medium access wants a frame of its own, ns, or None."""
+        if self._outstanding is not None:
+            return None
+        speak_at = self.access.speak_at(now)
+        return None if speak_at is None else max(speak_at, self._gap_until)
+
+    def controls(self, room_bytes: int, backlog_bytes: int, now: int) -> bytes:
+        """Take what a frame that starts now is to say of medium access.
+
+        Args:
+            room_bytes: What it has left.
+            backlog_bytes: All that waits, its payload included.
+            now: The instant.
+        """
+        said = self.access.controls(room_bytes, now, alone=False)
+        if self._listens:
+            said += self.listening.controls(room_bytes - len(said), backlog_bytes, now)
+        return said
+
+    def comfort_bytes(self, now: int) -> int | None:
+        """How large a frame that starts now had better be, at most, bytes; None: no matter."""
+        comfort_ns = self.listening.comfort_ns(now) if self._listens else None
+        if comfort_ns is None:
+            return None
+        sound_s = comfort_ns / NS_PER_S - self.capabilities.preamble_s
+        return max(0, int(sound_s * self.capabilities.bit_rate_bps / 8))
+
+    def transmit(self, transmission: Transmission, now: int) -> None:
         """Note that a transmission is under way."""
         self._outstanding = transmission
+        self.listening.handle_started(now)
 
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Note its end; False for a report that belongs to no transmission under way."""
@@ -61,8 +117,56 @@ class LinkPort:
             return False
         self._outstanding = None
         self._gap_until = report.finished_at + seconds_to_ns(self.capabilities.gap_s)
+        self.listening.handle_transmitted(report.started_at, report.finished_at)
         self.access.handle_transmitted(now)
+        if report.outcome in (TransmitOutcome.DELIVERED, TransmitOutcome.NOT_DELIVERED):
+            self.access.handle_outcome(report.outcome is TransmitOutcome.DELIVERED, now)
         return True
+
+    def frames_before_pause(self, now: int) -> int:
+        """How many of the largest frames, one that starts now included, go before a pause."""
+        return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
+
+    def handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
+        """Take from a fragment of `source` when it will listen."""
+        if call is Call.WINDOW:
+            airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+            way_ns, _ = self._way(frame)
+            started_at = frame.received_at - way_ns - airtime_ns
+            self.listening.heard_pause(source, airtime_ns, started_at, way_ns, now)
+        elif call is not Call.NONE:
+            self.listening.heard_end(source)
+
+    def handle_carrier(self, busy: bool, now: int) -> None:
+        """Somebody else's transmission began or ended."""
+        self.access.handle_carrier(busy, now)
+        self.listening.handle_carrier(busy, now)
+
+    def heard(self, source: int, now: int) -> None:
+        """A frame of `source` that concerns this node has arrived."""
+        self.access.handle_heard(source, now)
+        self.listening.heard_frame(source, now)
+
+    def handle_control(
+        self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
+    ) -> None:
+        """Take a control of medium access that came in a frame of `source`."""
+        airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+        way_ns, error_ns = self._way(frame)
+        started_at = frame.received_at - way_ns - airtime_ns
+        if isinstance(control, Turn) and control.node == ANYBODY:
+            self.listening.heard_pause(source, control.span_ns, started_at, way_ns, now)
+        else:
+            self.access.handle_control(source, control, started_at, error_ns, now)
+
+    def _way(self, frame: ReceivedFrame) -> tuple[int, int]:
+        """Return the propagation delay of a frame, and by how much it may be wrong, ns."""
+        measured_s = frame.metrics.propagation_s
+        if measured_s is not None:
+            return seconds_to_ns(measured_s), _STAMP_ERROR_NS
+        # Anywhere between here and the farthest node.
+        way_ns = seconds_to_ns(self.capabilities.propagation_s) // 2
+        return way_ns, way_ns + _STAMP_ERROR_NS
 
     def refuse(self, opened: Opened | Damaged, frame: ReceivedFrame) -> str | None:
         """Return the reason why a frame is not looked into, or None."""

@@ -44,6 +44,16 @@ PATIENCE_NS: Final = {
 """How much longer than an INTERACTIVE_HIGH payload one of this priority waits, ns."""
 
 
+class Reliability(enum.Enum):
+    """What becomes of a sample that is lost."""
+
+    BEST_EFFORT = "best_effort"
+    """It is lost."""
+    RELIABLE = "reliable"
+    """It is repeated until every subscriber has acknowledged it, a newer one pushes it out, or it
+    is too old (`zacoustic.core.arq`)."""
+
+
 class Stamp(enum.Enum):
     """What tells the far side how old a sample is."""
 
@@ -58,8 +68,11 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
 
     priority: Priority = Priority.DATA
     """Zenoh's priority."""
+    reliability: Reliability = Reliability.BEST_EFFORT
+    """What becomes of a sample that is lost."""
     depth: int = 1
-    """Samples kept per key while they wait, ≥ 1; a newer one pushes out the oldest."""
+    """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1;
+    a newer one pushes out the oldest."""
     lifespan_s: float | None = None
     """A sample older than this is not sent any more, s, > 0; None: never too old."""
     min_interval_s: float = 0.0
@@ -68,6 +81,9 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """How long a sample may wait for company in its frame, s, ≥ 0; REAL_TIME never lingers."""
     stamp: Stamp = Stamp.NONE
     """What tells the far side the age."""
+    exclusive: bool = False
+    """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
+    nobody else is heard meanwhile."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

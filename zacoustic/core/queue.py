@@ -20,6 +20,7 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.core.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
 
 LaneKey = tuple[int, ...]
@@ -40,11 +41,17 @@ class Waiting:
         stamped: An age byte goes before the payload.
         delimits_itself: The payload shows where it ends.
         for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
+        address: What stands behind the prefix in a broadcast frame, where the destination of the
+            frame does not say whom it concerns.
+        cause: Why its bytes are on the water; None: header and payload.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.
     """
 
     __slots__ = (
+        "_fixed_bytes",
+        "address",
+        "cause",
         "delimits_itself",
         "destination",
         "expires_at",
@@ -53,9 +60,9 @@ class Waiting:
         "payload",
         "prefix",
         "queued_at",
-        "size_bytes",
         "stamped",
         "stream_id",
+        "sync",
     )
 
     def __init__(
@@ -70,6 +77,8 @@ class Waiting:
         stamped: bool = False,
         delimits_itself: bool = False,
         for_one_node: bool = False,
+        address: bytes = b"",
+        cause: Cause | None = None,
         expires_at: int | None = None,
     ) -> None:
         self.stream_id = stream_id
@@ -82,8 +91,16 @@ class Waiting:
         self.for_one_node = for_one_node
         self.queued_at = queued_at
         self.expires_at = expires_at
-        self.size_bytes: int = len(prefix) + 1 + len(head) + stamped + len(payload)
-        """Bytes of the record, from its first prefix to its last."""
+        self.address = address
+        self.cause = cause
+        self.sync = b""
+        """A prefix that may still change while the record waits."""
+        self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the record at most, from its first prefix to its last."""
+        return self._fixed_bytes + len(self.sync)
 
 
 class Lane:
@@ -129,6 +146,16 @@ class TransmitQueue:
     def __len__(self) -> int:
         return sum(len(lane.items) for lane in self._busy.values())
 
+    @property
+    def waiting_bytes(self) -> int:
+        """Size of all records that wait, bytes."""
+        return sum(item.size_bytes for lane in self._busy.values() for item in lane.items)
+
+    @property
+    def is_urgent(self) -> bool:
+        """A REAL_TIME payload waits."""
+        return any(lane.patience_ns == _BEFORE_ALL for lane in self._busy.values())
+
     def pending(self, stream_id: int) -> int:
         """Count what waits for one stream."""
         return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)
@@ -169,6 +196,21 @@ class TransmitQueue:
         self._settle(lane)
         return True
 
+    def discard(self, key: LaneKey, item: Waiting) -> None:
+        """Take back one payload; not there is no error."""
+        lane = self._busy.get(key)
+        if lane is not None and item in lane.items:
+            lane.items.remove(item)
+            self._settle(lane)
+
+    def replace(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+        """Put a payload in the place of what waits in its lane, with the age of that."""
+        lane = self._busy.get(key)
+        if lane is not None:
+            item.queued_at = lane.items[0].queued_at
+            lane.items.clear()
+        self.push(key, item, qos)
+
     def drop_lane(self, key: LaneKey) -> None:
         """Take back all payloads of a lane."""
         lane = self._busy.get(key)
@@ -176,13 +218,13 @@ class TransmitQueue:
             lane.items.clear()
             self._settle(lane)
 
-    def limit(self, largest_bytes: int) -> int:
-        """Set the largest record and drop what is larger; returns how many payloads were."""
+    def limit(self, largest_bytes: int) -> list[Waiting]:
+        """Set the largest record, and take back and return what is larger."""
         self.largest_bytes = largest_bytes
-        dropped = 0
+        dropped: list[Waiting] = []
         for lane in list(self._busy.values()):
             kept = [item for item in lane.items if item.size_bytes <= largest_bytes]
-            dropped += len(lane.items) - len(kept)
+            dropped += (item for item in lane.items if item.size_bytes > largest_bytes)
             lane.items = deque(kept)
             self._settle(lane)
         return dropped

@@ -16,15 +16,29 @@ not_subscriber``
 ``payload``             the content does not decode, or is out of the bounds of its type
 ``unexpected_answer     an answer to no call, or too late; a request that came before
 repeated_request``
+``repeated_sample       a reliable sample that came before; one whose count is not known here
+out_of_sync``
+``unexpected_ack``      an acknowledgement of nothing, or of a former life
+``object_answer         what a receiver says of no object of ours, or says again; an object that
+object_digest           was not what its digest says; more transfers than are kept
+object_room``
 ======================  ==========================================================================
 """
 
+from collections.abc import Callable
+
+import msgspec
+
+from zacoustic.core.access.controls import AccessControl, ClockTime, Turn
+from zacoustic.core.arq.sending import ReliableSending
+from zacoustic.core.content import measure_content
 from zacoustic.core.envelope import Opened
 from zacoustic.core.frame import (
     WIRE_VERSION,
     Ask,
     Confirm,
     Hello,
+    Prefixes,
     Record,
     Stray,
     TableRow,
@@ -32,10 +46,12 @@ from zacoustic.core.frame import (
     parse_frame,
 )
 from zacoustic.core.handshake import Handshake
-from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.large import LargeSamples
+from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.objects.wire import Call, Feedback, Fragment
 from zacoustic.core.services import Services
-from zacoustic.core.stats import EngineStats
-from zacoustic.core.streams import ServiceSpec, StreamTable
+from zacoustic.core.stats import NO_STREAM, EngineStats
+from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.topics import Topics
 
 
@@ -47,6 +63,8 @@ class Receiver:
         handshake: Decides what may be decoded.
         topics: Takes samples.
         services: Takes requests and answers.
+        sending: Is told who is heard, and who has forgotten us.
+        large: Takes fragments of objects, and what receivers say of them.
         stats: Counts what is dropped.
     """
 
@@ -56,20 +74,30 @@ class Receiver:
         handshake: Handshake,
         topics: Topics,
         services: Services,
+        sending: ReliableSending,
+        large: LargeSamples,
         stats: EngineStats,
     ) -> None:
         self._table = table
         self._handshake = handshake
         self._topics = topics
         self._services = services
+        self._sending = sending
+        self._large = large
         self._stats = stats
+        self.handle_access: Callable[[int, AccessControl, ReceivedFrame, int], None] | None = None
+        """Takes controls of medium access: source, control, frame, now."""
+        self.handle_call: Callable[[int, Call, ReceivedFrame, int], None] | None = None
+        """Is told when the sender of a fragment will listen: source, call, frame, now."""
 
     def handle(self, opened: Opened, received: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of the records that were in it."""
         source = opened.source
         epoch: int | None = None
         streams: list[int] = []
-        for item in parse_frame(opened.records, self._measure):
+        for item in parse_frame(
+            opened.records, self._measure, unicast=opened.destination != BROADCAST
+        ):
             if isinstance(item, Record):
                 streams.append(item.stream_id)
                 reason = self._handle_record(source, epoch, item, received, now)
@@ -80,6 +108,7 @@ class Receiver:
             elif isinstance(item, Hello):
                 if self._handshake.heard_hello(source, item, now):
                     self._services.client_restarted(source, item.epoch, now)
+                    self._sending.lost_sync(source, now)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
@@ -87,11 +116,34 @@ class Receiver:
             elif isinstance(item, Tag):
                 self._handshake.heard_tag(source, item.epoch, now)
                 epoch = item.epoch
+            elif isinstance(item, Fragment | Feedback):
+                streams.append(NO_STREAM)
+                reason = self._handle_object(opened, item, received, now)
+                if reason is not None:
+                    self._stats.drop(reason)
+            elif isinstance(item, ClockTime | Turn):
+                if self.handle_access is not None:
+                    self.handle_access(source, item, received, now)
             else:
                 self._handle_table_talk(source, item, now)
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
+        self._sending.heard(source, now)
         return tuple(streams)
+
+    def _handle_object(
+        self, opened: Opened, item: Fragment | Feedback, received: ReceivedFrame, now: int
+    ) -> str | None:
+        objects = self._large.at(now).objects
+        if isinstance(item, Fragment):
+            if self.handle_call is not None:
+                self.handle_call(opened.source, item.call, received, now)
+            # The frame's own destination: a link without addresses does not know it.
+            addressed = msgspec.structs.replace(received, destination=opened.destination)
+            return objects.fragment(opened.source, item, addressed, now)
+        if opened.destination == BROADCAST:
+            return "not_for_us"
+        return objects.feedback(opened.source, item, now)
 
     def _handle_record(
         self,
@@ -101,6 +153,12 @@ class Receiver:
         received: ReceivedFrame,
         now: int,
     ) -> str | None:
+        if record.prefixes.acknowledged is not None:
+            # Whoever acknowledges has read our records, so the stream is the same there.
+            stream = self._table.get(record.stream_id)
+            if stream is None or not isinstance(stream.spec, TopicSpec):
+                return "unknown_stream"
+            return self._topics.receive_ack(source, stream, record, now)
         reason = self._handshake.verdict(source, epoch, record.stream_id, now)
         if reason is not None:
             return reason
@@ -109,22 +167,23 @@ class Receiver:
             return "unknown_stream"
         if isinstance(stream.spec, ServiceSpec):
             return self._services.receive(source, stream, stream.spec, record.content, now)
-        return self._topics.receive(source, stream, record, received)
+        return self._topics.receive(source, stream, record, received, now)
 
     def _handle_table_talk(self, source: int, item: Confirm | Ask | TableRow, now: int) -> None:
         if isinstance(item, Confirm):
             self._handshake.heard_confirm(source, item)
         elif isinstance(item, Ask):
-            self._handshake.heard_ask(source, item, now)
+            if self._handshake.heard_ask(source, item, now):
+                self._sending.lost_sync(source, now)
         else:
             self._handshake.heard_row(source, item, now)
             if self._handshake.differs(source, item.stream_id):
                 self._services.stream_differs(source, item.stream_id, now)
 
-    def _measure(self, stream_id: int, buffer: bytes, offset: int, delete: bool) -> int | None:
+    def _measure(
+        self, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes
+    ) -> int | None:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
-        if isinstance(stream.spec, ServiceSpec):
-            return self._services.measure(stream, buffer, offset)
-        return self._topics.measure(stream, buffer, offset, delete)
+        return measure_content(stream, buffer, offset, prefixes)

@@ -122,18 +122,6 @@ class Services:
 
     # For the water
 
-    def measure(self, stream: Stream, buffer: bytes, offset: int) -> int | None:
-        """Find the end of the content of a record; None: it does not delimit itself."""
-        if offset >= len(buffer):
-            return None
-        kind, _ = decode_call_byte(buffer[offset])
-        if kind is CallKind.ERROR:
-            return None
-        if kind is CallKind.CONFIRM:
-            return offset + 1
-        codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
-        return codec.measure(buffer, offset + 1) if codec.delimits_itself else None
-
     def receive(
         self, source: int, stream: Stream, spec: ServiceSpec, content: bytes, now: int
     ) -> str | None:

@@ -27,6 +27,16 @@ class Cause(enum.Enum):
     """A question about a table."""
     TABLE = "table"
     """Rows of a table."""
+    ACK = "ack"
+    """Acknowledgement of reliable samples."""
+    REPEAT = "repeat"
+    """A reliable sample that was sent before."""
+    REPAIR = "repair"
+    """Repair fragments of objects, and what receivers say of them."""
+    RANGE = "range"
+    """Padding of a frame that goes for its range alone."""
+    ACCESS = "access"
+    """Medium access: turns, pauses, the time."""
 
 
 NO_STREAM: Final = 0

@@ -5,8 +5,9 @@ later version) an action. Its id is the first byte of each of its records, so a 
 byte whatever its length. That only works
 while both ends hold the same table, so everything that changes the meaning of bytes goes into a
 digest: of each stream, and of the whole table with its nodes. What only changes *when* something
-is sent (priority, depth, lifespan, intervals) is left out; each end may tune it alone. The timeout
-of a service is in it: from it both ends derive when a call number may be used again.
+is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
+its journal, is left out; each end may tune it alone. The timeout of a service is in it: from it both ends derive when a call
+number may be used again.
 """
 
 import hashlib
@@ -18,7 +19,7 @@ import msgspec
 from zacoustic.core.encoding import CBOR, OPAQUE
 from zacoustic.core.keys import Instance, KeyPattern, Wildcard
 from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
-from zacoustic.core.qos import Qos
+from zacoustic.core.qos import Qos, Reliability
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
@@ -50,6 +51,9 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     ones."""
     qos: Qos = Qos()
     """How samples wait."""
+    journal: bool = False
+    """Samples that were accepted, and what was received, survive a restart of this node; not in
+    the digest, since each end may keep what it likes."""
 
 
 class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
@@ -72,6 +76,8 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     ones."""
     qos: Qos = Qos()
     """Priority and linger of requests and responses; depth and lifespan do not apply to calls."""
+    journal: bool = True
+    """Calls survive a restart of this node; without, one may run twice. Not in the digest."""
 
 
 StreamSpec = TopicSpec | ServiceSpec
@@ -138,7 +144,11 @@ class Stream:
         audience = [
             None if part is None else sorted(part) for part in (spec.publishers, spec.subscribers)
         ]
-        return ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
+        description = ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
+        if spec.qos.reliability is Reliability.RELIABLE:
+            # A receiver knows from the depth what is over; see zacoustic.core.arq.
+            description += [spec.qos.reliability.value, spec.qos.depth]
+        return description
 
 
 class StreamTable:

@@ -1,21 +1,25 @@
-"""Best-effort topics: a sample is queued, crosses once or not at all, and becomes an event.
+"""Topics: a sample is queued, crosses, and becomes an event.
 
-The content of a topic's record is one byte for each wildcard of its name, one byte of age where
-the stream is stamped, and the payload. A delete has the wildcards only.
+A best-effort sample crosses once or not at all; a reliable one is handed to `zacoustic.core.arq`.
+What a record consists of is told in `zacoustic.core.content`.
 """
 
 from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.age import decode_age_s
+from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
+from zacoustic.core.arq.receiving import ReliableReceiving
+from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.encoding import encode_prefix
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.frame import Control, Record
+from zacoustic.core.events import SampleReceived
+from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
+from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.payload import PayloadError
-from zacoustic.core.qos import Stamp
+from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
@@ -23,6 +27,8 @@ from zacoustic.errors import LocalError, UnknownStreamError
 
 _LANE: Final = 0
 _AGE_BYTES: Final = 1
+NO_DELIVERY: Final = 0
+"""What `Engine.publish` returns for a best-effort sample: nothing is told of it."""
 
 
 class Topics:
@@ -33,6 +39,8 @@ class Topics:
         table: Its streams.
         queue: Takes what is published.
         stats: Counts.
+        sending: Takes reliable samples on their way out.
+        receiving: Takes reliable samples on their way in.
         emit: Takes the events.
     """
 
@@ -43,13 +51,19 @@ class Topics:
         *,
         queue: TransmitQueue,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        sending: ReliableSending,
+        receiving: ReliableReceiving,
+        emit: Callable[[SampleReceived], None],
     ) -> None:
         self._address = address
         self._table = table
         self._queue = queue
         self._stats = stats
+        self._sending = sending
+        self._receiving = receiving
         self._emit = emit
+        self.large: LargeSamples | None = None
+        """Takes what fits no frame."""
 
     def publish(
         self,
@@ -61,7 +75,7 @@ class Topics:
         encoding: str | None,
         delete: bool,
         queued_at: int | None,
-    ) -> None:
+    ) -> int:
         """Queue a sample; see `Engine.publish`."""
         stream, spec = self._topic(stream_id)
         if not stream.may_publish(self._address):
@@ -75,67 +89,102 @@ class Topics:
             prefix = bytes((Control.ENCODING,)) + encode_prefix(encoding)
         made_at = now if queued_at is None else min(queued_at, now)
         lifespan_s = stream.qos.lifespan_s
+        expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
+        payload = b"" if delete else stream.codec.encode(value)
+        stamped = stream.qos.stamp is Stamp.AGE and not delete
+        reliable = stream.qos.reliability is Reliability.RELIABLE
+        record_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
+        largest_bytes = self._queue.largest_bytes
+        if reliable and not delete and largest_bytes is not None:
+            overhead_bytes = SYNC_BYTES + NUMBER_BYTES
+            if record_bytes + overhead_bytes > largest_bytes and self.large is not None:
+                delivery_id = self._sending.next_delivery_id()
+                self.large.publish(
+                    delivery_id, stream, payload, now, instance=instance, encoding=encoding
+                )
+                count(self._stats.published, stream_id)
+                return delivery_id
+        self._queue.check_size(
+            stream.name, record_bytes + (SYNC_BYTES + NUMBER_BYTES if reliable else 0)
+        )
+        count(self._stats.published, stream_id)
+        if reliable:
+            return self._sending.publish(
+                stream,
+                instance,
+                prefix=prefix,
+                payload=payload,
+                stamped=stamped,
+                queued_at=made_at,
+                expires_at=expires_at,
+                now=now,
+            )
         item = Waiting(
             stream_id=stream_id,
             destination=self._destination(spec),
             prefix=prefix,
             head=bytes(instance),
-            payload=b"" if delete else stream.codec.encode(value),
-            stamped=stream.qos.stamp is Stamp.AGE and not delete,
-            delimits_itself=stream.codec.delimits_itself,
+            payload=payload,
+            stamped=stamped,
+            delimits_itself=stream.codec.delimits_itself or delete,
             queued_at=made_at,
-            expires_at=None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s),
+            expires_at=expires_at,
         )
-        self._queue.check_size(stream.name, item.size_bytes)
         self._queue.push((stream_id, _LANE, *instance), item, stream.qos)
-        count(self._stats.published, stream_id)
-
-    def measure(self, stream: Stream, buffer: bytes, offset: int, delete: bool) -> int | None:
-        """Find the end of the content of a record; None: it does not delimit itself."""
-        if not stream.codec.delimits_itself:
-            return None
-        offset += len(stream.keys.wildcards)
-        if delete:
-            return offset
-        return stream.codec.measure(buffer, offset + (stream.qos.stamp is Stamp.AGE))
+        return NO_DELIVERY
 
     def receive(
-        self, source: int, stream: Stream, record: Record, received: ReceivedFrame
+        self, source: int, stream: Stream, record: Record, received: ReceivedFrame, now: int
     ) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None."""
         if not stream.may_publish(source):
             return "not_publisher"
         if not stream.may_subscribe(self._address):
             return "not_subscriber"
+        prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
-        instance = tuple(record.content[:wild])
-        payload = record.content[wild:]
-        age_s: float | None = None
-        if stream.qos.stamp is Stamp.AGE and not record.delete:
-            if not payload:
+        instance, content = tuple(record.content[:wild]), record.content[wild:]
+        low_number: int | None = None
+        if stream.qos.reliability is Reliability.RELIABLE:
+            if not content:
                 return "payload"
-            age_s = decode_age_s(payload[0])
-            payload = payload[_AGE_BYTES:]
+            low_number, content = content[0] % NUMBERS, content[NUMBER_BYTES:]
+        age_s: float | None = None
+        if stream.qos.stamp is Stamp.AGE and not prefixes.delete:
+            if not content:
+                return "payload"
+            age_s, content = decode_age_s(content[0]), content[_AGE_BYTES:]
         try:
             stream.keys.key(source, instance)
-            value = None if record.delete else stream.codec.decode(payload)
+            value = None if prefixes.delete else stream.codec.decode(content)
         except (PayloadError, UnknownStreamError):
             return "payload"
-        count(self._stats.received, stream.stream_id)
-        self._emit(
-            SampleReceived(
-                stream_id=stream.stream_id,
-                source=source,
-                instance=instance,
-                value=value,
-                deleted=record.delete,
-                encoding=record.encoding or stream.encoding,
-                age_s=age_s,
-                received_at=received.received_at,
-                metrics=received.metrics,
-            )
+        sample = SampleReceived(
+            stream_id=stream.stream_id,
+            source=source,
+            instance=instance,
+            value=value,
+            deleted=prefixes.delete,
+            encoding=prefixes.encoding or stream.encoding,
+            age_s=age_s,
+            received_at=received.received_at,
+            metrics=received.metrics,
         )
+        if low_number is not None:
+            return self._receiving.receive(stream, low_number, prefixes.sync, sample, now)
+        self._emit(sample)
         return None
+
+    def receive_ack(self, source: int, stream: Stream, record: Record, now: int) -> str | None:
+        """Take an ACK; returns why it is dropped, or None."""
+        if record.prefixes.acknowledged not in (0, self._address):
+            return None  # for another node
+        wild = len(stream.keys.wildcards)
+        ack = decode_ack(record.content[wild:])
+        if ack is None:
+            return "payload"
+        instance = tuple(record.content[:wild])
+        return self._sending.acknowledged(source, stream, instance, ack, record.prefixes.sync, now)
 
     def _topic(self, stream_id: int) -> tuple[Stream, TopicSpec]:
         stream = self._table.by_id(stream_id)

@@ -19,7 +19,8 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     node: int
     """Address of the engine."""
     what: str
-    """``transmit``, ``report``, ``receive``, ``drop``, ``link``, ``peer``, ``differ``."""
+    """``transmit``, ``report``, ``receive``, ``drop``, ``link``, ``journal``, ``peer``, ``differ``,
+    ``measure``."""
     peer: int = 0
     """The other node, where there is one."""
     size_bytes: int = 0

@@ -8,7 +8,7 @@ module for each noun:
 - `routes`: what is declared for each stream; `siblings`, `presence`: who does it when there are
   several gateways on one island;
 - `exchange`, `topics`, `services`: samples and calls, both ways; `lastvalues`;
-- `health`, `complaints`, `notices`: what it says of itself.
+- `health`, `soundings`, `complaints`, `notices`: what it says of itself and of the water.
 """
 
 from zacoustic.gateway.gateway import Gateway

@@ -6,6 +6,7 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
     Event,
+    JournalStateChanged,
     LinkStateChanged,
     PeerSeen,
     RequestReceived,
@@ -13,9 +14,18 @@ from zacoustic.core.events import (
     SampleReceived,
     StreamsDiffer,
 )
+from zacoustic.core.linktypes import ModemRead, PeerMeasured
+from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.health import Health
-from zacoustic.gateway.notices import LinkChanged, Notify, PeerHeard, StreamDiffers
+from zacoustic.gateway.notices import (
+    JournalChanged,
+    LinkChanged,
+    Notify,
+    PeerHeard,
+    RangingFailed,
+    StreamDiffers,
+)
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.topics import Topics
 
@@ -50,7 +60,6 @@ class Exchange:
         """Take an event of the engine."""
         match event:
             case SampleReceived():
-                self._health.note_sample(event)
                 self._topics.deliver(event)
             case RequestReceived():
                 self._services.serve(event)
@@ -60,6 +69,8 @@ class Exchange:
                 self._services.fail(event)
             case LinkStateChanged():
                 self._notify(LinkChanged(state=event.state.value))
+            case JournalStateChanged():
+                self._notify(JournalChanged(failure=event.failure))
             case PeerSeen():
                 self._health.note_peer(event)
                 self._notify(
@@ -81,6 +92,10 @@ class Exchange:
                         stream=stream.name if stream is not None else "",
                     )
                 )
+            case RangeFailed():
+                self._notify(RangingFailed(address=event.address, text=event.text))
+            case PeerMeasured() | ModemRead() | RangeMeasured():
+                pass  # the engine keeps it, and the health report asks there
             case _:
                 assert_never(event)
         self._health.touch()

@@ -28,7 +28,9 @@ from zacoustic.errors import ConfigError
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
 from zacoustic.island.session import Island, endpoints_of, mode_of
-from zacoustic.journal import Journal, MemoryJournal
+from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
+from zacoustic.journal.forgotten import forgotten
+from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 
 _logger = logging.getLogger(__name__)
@@ -42,7 +44,8 @@ class Gateway:
     Args:
         config: What the node is, with the settings of its Zenoh session.
         link: The modem, not open yet; None: what the config's locator names.
-        journal: Where the boot epoch comes from; None: drawn at random.
+        journal: What the node remembers across restarts, a store or the folder of its file; None:
+            the folder that the config names, or nothing.
         notify: Told what people want to know, on the loop; None: logged.
         clock: Where instants come from; the same as the link's.
 
@@ -56,14 +59,17 @@ class Gateway:
         config: Config,
         *,
         link: Link | None = None,
-        journal: Journal | None = None,
+        journal: Journal | str | Path | None = None,
         notify: Notify | None = None,
         clock: Clock = time.monotonic_ns,
     ) -> None:
         self.config = config
         self._zenoh_config = _zenoh_config(config)
         self._link = link or registry.create(_locator(config), config.address)
-        self._journal = journal or MemoryJournal()
+        journal = journal or config.journal or MemoryJournal()
+        if isinstance(journal, str | Path):
+            journal = journal_in(journal, config.address)
+        self._journal: Journal = journal
         self._notify: Notify = notify or _log
         self._clock = clock
         self._junction: Junction | None = None
@@ -77,6 +83,7 @@ class Gateway:
         *,
         address: int | None = None,
         locator: str | None = None,
+        journal: str | Path | None = None,
         notify: Notify | None = None,
     ) -> Self:
         """Make the gateway of a file.
@@ -85,13 +92,15 @@ class Gateway:
             path: A Zenoh config with a section `plugins.acoustic`.
             address: Acoustic address, instead of the file's.
             locator: Locator of the modem, instead of the file's.
+            journal: Folder of the journal, instead of the file's.
             notify: Told what people want to know, on the loop; None: logged.
 
         Raises:
             ConfigError: The file is wrong, or names no link.
             LinkUnavailableError: The link is not installed.
         """
-        return cls(read_config(path, address=address, locator=locator), notify=notify)
+        config = read_config(path, address=address, locator=locator)
+        return cls(config, journal=journal, notify=notify)
 
     async def start(self) -> None:
         """Open the session and the link, and join them; nothing is left open if that fails.
@@ -99,21 +108,13 @@ class Gateway:
         Raises:
             SessionError: Port in use, router unreachable, or the address is taken.
             LinkOpenError: The link cannot be opened.
-            ConfigError: The journal cannot be read.
+            RangeUnavailableError: The file asks for ranges, and the link measures none.
+            ConfigError: The journal cannot be used.
         """
-        epoch = self._journal.recover().boot_epoch
-        island = await Island.open(self._zenoh_config)
-        self._junction = junction = Junction(
-            self.config.address,
-            self.config.table,
-            island=island,
-            link=self._link,
-            journal=self._journal,
-            epoch=epoch,
-            notify=self._notify,
-            clock=self._clock,
-        )
         try:
+            state = await recover(self._journal)
+            island = await Island.open(self._zenoh_config)
+            self._junction = junction = await self._join(island, state)
             await junction.open()
             self._notify(self._started(junction))
         except BaseException:
@@ -130,6 +131,8 @@ class Gateway:
             if self._junction is not None:
                 await self._junction.close()
                 self._notify(Stopped())
+            else:
+                await release(self._journal)
         finally:
             self._closed.set()
 
@@ -170,8 +173,32 @@ class Gateway:
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
             digest=table.digest.hex(),
+            journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
+            forgotten=self._forgotten(),
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
         )
+
+    async def _join(self, island: Island, state: JournalState) -> Junction:
+        try:
+            return Junction(
+                self.config.address,
+                self.config.table,
+                island=island,
+                link=self._link,
+                journal=self._journal,
+                state=state,
+                ranges=self.config.ranges_to(),
+                notify=self._notify,
+                clock=self._clock,
+            )
+        except BaseException:
+            await island.close()
+            raise
+
+    def _forgotten(self) -> str:
+        if not isinstance(self._journal, MemoryJournal):
+            return ""
+        return forgotten(self.config.table, self.config.address)
 
 
 def _zenoh_config(config: Config) -> zenoh.Config:

@@ -6,10 +6,14 @@ answered to a `get`:
 ============  =====================================================================================
 ``link``      state, what the device can do and reports, frames, bytes, airtime
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
-``peers``     nodes heard: epoch, table, when, and what the modem measured on the last sample
+``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
 ``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ
+``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
+
+and what the modem measured, by `soundings`: ``peer/ADDRESS/range``, ``…/position``,
+``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
 cross the water. The one timer is armed by a change and not re-armed: an idle gateway has none.
@@ -22,15 +26,15 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.encoding import JSON
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import PeerSeen, SampleReceived, StreamsDiffer
-from zacoustic.core.linktypes import LinkMetrics
+from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.qos import Priority
 from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.trace import TraceRecord
 from zacoustic.gateway.presence import PREFIX
+from zacoustic.gateway.soundings import Soundings
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
@@ -50,6 +54,8 @@ class Health:
         island: Where it is put.
         jobs: What this gateway does: job and stream id.
         losses: What the island gave and was of no use.
+        is_journal_kept: The journal outlives the process.
+        clock: Where the instants of the engine come from.
         interval_s: Least time between two puts of one document, s.
     """
 
@@ -60,12 +66,15 @@ class Health:
         *,
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
+        is_journal_kept: bool,
+        clock: Clock,
         interval_s: float = INTERVAL_S,
     ) -> None:
         self._runner = runner
         self._island = island
         self._jobs = jobs
         self._losses = losses
+        self._is_journal_kept = is_journal_kept
         self._interval_s = interval_s
         self._loop = asyncio.get_running_loop()
         self._prefix = f"{PREFIX}/{runner.engine.address}"
@@ -75,7 +84,7 @@ class Health:
         self._published: dict[str, bytes] = {}
         self._seen: dict[int, PeerSeen] = {}
         self._heard_at_unix_s: dict[int, float] = {}
-        self._metrics: dict[int, LinkMetrics] = {}
+        self._soundings = Soundings(runner.engine.measurements, clock=clock)
         self._differing: dict[int, set[int]] = {}
 
     @property
@@ -88,10 +97,6 @@ class Health:
         if record.what == "receive":
             self._heard_at_unix_s[record.peer] = time.time()
         self.touch()
-
-    def note_sample(self, event: SampleReceived) -> None:
-        """Keep what the modem measured."""
-        self._metrics[event.source] = event.metrics
 
     def note_peer(self, event: PeerSeen) -> None:
         """Keep what a peer said; streams that differed may agree in its new life."""
@@ -141,7 +146,9 @@ class Health:
             "ledger": self._ledger(),
             "peers": self._peers(),
             "streams": self._streams(),
+            "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
+            **self._soundings.documents(),
         }
         return {
             f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
@@ -188,7 +195,8 @@ class Health:
 
     def _peers(self) -> dict[str, object]:
         confirmed = self._engine.peers()
-        addresses = sorted({*confirmed, *self._seen, *self._heard_at_unix_s})
+        measured = self._engine.measurements.addresses()
+        addresses = sorted({*confirmed, *self._seen, *self._heard_at_unix_s, *measured})
         return {str(address): self._peer(address, confirmed) for address in addresses}
 
     def _peer(self, address: int, confirmed: dict[int, bool]) -> dict[str, object]:
@@ -200,7 +208,7 @@ class Health:
             "wire_version": seen.wire_version if seen else None,
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": self._heard_at_unix_s.get(address),
-            "metrics": self._metrics.get(address),
+            "metrics": self._engine.measurements.metrics(address),
         }
 
     def _streams(self) -> dict[str, object]:

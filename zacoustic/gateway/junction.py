@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import logging
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
 
@@ -33,7 +33,7 @@ from zacoustic.gateway.topics import Topics
 from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.queries import QueryDesk
 from zacoustic.island.session import Island
-from zacoustic.journal import Journal
+from zacoustic.journal import Journal, JournalState, MemoryJournal
 from zacoustic.link import Link
 from zacoustic.runtime import LinkRunner
 
@@ -58,7 +58,8 @@ class Junction:
         island: Its session, open; closed with the junction.
         link: Its link, not open yet; closed with the junction.
         journal: Where the engine's writes go.
-        epoch: Boot epoch of this life.
+        state: What the journal has kept for this life.
+        ranges: Nodes to which the range is measured again and again, each with its period, s.
         notify: Told what people want to know.
         clock: Where instants come from.
     """
@@ -71,7 +72,8 @@ class Junction:
         island: Island,
         link: Link,
         journal: Journal,
-        epoch: int,
+        state: JournalState,
+        ranges: Mapping[int, float],
         notify: Notify,
         clock: Clock,
     ) -> None:
@@ -81,14 +83,21 @@ class Junction:
         self._notify = notify
         self._is_closing = False
         self._has_router = True
+        self._ranges = ranges
         self._ended = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         self._doorbell = Doorbell(self._loop, self._attend)
         ring = self._doorbell.ring
         seed = random.SystemRandom().getrandbits(64)
-        _logger.info("node %d: epoch %d, seed %d", address, epoch, seed)
-        rng = random.Random(seed)
-        engine = Engine(address=address, table=table, epoch=epoch, rng=rng, trace=self._trace)
+        _logger.info("node %d: epoch %d, seed %d", address, state.boot_epoch, seed)
+        engine = Engine(
+            address=address,
+            table=table,
+            epoch=state.boot_epoch,
+            rng=random.Random(seed),
+            stored=state.entries,
+            trace=self._trace,
+        )
         self.runner = LinkRunner(engine, link, self._deliver, clock=clock, journal=journal)
         self._complaints = Complaints(clock)
         self._presence = Presence(address, table.digest.hex(), island, ring)
@@ -107,7 +116,12 @@ class Junction:
             runner=self.runner,
         )
         self._health = Health(
-            self.runner, island, jobs=lambda: self._routes.jobs, losses=self._losses
+            self.runner,
+            island,
+            jobs=lambda: self._routes.jobs,
+            losses=self._losses,
+            is_journal_kept=not isinstance(journal, MemoryJournal),
+            clock=clock,
         )
         self._health_queryable: zenoh.Queryable[None] | None = None
         self._exchange = Exchange(
@@ -124,12 +138,15 @@ class Junction:
         Raises:
             SessionError: Another gateway has the address.
             LinkOpenError: The link cannot be opened.
+            RangeUnavailableError: Ranges are to be measured, and the link cannot do that.
         """
         if self.island.mode == "client":
             await self.island.worker.run(lambda: self.island.watch(self._see_router))
         for address in await self._presence.declare():
             self.siblings.update(address, is_alive=True)
         await self.runner.start()
+        for address, every_s in self._ranges.items():
+            self.runner.apply(partial(_repeat_range, address, every_s))
         self._routes.reconcile()
         await self.island.worker.run(self._declare_health)  # and all that was to be declared
         self._health.touch()
@@ -241,3 +258,7 @@ class Junction:
     async def _in_worker(self, step: Callable[[], None]) -> None:
         with contextlib.suppress(TimeoutError, zenoh.ZError):
             await self.island.worker.run(step, limit_s=FAREWELL_LIMIT_S)
+
+
+def _repeat_range(address: int, every_s: float, engine: Engine, now: int) -> None:
+    engine.ranging.repeat(address, every_s, now)

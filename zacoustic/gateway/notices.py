@@ -34,6 +34,10 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """Names of the streams, by id."""
     digest: str
     """Digest of the stream table, hexadecimal."""
+    journal: str = ""
+    """File of the journal; empty: nothing survives a restart."""
+    forgotten: str = ""
+    """What a restart forgets for want of a journal, one line; empty: nothing that matters."""
     siblings: tuple[int, ...] = ()
     """Addresses of the other gateways on this island."""
 
@@ -47,6 +51,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
             f"streams   {len(self.streams)}: {', '.join(self.streams)}",
             f"digest    {self.digest}",
         ]
+        if self.journal or self.forgotten:
+            lines.append(f"journal   {self.journal or self.forgotten}")
         return lines + [f"sibling   gateway {address}" for address in self.siblings]
 
 
@@ -61,6 +67,19 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
     def lines(self) -> list[str]:
         """One line."""
         return [f"link      {self.state} {self.detail}".rstrip()]
+
+
+class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
+    """The journal cannot be written, or can be again."""
+
+    failure: str
+    """Why it cannot be written; empty: it can."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        if self.failure:
+            return [f"journal   fails, what is reliable waits: {self.failure}"]
+        return ["journal   can be written again"]
 
 
 class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
@@ -97,6 +116,19 @@ class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
         """One line."""
         what = self.stream or "a stream that is not in this file"
         return [f"differs   {self.stream_id} ({what}) at node {self.address}: stopped"]
+
+
+class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
+    """A range that the file asks for cannot be measured."""
+
+    address: int
+    """The node that is far away."""
+    text: str
+    """Why, one line."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"ranging   node {self.address}: {self.text}"]
 
 
 class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):

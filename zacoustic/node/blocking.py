@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar, overload
 
 from zacoustic.config import Config
+from zacoustic.core.measurements import Range
 from zacoustic.core.qos import Qos
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.errors import LocalError
@@ -49,7 +50,7 @@ class Node:
         link: str | Link | None = None,
         connect: str | Sequence[str] | None = None,
         address: int | None = None,
-        journal: Journal | None = None,
+        journal: Journal | str | Path | None = None,
     ) -> None:
         self.name = str(name_or_address)
         """What it is called."""
@@ -104,6 +105,10 @@ class Node:
     def flush(self, *, timeout_s: float | None = None) -> None:
         """Wait until everything that was published has left this node."""
         self._running().wait(self._node.flush(timeout_s=timeout_s))
+
+    def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
+        """Measure how far away another node is, and wait for it; see `zacoustic.Node.range`."""
+        return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
 
     @overload
     def create_publisher(

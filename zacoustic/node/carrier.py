@@ -10,14 +10,30 @@ from typing import Any, Final, Protocol
 
 import msgspec
 
-from zacoustic.core.events import CallFailure, LinkStateChanged, PeerSeen, StreamsDiffer
-from zacoustic.core.linktypes import LinkMetrics
+from zacoustic.core.events import (
+    CallFailure,
+    JournalStateChanged,
+    LinkStateChanged,
+    PeerSeen,
+    StreamsDiffer,
+)
+from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
+from zacoustic.core.measurements import Range
+from zacoustic.core.ranging import RangeFailed, RangeFailure
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec
-from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError, ZacousticError
+from zacoustic.errors import (
+    CallTimeoutError,
+    DeliveryError,
+    RangeUnavailableError,
+    ServiceError,
+    ZacousticError,
+)
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 
-NodeEvent = LinkStateChanged | PeerSeen | StreamsDiffer
+NodeEvent = (
+    LinkStateChanged | JournalStateChanged | PeerSeen | StreamsDiffer | PeerMeasured | ModemRead
+)
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
 CLOSED_TEXT: Final = "the service was closed"
@@ -125,6 +141,16 @@ class Carrier(Protocol):
         """Wait until everything that was published has left this process."""
         ...
 
+    async def range(self, address: int, timeout_s: float) -> Range:
+        """Measure the range of another node; cancelling gives it up.
+
+        Raises:
+            LocalError: No such node, this one itself, or a time that is none.
+            RangeUnavailableError: No range can be measured from here.
+            CallTimeoutError: None was measured in time.
+        """
+        ...
+
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Make the way out of a publisher."""
         ...
@@ -172,3 +198,15 @@ def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
     kind = CallTimeoutError if failure is CallFailure.TIMED_OUT else DeliveryError
     reason = text or failure.name.lower().replace("_", " ")
     return kind(f"{name}: {reason}", hint=_HINTS.get(failure, ""))
+
+
+def range_error(event: RangeFailed) -> ZacousticError:
+    """Make the exception of a range that will not come.
+
+    Returns:
+        `CallTimeoutError` when none was measured in time, `RangeUnavailableError` when none can be.
+    """
+    text = f"range to node {event.address}: {event.failure.name}: {event.text}"
+    if event.failure is RangeFailure.TIMED_OUT:
+        return CallTimeoutError(text)
+    return RangeUnavailableError(text)

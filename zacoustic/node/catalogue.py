@@ -39,6 +39,20 @@ class Catalogue:
         self._table = table
         self._carrier = carrier
 
+    def address_of(self, name: str) -> int:
+        """Return the address of the node of that name.
+
+        Raises:
+            LocalError: There is no configuration that lists nodes.
+            ConfigError: It lists none of that name.
+        """
+        if self._identity.config is None:
+            raise LocalError(
+                f'no node is called "{name}": there is no config that lists any',
+                hint="give its acoustic address",
+            )
+        return self._identity.config.address_of(name)
+
     def publisher(
         self, sample_type: object, name: str, qos: Qos | None, stream_id: int | None
     ) -> TopicRoute[Any]:

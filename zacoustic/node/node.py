@@ -4,19 +4,23 @@ import asyncio
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from zacoustic.config import Config
+from zacoustic.core.measurements import Range
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.errors import ConfigError, LocalError
-from zacoustic.journal import Journal
+from zacoustic.journal import Journal, MemoryJournal, journal_in
+from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.node.carrier import Carrier, NodeEvent
 from zacoustic.node.catalogue import Catalogue
 from zacoustic.node.endpoints import EndpointMaker
 from zacoustic.node.eventlog import EventLog
 from zacoustic.node.identity import identify
+
+_ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
 
 
 class Node(EndpointMaker):
@@ -33,7 +37,8 @@ class Node(EndpointMaker):
         connect: Zenoh endpoints to connect to; None: the router that `config` describes, or
             whoever is found.
         address: Acoustic address, where neither name nor config tells it.
-        journal: Direct mode: what the node remembers across restarts; None: nothing.
+        journal: Direct mode: what the node remembers across restarts, a store or the folder of its
+            file; None: the folder that `config` names, or nothing.
     """
 
     def __init__(
@@ -44,7 +49,7 @@ class Node(EndpointMaker):
         link: str | Link | None = None,
         connect: str | Sequence[str] | None = None,
         address: int | None = None,
-        journal: Journal | None = None,
+        journal: Journal | str | Path | None = None,
     ) -> None:
         super().__init__(str(name_or_address))
         self._arguments = (name_or_address, config, address)
@@ -71,7 +76,7 @@ class Node(EndpointMaker):
         """Open the link or the session.
 
         Raises:
-            ConfigError: The configuration or an argument is wrong.
+            ConfigError: The configuration, an argument or the journal is wrong.
             LinkUnavailableError, LinkOpenError: The link cannot be opened.
             SessionError: No Zenoh router is reached.
         """
@@ -80,7 +85,7 @@ class Node(EndpointMaker):
         name_or_address, config, address = self._arguments
         identity = identify(name_or_address, config=config, address=address)
         table = identity.table()
-        carrier = self._make_carrier(identity.config, identity.address, table)
+        carrier = await self._make_carrier(identity.config, identity.address, table)
         await carrier.open()
         self.name, self.address = identity.name, identity.address
         self._carrier = carrier
@@ -123,13 +128,37 @@ class Node(EndpointMaker):
         async with asyncio.timeout(timeout_s):
             await self._opened().flush()
 
+    async def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
+        """Measure how far away another node is; direct mode only.
+
+        The modem is asked to acknowledge a frame to that node, one that goes anyway or one of a
+        single byte, and measures how long the answer takes. An exchange that brings nothing is
+        tried again.
+
+        Args:
+            peer: Acoustic address of the node, or its name in the configuration.
+            timeout_s: How long to wait, s; one exchange over 1500 m takes about 3 s.
+
+        Raises:
+            LocalError: No such node, this one itself, or the node is not open.
+            RangeUnavailableError: The link measures no ranges, or none to that node.
+            CallTimeoutError: None was measured in time.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        carrier = self._opened()
+        if isinstance(peer, str):
+            peer = self._known().address_of(peer)
+        return await carrier.range(peer, timeout_s)
+
     # What the node knows
 
     def events(self) -> AsyncIterator[NodeEvent]:
         """Iterate over what happens beside samples and calls, the last ones first.
 
-        The link goes up or down; a peer is seen, or restarts; a peer defines a stream in another
-        way. On Zenoh only the first: the connection to the router. Ends with the node.
+        The link goes up or down; the journal cannot be written, or can be again; a peer is seen,
+        or restarts; a peer defines a stream in another way; the modem has measured something of a
+        peer (`PeerMeasured`), or says something of itself (`ModemRead`). On Zenoh only the first:
+        the connection to the router. Ends with the node.
         """
         return self._events.read()
 
@@ -156,10 +185,12 @@ class Node(EndpointMaker):
 
     # Below the methods above
 
-    def _make_carrier(
+    async def _make_carrier(
         self, config: Config | None, address: int | None, table: StreamTable
     ) -> Carrier:
         if self._link is None:
+            if self._journal is not None:
+                raise ConfigError("journal is given without link; allowed: with it", hint=_ITS_OWN)
             from zacoustic.node.onzenoh import ZenohCarrier
 
             return ZenohCarrier(config, self._connect, report=self._events.add)
@@ -173,14 +204,27 @@ class Node(EndpointMaker):
                 f"node {self.name} has no address", hint="give address=1..254, or config=FILE"
             )
         link = self._link
-        return LinkCarrier(
-            registry.create(link, address) if isinstance(link, str) else link,
-            address,
-            table,
-            journal=self._journal,
-            report=self._events.add,
-            fail=self._fail,
-        )
+        if isinstance(link, str):
+            link = registry.create(link, address)
+        journal = self._journal or (config.journal if config is not None else None)
+        if isinstance(journal, str | Path):
+            journal = journal_in(journal, address)
+        try:
+            state = MemoryJournal().recover() if journal is None else await recover(journal)
+            return LinkCarrier(
+                link,
+                address,
+                table,
+                journal=journal,
+                state=state,
+                ranges={} if config is None else config.ranges_to(),
+                report=self._events.add,
+                fail=self._fail,
+            )
+        except BaseException:
+            if journal is not None:
+                await release(journal)
+            raise
 
     def _fail(self, error: Exception) -> None:
         for subscription in tuple(self._subscriptions):

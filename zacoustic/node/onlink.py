@@ -6,7 +6,8 @@ import logging
 import random
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from zacoustic.core.encoding import OPAQUE
@@ -15,6 +16,7 @@ from zacoustic.core.events import (
     CallFailed,
     CallFailure,
     Event,
+    JournalStateChanged,
     LinkStateChanged,
     PeerSeen,
     RequestReceived,
@@ -22,13 +24,23 @@ from zacoustic.core.events import (
     SampleReceived,
     StreamsDiffer,
 )
+from zacoustic.core.linktypes import ModemRead, PeerMeasured
+from zacoustic.core.measurements import Range
+from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
-from zacoustic.journal import Journal, MemoryJournal
+from zacoustic.journal import Journal, JournalState
 from zacoustic.link import Link
-from zacoustic.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
+from zacoustic.node.carrier import (
+    Incoming,
+    IncomingCall,
+    NodeEvent,
+    Outlet,
+    call_error,
+    range_error,
+)
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.runtime import LinkRunner
 
@@ -42,7 +54,9 @@ class LinkCarrier:
         link: The link, not open yet.
         address: Address of the node.
         table: Its streams.
-        journal: What it keeps from one life to the next; None: nothing.
+        journal: Where it keeps what its next life has to know; None: nowhere.
+        state: What was kept for this life.
+        ranges: Nodes to which the range is measured again and again, each with its period, s.
         report: Takes the events that concern no stream of the application.
         fail: Takes the error that has stopped the engine.
     """
@@ -56,18 +70,20 @@ class LinkCarrier:
         table: StreamTable,
         *,
         journal: Journal | None,
+        state: JournalState,
+        ranges: Mapping[int, float],
         report: Callable[[NodeEvent], None],
         fail: Callable[[Exception], None],
     ) -> None:
         self._table = table
         self._report = report
         self._fail = fail
-        self._journal: Journal = journal or MemoryJournal()
         self._engine = Engine(
             address=address,
             table=table,
-            epoch=self._journal.recover().boot_epoch,
+            epoch=state.boot_epoch,
             rng=random.Random(random.SystemRandom().getrandbits(64)),
+            stored=state.entries,
             trace=self._trace,
         )
         self._runner = LinkRunner(self._engine, link, self._deliver, journal=journal)
@@ -77,6 +93,8 @@ class LinkCarrier:
         self._listeners: dict[int, dict[object, tuple[str | None, _Deliver]]] = {}
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
         self._calls: dict[int, asyncio.Future[object]] = {}
+        self._ranges: dict[int, asyncio.Future[Range]] = {}
+        self._schedule = ranges
 
     @property
     def stats(self) -> EngineStats:
@@ -96,8 +114,15 @@ class LinkCarrier:
 
         Raises:
             LinkOpenError: The link cannot be opened.
+            RangeUnavailableError: Ranges are to be measured, and the link cannot do that.
         """
         await self._runner.start()
+        try:
+            for address, every_s in self._schedule.items():
+                self._runner.apply(partial(_repeat, address, every_s))
+        except BaseException:
+            await self._runner.close()
+            raise
         self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
 
     async def close(self) -> None:
@@ -106,6 +131,23 @@ class LinkCarrier:
         if self._watch is not None:
             await asyncio.wait([self._watch])
         self._end_calls(LinkClosedError("the node was closed"))
+
+    async def range(self, address: int, timeout_s: float) -> Range:
+        """Measure the range of another node; cancelling gives it up."""
+        answer: asyncio.Future[Range] = asyncio.get_running_loop().create_future()
+
+        def begin(engine: Engine, now: int) -> int:
+            range_id = engine.ranging.request(address, now, timeout_s=timeout_s)
+            self._ranges[range_id] = answer  # before the events of the engine are polled
+            return range_id
+
+        range_id = self._runner.apply(begin)
+        try:
+            return await answer
+        finally:
+            if self._ranges.pop(range_id, None) is not None:
+                with contextlib.suppress(LinkClosedError):
+                    self._runner.apply(lambda engine, now: engine.ranging.cancel(range_id))
 
     async def flush(self) -> None:
         """Wait until nothing is queued and no transmission is under way."""
@@ -230,7 +272,15 @@ class LinkCarrier:
                     stream.name if stream else "only there",
                 )  # fmt: skip
                 self._report(event)
-            case LinkStateChanged() | PeerSeen():
+            case RangeMeasured():
+                found = self._ranges.pop(event.range_id, None)
+                if found is not None and not found.done():
+                    found.set_result(event.range)
+            case RangeFailed():
+                self._fail_range(event)
+            case LinkStateChanged() | JournalStateChanged() | PeerSeen():
+                self._report(event)
+            case PeerMeasured() | ModemRead():
                 self._report(event)
 
     def _deliver_sample(self, event: SampleReceived) -> None:
@@ -270,6 +320,15 @@ class LinkCarrier:
         else:
             answer.set_result(outcome)
 
+    def _fail_range(self, event: RangeFailed) -> None:
+        error = range_error(event)
+        if event.range_id is None:
+            _logger.warning("node %d: ranging is not possible: %s", self._engine.address, error)
+            return
+        answer = self._ranges.pop(event.range_id, None)
+        if answer is not None and not answer.done():
+            answer.set_exception(error)
+
     def _trace(self, record: TraceRecord) -> None:
         if record.what == "report":
             self._progress.set()
@@ -294,6 +353,14 @@ class LinkCarrier:
     def _end_calls(self, error: Exception) -> None:
         for call_id in tuple(self._calls):
             self._answer(call_id, error)
+        for answer in self._ranges.values():
+            if not answer.done():
+                answer.set_exception(error)
+        self._ranges.clear()
+
+
+def _repeat(address: int, every_s: float, engine: Engine, now: int) -> None:
+    engine.ranging.repeat(address, every_s, now)
 
 
 _Deliver = Callable[[Incoming], None]

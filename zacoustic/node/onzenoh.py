@@ -18,6 +18,7 @@ import zenoh
 from zacoustic.config import Config
 from zacoustic.core.events import CallFailure, LinkStateChanged
 from zacoustic.core.linktypes import LinkMetrics, LinkState
+from zacoustic.core.measurements import Range
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry, count
 from zacoustic.core.streams import Stream, StreamSpec
 from zacoustic.errors import (
@@ -25,6 +26,7 @@ from zacoustic.errors import (
     LinkClosedError,
     LocalError,
     PayloadInvalidError,
+    RangeUnavailableError,
     SessionError,
 )
 from zacoustic.island.doorbell import tell_loop
@@ -119,6 +121,14 @@ class ZenohCarrier:
 
     async def flush(self) -> None:
         """Do nothing: a put is on its way when it returns, and closing waits for it."""
+
+    async def range(self, address: int, timeout_s: float) -> Range:
+        """Refuse: the modem is the gateway's."""
+        raise RangeUnavailableError(
+            f"range to node {address}: the modem is the gateway's",
+            hint=f"say ranging: [ {{ to: {address}, every_s: 30 }} ] in its file, and get "
+            f"@acoustic/*/peer/{address}/range",
+        )
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""

@@ -15,12 +15,18 @@ limit, derived from what the link says of itself.
 import asyncio
 import time
 from collections.abc import Callable, Coroutine
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeGuard
 
 import msgspec
 
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.linktypes import LinkMetrics, LinkState, TransmitOutcome
+from zacoustic.core.linktypes import (
+    LinkMetrics,
+    LinkState,
+    Measurement,
+    PeerMeasured,
+    TransmitOutcome,
+)
 from zacoustic.errors import LinkClosedError
 from zacoustic.testing.linkpair import (
     ON_AIR,
@@ -58,8 +64,8 @@ async def says_what_it_can_do(harness: LinkHarness) -> None:
             msgspec.convert(msgspec.to_builtins(told), type(told))  # runs its own checks
             low, high = told.address_range
             require(low <= side.address <= high, f"address {side.address} outside {low}..{high}")
-            unknown = told.reports - set(LinkMetrics.__struct_fields__)
-            require(not unknown, f"reports {sorted(unknown)} are no fields of LinkMetrics")
+            unknown = (told.reports | told.measures) - set(LinkMetrics.__struct_fields__)
+            require(not unknown, f"{sorted(unknown)} are no fields of LinkMetrics")
             readings = side.link.diagnostics()
             require(
                 all(isinstance(value, int | float | str) for value in readings.values()),
@@ -174,6 +180,39 @@ async def measures_what_it_says(harness: LinkHarness) -> None:
                 require(getattr(frame.metrics, name) is not None, f"{name} is not filled")
 
 
+async def measures_ranges(harness: LinkHarness) -> None:
+    """Where it says so: an acknowledged exchange is followed by its propagation delay."""
+    async with pair(harness) as (near, far):
+        told = near.link.capabilities
+        if not told.measures_range:
+            return
+        require("propagation_s" in told.measures, "measures_range without propagation_s")
+        for _ in range(2):
+            called_at = time.monotonic_ns()
+            report = await near.report(near.transmit(b"far?", far.address, acknowledge=True))
+            require(report.outcome is TransmitOutcome.DELIVERED, f"a frame in order was {report}")
+            # What is told now may have been measured in the exchange before.
+            await near.receiver.wait(
+                "propagation delay of this exchange",
+                lambda called_at=called_at: any(  # type: ignore[misc]
+                    _delay_in(each) and each.measured_at >= called_at
+                    for each in near.receiver.measurements
+                ),
+                near.limit_s,
+            )
+            await near.gap(report)
+        delays = [each for each in near.receiver.measurements if _delay_in(each)]
+        require(all(each.address == far.address for each in delays), "a delay of another node")
+        filled = {
+            name
+            for each in near.receiver.measurements
+            if isinstance(each, PeerMeasured)
+            for name in LinkMetrics.__struct_fields__
+            if getattr(each.metrics, name) is not None
+        }
+        require(filled <= told.measures, f"{sorted(filled - told.measures)} is not in measures")
+
+
 async def senses_the_carrier(harness: LinkHarness) -> None:
     """Where it says so: busy while the other side is heard, free afterwards; else never."""
     async with pair(harness) as (near, far):
@@ -245,12 +284,19 @@ CHECKS: Final[tuple[Check, ...]] = (
     aborts_what_is_on_the_air_when_closed,
     is_silent_after_close,
     measures_what_it_says,
+    measures_ranges,
     senses_the_carrier,
     comes_back_after_a_cut,
     reports_what_a_cut_interrupts,
     survives_garbage,
 )
 """All of them."""
+
+
+def _delay_in(measurement: Measurement) -> TypeGuard[PeerMeasured]:
+    if not isinstance(measurement, PeerMeasured):
+        return False
+    return measurement.metrics.propagation_s is not None
 
 
 def _require_closed(side: Side) -> None:

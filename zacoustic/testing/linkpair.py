@@ -14,6 +14,8 @@ from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkState,
+    Measurement,
+    PeerMeasured,
     ReceivedFrame,
     Transmission,
     TransmitOutcome,
@@ -64,6 +66,7 @@ class RecordingReceiver:
         self.reports: list[TransmitReport] = []
         self.states: list[tuple[LinkState, str]] = []
         self.carrier: list[bool] = []
+        self.measurements: list[Measurement] = []
         self.faults: list[str] = []
         self.is_in_transmit = False
         self.is_closed = False
@@ -100,6 +103,16 @@ class RecordingReceiver:
         """Keep what the carrier does."""
         self._watch("carrier_changed")
         self.carrier.append(busy)
+
+    def measured(self, measurement: Measurement) -> None:
+        """Keep a measurement."""
+        self._watch("measured")
+        if isinstance(measurement, PeerMeasured):
+            at = measurement.measured_at
+        else:
+            at = measurement.read_at
+        self._expect(at <= time.monotonic_ns(), "a measurement lies in the future")
+        self.measurements.append(measurement)
 
     async def wait(self, what: str, condition: Callable[[], object], limit_s: float) -> None:
         """Wait until a condition about this receiver holds.
@@ -174,7 +187,9 @@ class Side:
         airtime_s = ns_to_seconds(told.airtime_ns(told.mtu_bytes))
         return PATIENCE_S + 4 * (airtime_s + told.gap_s + told.propagation_s)
 
-    def transmit(self, frame_bytes: bytes, destination: int = BROADCAST) -> int:
+    def transmit(
+        self, frame_bytes: bytes, destination: int = BROADCAST, *, acknowledge: bool = False
+    ) -> int:
         """Transmit, and see that it returns at once without calling back; returns the id."""
         transmission_id = self._next_id
         self._next_id += 1
@@ -186,6 +201,7 @@ class Side:
                     transmission_id=transmission_id,
                     frame_bytes=frame_bytes,
                     destination=destination,
+                    acknowledge=acknowledge,
                 )
             )
         finally:

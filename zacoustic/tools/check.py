@@ -6,7 +6,9 @@ the modem profile. What a frame carries besides now and then (HELLO, LEN, the en
 link) is docs/wire.md's matter.
 """
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import msgspec
 
@@ -14,10 +16,13 @@ from zacoustic import registry
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.config import Config
 from zacoustic.core.frame import TAG_BYTES
+from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec
 from zacoustic.core.qos import Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
 from zacoustic.errors import ZacousticError
+from zacoustic.journal import journal_in
+from zacoustic.journal.forgotten import forgotten
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
@@ -72,6 +77,8 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
     """As the file has it."""
     error: str
     """Why it cannot be used on this computer; empty when it can."""
+    mtu_bytes: int | None = None
+    """Largest frame that it takes, where that is known before it is open."""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
@@ -95,6 +102,10 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """One row for a topic, two for a service."""
     types: tuple[TypeRow, ...]
     """The types."""
+    journal: str
+    """File of the journal; empty: nothing survives a restart."""
+    forgotten: str
+    """What a restart forgets for want of a journal; empty: nothing that matters."""
     notes: tuple[str, ...]
     """What is valid and still worth a thought."""
 
@@ -102,17 +113,20 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 def report_of(config: Config, profile: ModemProfile) -> Report:
     """Make the report of a configuration."""
     rows = tuple(row for stream in config.table for row in _rows(stream, profile))
+    links = tuple(_link_row(entry.locator, config.address) for entry in config.links)
     return Report(
         file=config.source,
         address=config.address,
         nodes=config.nodes,
-        links=tuple(_link_row(entry.locator, config.address) for entry in config.links),
+        links=links,
         digest=config.table.digest.hex(),
         profile=profile.name,
         mtu_bytes=profile.mtu_bytes,
         streams=rows,
         types=tuple(_type_row(CborCodec(spec)) for spec in config.types),
-        notes=tuple(_notes(config, rows, profile)),
+        journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
+        forgotten="" if config.journal else forgotten(config.table, config.address),
+        notes=tuple(_notes(config, links, rows, profile)),
     )
 
 
@@ -183,13 +197,17 @@ def _type_row(codec: CborCodec) -> TypeRow:
 def _link_row(locator: str, address: int) -> LinkRow:
     """Build the link, without opening it: that tells whether its package and settings are right."""
     try:
-        registry.create(locator, address)
+        link = registry.create(locator, address)
     except ZacousticError as error:
         return LinkRow(locator=locator, error=str(error))
-    return LinkRow(locator=locator, error="")
+    capabilities = getattr(link, "capabilities", None)
+    mtu_bytes = capabilities.mtu_bytes if isinstance(capabilities, LinkCapabilities) else None
+    return LinkRow(locator=locator, error="", mtu_bytes=mtu_bytes)
 
 
-def _notes(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+def _notes(
+    config: Config, links: tuple[LinkRow, ...], rows: tuple[StreamRow, ...], profile: ModemProfile
+) -> Iterator[str]:
     # The engine takes a record only if it fits beside a TAG: it may have to be sent with one.
     room_bytes = profile.mtu_bytes - TAG_BYTES
     for row in rows:
@@ -209,7 +227,21 @@ def _notes(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -
                 f"{what}: up to {row.largest_bytes} bytes; what does not fit the "
                 f"{room_bytes} bytes of a frame is refused"
             )
-    if not config.links:
+    for link in links:
+        if link.mtu_bytes not in (None, profile.mtu_bytes):
+            yield (
+                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
+                f"sizes and airtimes here is for up to {profile.mtu_bytes}"
+            )
+    if not links:
         yield "no link: give one in the file (links: [ { locator } ]) or by --link"
     if not rows:
         yield "no streams: nothing crosses the water"
+    if config.journal is not None and not _is_writable(config.journal):
+        yield f"journal: this user cannot write {config.journal}: the node would not start"
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder, which may have to be made first."""
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)

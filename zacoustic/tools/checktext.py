@@ -22,7 +22,12 @@ def _paragraphs(report: Report) -> Iterator[str]:
     own = f"node {report.address}" + (f", {name}" if name else "")
     yield f"{report.file}: valid; {own}; table {report.digest}"
     for link in report.links:
-        yield f"link {link.locator}" + (f": {link.error}" if link.error else "")
+        reason = link.error.removeprefix(f"{link.locator}: ")
+        yield f"link {link.locator}" + (f": {reason}" if reason else "")
+    if report.journal:
+        yield f"journal {report.journal}"
+    if report.forgotten:
+        yield report.forgotten
     if report.streams:
         rows = [_stream_cells(row, report.nodes) for row in report.streams]
         yield ""

@@ -10,7 +10,9 @@ from typing import assert_never
 import msgspec
 
 from zacoustic.core.age import decode_age_s
+from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import CallKind, decode_call_byte, decode_error
+from zacoustic.core.content import measure_content
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     WIRE_VERSION,
@@ -18,6 +20,7 @@ from zacoustic.core.frame import (
     Confirm,
     Hello,
     Item,
+    Prefixes,
     Record,
     Stray,
     TableRow,
@@ -25,7 +28,7 @@ from zacoustic.core.frame import (
     parse_frame,
 )
 from zacoustic.core.payload import PayloadCodec, PayloadError
-from zacoustic.core.qos import Stamp
+from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
 from zacoustic.errors import UnknownStreamError
 
@@ -75,21 +78,14 @@ class _Reader:
         self._table = table
         self._source = source
 
-    def measure(self, stream_id: int, buffer: bytes, offset: int, delete: bool) -> int | None:
+    def measure(self, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes) -> int | None:
         """Find the end of a record, as the engine does."""
         if self._table is None:
             return None
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
-        if isinstance(stream.spec, ServiceSpec):
-            return _measure_call(stream, buffer, offset)
-        if not stream.codec.delimits_itself:
-            return None
-        offset += len(stream.keys.wildcards)
-        if delete:
-            return offset
-        return stream.codec.measure(buffer, offset + (stream.qos.stamp is Stamp.AGE))
+        return measure_content(stream, buffer, offset, prefixes)
 
     def explain(self, item: Item) -> DecodedItem:
         match item:
@@ -136,6 +132,7 @@ class _Reader:
         return self._sample(stream, record)
 
     def _sample(self, stream: Stream, record: Record) -> DecodedItem:
+        prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, payload = tuple(record.content[:wild]), record.content[wild:]
         try:
@@ -143,28 +140,40 @@ class _Reader:
         except UnknownStreamError:
             key = stream.name
         head = f"stream {stream.stream_id} {key}"
-        if record.delete:
+        if prefixes.acknowledged is not None:
+            return _ack(stream, key, head, record, payload)
+        if stream.qos.reliability is Reliability.RELIABLE:
+            head += f", number {payload[0] % NUMBERS}" if payload else ", without its number"
+            payload = payload[NUMBER_BYTES:]
+        if prefixes.sync is not None:
+            head += f" (count of epoch {prefixes.sync.lineage} from {prefixes.sync.floor})"
+        if prefixes.delete:
             return DecodedItem(
                 kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
             )
         if stream.qos.stamp is Stamp.AGE:
             head += f", {decode_age_s(payload[0]):g} s old" if payload else ", without its age"
             payload = payload[1:]
-        if record.encoding is not None:
-            head += f", {record.encoding}"
+        if prefixes.encoding is not None:
+            head += f", {prefixes.encoding}"
         return _decoded("sample", head, stream.stream_id, key, stream.codec, payload)
 
 
-def _measure_call(stream: Stream, buffer: bytes, offset: int) -> int | None:
-    if offset >= len(buffer):
-        return None
-    kind, _ = decode_call_byte(buffer[offset])
-    if kind is CallKind.ERROR:
-        return None
-    if kind is CallKind.CONFIRM:
-        return offset + 1
-    codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
-    return codec.measure(buffer, offset + 1) if codec.delimits_itself else None
+def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:
+    ack, prefixes = decode_ack(content), record.prefixes
+    if ack is None:
+        return _unread(record)
+    whose = f"node {prefixes.acknowledged}" if prefixes.acknowledged else "its destination"
+    text = f"{head}: ACK for {whose}: "
+    if not ack.knows:
+        text += "I do not know your count"
+    elif prefixes.sync is not None:
+        text += f"count of epoch {prefixes.sync.lineage}, I expect {prefixes.sync.floor}"
+    else:
+        text += f"I expect number {ack.expected}"
+    held = [str((ack.expected + 1 + bit) % NUMBERS) for bit in range(WINDOW) if ack.held >> bit & 1]
+    text += f", and hold {', '.join(held)}" if held else ""
+    return DecodedItem(kind="ack", text=text, stream_id=stream.stream_id, name=key)
 
 
 def _call(stream: Stream, record: Record) -> DecodedItem:
@@ -204,8 +213,10 @@ def _decoded(
 
 def _unread(record: Record) -> DecodedItem:
     """A record that nobody here knows the type of."""
-    prefixes = " deleted" if record.delete else ""
-    prefixes += f", {record.encoding}" if record.encoding is not None else ""
+    before = record.prefixes
+    prefixes = " deleted" if before.delete else ""
+    prefixes += f", {before.encoding}" if before.encoding is not None else ""
+    prefixes += " acknowledged" if before.acknowledged is not None else ""
     content = record.content.hex() or "nothing"
     return DecodedItem(
         kind="record",

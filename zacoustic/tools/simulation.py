@@ -2,21 +2,22 @@
 
 The nodes run the real engines with the stream table of the scenario's `config`. Each publication of
 the scenario's `traffic` is remembered by its payload; a sample that arrives belongs to the newest
-publication of the same payload before it, which is exact as long as a payload is not published
-again while its predecessor is under way.
+publication of the same payload that this node has not got yet, which is exact as long as payloads
+differ (`size_bytes`, `vary`).
 """
 
 import random
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.traffic import TrafficSpec
-from zacoustic.config import read_config
-from zacoustic.core.clock import NS_PER_S, ns_to_seconds
+from zacoustic.config import Config, read_config
+from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
     Event,
@@ -24,65 +25,22 @@ from zacoustic.core.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.stats import NO_STREAM
+from zacoustic.core.keys import Instance
 from zacoustic.core.streams import ServiceSpec, Stream, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5
+from zacoustic.testing.stories.witness import Arrived, Publication
+from zacoustic.testing.tally import SimulationResult, StreamResult, Tally
 from zacoustic.testing.virtual import VirtualNetwork
+
+# Whoever simulates reads the result.
+__all__ = ["DEFAULT_UNTIL_S", "SimulationResult", "StreamResult", "simulate"]
 
 DEFAULT_UNTIL_S: Final = 3600.0
 """How long a scenario runs unless told otherwise, s of virtual time."""
 
 _FIRST_OPAQUE_ID: Final = 1
-
-
-class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of one stream."""
-
-    stream_id: int
-    """The stream."""
-    name: str
-    """Its name."""
-    published: int
-    """Samples or calls that the traffic made."""
-    delivered: int
-    """Samples that arrived, at all subscribers together; calls that were answered."""
-    failed: int
-    """Calls that ended without an answer."""
-    refused: int
-    """Samples or calls that the engine did not take."""
-    mean_s: float | None
-    """Mean time from publication to arrival, or from call to answer, s."""
-    p95_s: float | None
-    """95th percentile of the same, s."""
-    transmitted_bytes: int
-    """Bytes given to the links for it."""
-    airtime_share: float
-    """Its share of the bytes of all streams, 0…1."""
-
-
-class SimulationResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a scenario."""
-
-    seed: int
-    """The seed."""
-    until_s: float
-    """Length of the run, s of virtual time."""
-    frames: int
-    """Frames transmitted."""
-    transmitted_bytes: int
-    """Bytes given to the links."""
-    airtime_s: float
-    """Airtime of all frames, s."""
-    losses: dict[str, int]
-    """Arrivals that were lost, by outcome."""
-    dropped: dict[str, int]
-    """What engines dropped, by reason."""
-    streams: tuple[StreamResult, ...]
-    """By stream."""
-    digest: str
-    """SHA-256 of the trace: equal for equal runs."""
 
 
 def simulate(
@@ -111,9 +69,11 @@ def simulate(
             f"{path}: traffic is empty; allowed: at least one entry",
             hint='add traffic: [ { node: 1, topic: "a/b", every_s: 10, size_bytes: 30 } ]',
         )
-    run = _Run(scenario, _tables(scenario, Path(path)), source=str(path), trace=trace)
+    configs = _configs(scenario, Path(path))
+    tables = _tables(scenario, configs, Path(path))
+    run = _Run(_with_journals(scenario, configs), tables, source=str(path), trace=trace)
     run.network.run(until_s=until_s)
-    return run.result(until_s)
+    return run.tally.result(run.network, until_s)
 
 
 class _Run:
@@ -127,18 +87,23 @@ class _Run:
         source: str,
         trace: Callable[[TraceRecord], None] | None,
     ) -> None:
-        self.network = VirtualNetwork(scenario, tables, deliver=self._deliver, trace=trace)
         self._table = next(iter(tables.values()))
         self._rng = random.Random(scenario.seed)
-        self._published: dict[tuple[int, int, bytes], int] = {}
-        self._called: dict[tuple[int, int], int] = {}
+        self._number = 0
+        self._published: dict[tuple[int, int, Instance, bytes], list[_Sent]] = {}
+        self._called: dict[tuple[int, int, int], Publication] = {}
         self._answers: dict[int, object] = {}
-        self._tallies: dict[int, _Tally] = {}
-        self._seed = scenario.seed
+        late_after_s: dict[int, float] = {}
+        self.tally = Tally(tables, late_after_s)
+        self.network = VirtualNetwork(
+            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live
+        )
         for index, traffic in enumerate(scenario.traffic):
-            self._begin(traffic, f"{source}: traffic[{index}]")
+            stream = self._begin(traffic, f"{source}: traffic[{index}]")
+            if traffic.late_after_s is not None:
+                late_after_s[stream.stream_id] = traffic.late_after_s
 
-    def _begin(self, traffic: TrafficSpec, where: str) -> None:
+    def _begin(self, traffic: TrafficSpec, where: str) -> Stream:
         if traffic.node not in self.network.addresses:
             known = ", ".join(str(address) for address in self.network.addresses)
             raise ConfigError(f"{where}.node: {traffic.node}; allowed: {known}")
@@ -152,49 +117,89 @@ class _Run:
             )
         stream, instance = found
         self._answers.setdefault(stream.stream_id, traffic.answer)
+        act = partial(self._act, traffic, stream, instance)
 
-        def act() -> None:
-            value = traffic.value
-            if traffic.size_bytes is not None:
-                value = self._rng.randbytes(traffic.size_bytes)
-            if traffic.topic:
-                self._publish(traffic.node, stream, instance, value)
+        def step(due_s: float) -> None:
+            for _ in range(traffic.burst):
+                self.network.at(due_s + self._rng.random() * traffic.jitter_s, act)
+            pause_s = traffic.every_s
+            if traffic.pattern == "random":
+                pause_s = self._rng.expovariate(1.0 / pause_s)
+            go_on(due_s + pause_s)
+
+        def go_on(due_s: float) -> None:
+            if traffic.until_s is None or due_s < traffic.until_s:
+                self.network.at(due_s, partial(step, due_s))
+
+        go_on(traffic.first_s)
+        return stream
+
+    def _act(self, traffic: TrafficSpec, stream: Stream, instance: Instance) -> None:
+        """Publish or call once."""
+        value: Any = traffic.value
+        size = traffic.size_bytes
+        if isinstance(size, tuple):
+            size = self._rng.randint(*size)
+        if size is not None:
+            value = self._rng.randbytes(size)
+        if traffic.vary:
+            drawn = {key: self._rng.uniform(low, high) for key, (low, high) in traffic.vary.items()}
+            value = {**value, **drawn}
+        is_topic = traffic.topic is not None
+
+        def command(engine: Engine, now: int) -> None:
+            if is_topic:
+                result = engine.publish(stream.stream_id, value, now, instance=instance)
             else:
-                self._call(traffic.node, stream, value)
+                result = engine.call(stream.stream_id, value, now)
+            self._note(traffic.node, stream, instance, value, result, is_topic=is_topic)
 
-        def step() -> None:
-            delay_s = self._rng.random() * traffic.jitter_s
-            self.network.at(ns_to_seconds(self.network.now) + delay_s, act)
-
-        self.network.every(traffic.every_s, step, first_s=traffic.first_s)
-
-    def _publish(self, node: int, stream: Stream, instance: tuple[int, ...], value: object) -> None:
-        tally = self._tally(stream)
-        tally.published += 1
         try:
-            self.network.publish(node, stream.stream_id, value, instance=instance)
+            self.network.apply(traffic.node, command)
         except LocalError:
-            tally.refused += 1
-            return
-        self._published[(stream.stream_id, node, stream.codec.encode(value))] = self.network.now
+            self.tally.refused(traffic.node, stream)
 
-    def _call(self, node: int, stream: Stream, value: object) -> None:
-        tally = self._tally(stream)
-        tally.published += 1
-        try:
-            call_id = self.network.apply(
-                node, lambda engine, now: engine.call(stream.stream_id, value, now)
-            )
-        except LocalError:
-            tally.refused += 1
-            return
-        self._called[(node, call_id)] = self.network.now
+    def _note(
+        self,
+        node: int,
+        stream: Stream,
+        instance: Instance,
+        value: object,
+        result: int,
+        *,
+        is_topic: bool,
+    ) -> None:
+        self._number += 1
+        life = self.network.life(node)
+        publication = Publication(
+            number=self._number,
+            node=node,
+            life=life,
+            stream=stream,
+            instance=instance,
+            value=value,
+            at=self.network.now,
+            result=result,
+            written=self.network.journal(node).handed_out + 1,
+        )
+        if is_topic:
+            key = (stream.stream_id, node, instance, stream.codec.encode(value))
+            self._published.setdefault(key, []).append(_Sent(publication))
+            self.tally.published(publication)
+        else:
+            self._called[node, life, result] = publication
+            self.tally.called(publication)
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, SampleReceived):
             stream = self._table.by_id(event.stream_id)
-            key = (event.stream_id, event.source, stream.codec.encode(event.value))
-            self._tally(stream).took_ns.append(self._since(self._published.get(key)))
+            payload = stream.codec.encode(event.value)
+            key = (event.stream_id, event.source, event.instance, payload)
+            if known := self._published.get(key):
+                lacking = (sent for sent in reversed(known) if address not in sent.got)
+                sent = next(lacking, known[-1])
+                sent.got.add(address)
+                self.tally.received(self._arrived(sent.publication, address))
         elif isinstance(event, RequestReceived):
             answer = self._answers.get(event.call.stream_id)
             self.network.apply(
@@ -202,82 +207,57 @@ class _Run:
                 lambda engine, at: engine.reply(event.call, b"" if answer is None else answer, at),
             )
         elif isinstance(event, ResponseReceived | CallFailed):
-            began_at = self._called.pop((address, event.call_id), None)
-            tally = self._tally(self._table.by_id(event.stream_id))
-            if isinstance(event, CallFailed):
-                tally.failed += 1
-            elif began_at is not None:
-                tally.took_ns.append(self._since(began_at))
+            call = (address, self.network.life(address), event.call_id)
+            publication = self._called.pop(call, None)
+            if publication is not None:
+                arrived = self._arrived(publication, address)
+                if isinstance(event, CallFailed):
+                    self.tally.failed(arrived)
+                else:
+                    self.tally.answered(arrived)
 
-    def _since(self, began_at: int | None) -> int:
-        now = self.network.now
-        return 0 if began_at is None else now - began_at
+    def _arrived(self, publication: Publication, node: int) -> Arrived:
+        network = self.network
+        return Arrived(publication=publication, node=node, life=network.life(node), at=network.now)
 
-    def _tally(self, stream: Stream) -> "_Tally":
-        return self._tallies.setdefault(stream.stream_id, _Tally())
-
-    def result(self, until_s: float) -> SimulationResult:
-        """Sum up."""
-        engines = [self.network.engine(address) for address in self.network.addresses]
-        by_stream: dict[int, int] = {}
-        dropped: dict[str, int] = {}
-        for engine in engines:
-            for entry in engine.stats.ledger():
-                sum_bytes = by_stream.get(entry.stream_id, 0) + entry.transmitted_bytes
-                by_stream[entry.stream_id] = sum_bytes
-            for reason, number in engine.stats.dropped.items():
-                dropped[reason] = dropped.get(reason, 0) + number
-        of_streams = sum(size for stream_id, size in by_stream.items() if stream_id != NO_STREAM)
-        return SimulationResult(
-            seed=self._seed,
-            until_s=until_s,
-            frames=sum(engine.stats.frames_transmitted for engine in engines),
-            transmitted_bytes=sum(engine.stats.bytes_transmitted for engine in engines),
-            airtime_s=sum(engine.stats.airtime_ns for engine in engines) / NS_PER_S,
-            losses=dict(sorted(self.network.losses.items())),
-            dropped=dict(sorted(dropped.items())),
-            streams=tuple(
-                tally.result(self._table.by_id(stream_id), by_stream.get(stream_id, 0), of_streams)
-                for stream_id, tally in sorted(self._tallies.items())
-            ),
-            digest=self.network.digest,
-        )
+    def _live(self, address: int, is_alive: bool) -> None:
+        if not is_alive:
+            self.tally.crashed(address, self.network.now)
 
 
-class _Tally:
-    """Counts of one stream."""
+class _Sent:
+    """A publication, and who has got it."""
 
-    def __init__(self) -> None:
-        self.published = 0
-        self.failed = 0
-        self.refused = 0
-        self.took_ns: list[int] = []
+    __slots__ = ("got", "publication")
 
-    def result(self, stream: Stream, transmitted_bytes: int, of_streams: int) -> StreamResult:
-        """Sum up."""
-        took = sorted(self.took_ns)
-        mean_s = ns_to_seconds(round(sum(took) / len(took))) if took else None
-        p95_s = ns_to_seconds(took[min(len(took) - 1, len(took) * 95 // 100)]) if took else None
-        return StreamResult(
-            stream_id=stream.stream_id,
-            name=stream.name,
-            published=self.published,
-            delivered=len(took),
-            failed=self.failed,
-            refused=self.refused,
-            mean_s=mean_s,
-            p95_s=p95_s,
-            transmitted_bytes=transmitted_bytes,
-            airtime_share=transmitted_bytes / of_streams if of_streams else 0.0,
-        )
+    def __init__(self, publication: Publication) -> None:
+        self.publication = publication
+        self.got: set[int] = set()
 
 
-def _tables(scenario: Scenario, path: Path) -> dict[int, StreamTable]:
+def _configs(scenario: Scenario, path: Path) -> dict[int, Config]:
+    """Return the config of each node; none where the scenario names no file."""
+    if not scenario.config:
+        return {}
+    file = path.parent / scenario.config
+    return {node.address: read_config(file, address=node.address) for node in scenario.nodes}
+
+
+def _with_journals(scenario: Scenario, configs: dict[int, Config]) -> Scenario:
+    """Return the scenario with journals that keep something if the config says so."""
+    journal = scenario.faults.journal
+    if journal.keeps is not None or not configs:
+        return scenario
+    keeps = any(config.journal is not None for config in configs.values())
+    journal = msgspec.structs.replace(journal, keeps=keeps)
+    faults = msgspec.structs.replace(scenario.faults, journal=journal)
+    return msgspec.structs.replace(scenario, faults=faults)
+
+
+def _tables(scenario: Scenario, configs: dict[int, Config], path: Path) -> dict[int, StreamTable]:
     """Return the table of each node: the config's, or one of opaque topics."""
-    addresses = [node.address for node in scenario.nodes]
-    if scenario.config:
-        file = path.parent / scenario.config
-        return {address: read_config(file, address=address).table for address in addresses}
+    if configs:
+        return {address: config.table for address, config in configs.items()}
     topics = dict.fromkeys(traffic.topic for traffic in scenario.traffic if traffic.topic)
     if any(traffic.service for traffic in scenario.traffic):
         raise ConfigError(
@@ -289,4 +269,4 @@ def _tables(scenario: Scenario, path: Path) -> dict[int, StreamTable]:
         for index, topic in enumerate(topics)
     ]
     nodes = {node.address: node.name or f"node{node.address}" for node in scenario.nodes}
-    return {address: StreamTable(specs, nodes=nodes) for address in addresses}
+    return {node.address: StreamTable(specs, nodes=nodes) for node in scenario.nodes}

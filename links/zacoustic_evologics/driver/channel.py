@@ -26,6 +26,7 @@ from zacoustic_evologics.at.commands import (
     SendBurst,
     SendIm,
     SendIms,
+    SendPbm,
     Set,
     SetOption,
 )
@@ -207,7 +208,9 @@ def _can_answer(command: Command, meaning: CommandReply) -> bool:
             return isinstance(meaning, DeliveryReply)
         case Query(name) if name in _NUMBERS:
             return isinstance(meaning, Number)
-        case Set() | SetOption() | Act(Action.RESET) | SendIm() | SendIms() | SendBurst():
+        case Set() | SetOption() | Act(Action.RESET):
+            return isinstance(meaning, Accepted)
+        case SendIm() | SendIms() | SendPbm() | SendBurst():
             return isinstance(meaning, Accepted)
         case Query():
             return not isinstance(meaning, Accepted)

@@ -41,7 +41,7 @@ from zacoustic_evologics.driver.sending import Sending
 from zacoustic_evologics.driver.sending_service import choose_carriage
 from zacoustic_evologics.driver.sending_states import HAS_FRAME
 from zacoustic_evologics.driver.session import ModemSession
-from zacoustic_evologics.driver.session_reception import Reception
+from zacoustic_evologics.driver.session_reception import Received, Reception
 from zacoustic_evologics.driver.startup import StartupError
 from zacoustic_evologics.driver.startup_probe import Probe
 from zacoustic_evologics.driver.startup_run import StartupRun
@@ -75,10 +75,9 @@ class AtDialogue:
         self._decoder = AtDecoder()
         self._startup: StartupRun | None = None
         self._sending: Sending | None = None
-        self._errands = Errands(self._channel, self._session)
         self._outbox = Outbox(self._session)
+        self._errands = Errands(self._channel, self._session, self._outbox.put)
         self._due_at: int | None = None
-        self._heard_at = 0
 
     @property
     def detail(self) -> str:
@@ -121,7 +120,7 @@ class AtDialogue:
         if self.state is State.SETTLING:
             self._session.count("settling_bytes", len(received))
             return
-        self._heard_at = now
+        self._session.hear(now)
         if self.state in CONNECTED:
             self._take(self._decoder.feed(received), now)
 
@@ -154,7 +153,7 @@ class AtDialogue:
             self._outbox.refuse(
                 transmission, TransmitOutcome.ABORTED, f"link down: {self.detail}", now
             )
-        elif isinstance(carriage := choose_carriage(transmission, self._session), str):
+        elif isinstance(carriage := choose_carriage(transmission, self._session, now), str):
             self._outbox.refuse(transmission, TransmitOutcome.REJECTED, carriage, now)
         else:
             self._step(Input.TRANSMIT)
@@ -235,6 +234,8 @@ class AtDialogue:
         if self.state not in UP:
             return
         self._outbox.put(self._reception.handle(record, is_sending=is_sending, now=now))
+        if isinstance(record, Received):
+            self._errands.note_message()
         if sending is not None:
             sending.handle_notification(record, now)
             self._collect(now)
@@ -287,7 +288,7 @@ class AtDialogue:
         if self.state is State.READY:
             self._startup = None
             self._session.may_fill = True
-            self._outbox.up()
+            self._outbox.up(now)
 
     def _see_fence(self, reply: CommandReply | None, now: int) -> None:
         if not isinstance(reply, ModeReply):
@@ -306,7 +307,9 @@ class AtDialogue:
         self._report(sending)
         self._step(Input.ENDED)
         if sending.report.outcome is TransmitOutcome.DELIVERED:
-            self._errands.measure_delay(sending.carriage.destination, now)
+            to = sending.carriage.destination
+            self._errands.measure_delay(to, sending.report, sending.answer, now)
+        self._errands.read_battery(now)
 
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
         """Give up the connection; it is made anew at once, or later where that changes nothing."""
@@ -344,7 +347,9 @@ class AtDialogue:
 
     def _flush_at(self) -> int | None:
         """When what is held incomplete will not be completed any more."""
-        return self._heard_at + seconds_to_ns(HELD_LIMIT_S) if self._decoder.held_bytes else None
+        if not self._decoder.held_bytes:
+            return None
+        return self._session.heard_at + seconds_to_ns(HELD_LIMIT_S)
 
     def _is_held_too_long(self, now: int) -> bool:
         """Also when an answer is missing: it may be in what is held behind a damaged length."""

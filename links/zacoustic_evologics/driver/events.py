@@ -7,6 +7,7 @@ import msgspec
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
+    Measurement,
     ReceivedFrame,
     TransmitReport,
 )
@@ -44,6 +45,13 @@ class CarrierChanged(msgspec.Struct, frozen=True):
     """It began."""
 
 
+class Measured(msgspec.Struct, frozen=True):
+    """The modem has measured something of another one, or says something of itself."""
+
+    measurement: Measurement
+    """What."""
+
+
 class ConnectionUseless(msgspec.Struct, frozen=True):
     """The connection is to be given up and made anew."""
 
@@ -65,6 +73,7 @@ Event: TypeAlias = (
     | TransmissionEnded
     | LinkChanged
     | CarrierChanged
+    | Measured
     | ConnectionUseless
     | OpeningHopeless
 )

@@ -9,7 +9,8 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic_evologics.driver.events import Event, LinkChanged, TransmissionEnded
+from zacoustic_evologics.driver.events import Event, LinkChanged, Measured, TransmissionEnded
+from zacoustic_evologics.driver.measuring import modem_read
 from zacoustic_evologics.driver.session import ModemSession
 
 
@@ -36,11 +37,12 @@ class Outbox:
         """Tell these."""
         self._events.extend(events)
 
-    def up(self) -> None:
+    def up(self, now: int) -> None:
         """Tell that the modem is ready."""
         self.has_been_up = True
         self.detail = self._session.description()
         self.put([LinkChanged(LinkState.UP, self.detail, self._session.capabilities())])
+        self.put([Measured(modem_read(self._session, now))])
 
     def down(self, detail: str) -> None:
         """Tell that there is no modem, and why."""

@@ -25,6 +25,7 @@ _WORD_OF_REMEDY: Final = {
     Remedy.CLEAR: Word.MENDABLE,
     Remedy.LISTEN: Word.MENDABLE,
     Remedy.NONE: Word.REFUSED,
+    Remedy.ASK: Word.UNANSWERED,
 }
 
 
@@ -66,9 +67,13 @@ def read_answer(phase: Phase, answer: Answer, carriage: Carriage, counter: int |
         case Phase.GIVING:
             return Word.ACCEPTED if isinstance(reply, Accepted) else _read_refusal(reply)
         case Phase.DOUBTING | Phase.POLLING:
-            if carriage.service is Service.BURST:
-                return _read_counter(reply, counter)
-            return _read_delivery(reply)
+            match carriage.service:
+                case Service.BURST:
+                    return _read_counter(reply, counter)
+                case Service.PIGGYBACK:
+                    return Word.IDLE if isinstance(reply, Accepted) else Word.HAS_IT
+                case _:
+                    return _read_delivery(reply)
         case Phase.VERIFYING:
             is_off = isinstance(reply, Number) and reply.value == 0
             return Word.RESTARTED if is_off else Word.DONE

@@ -10,11 +10,15 @@ come late. So they are *certain* or a *rumour*, and after a rumour the modem is 
   which then was the acknowledgement. Without extended notifications it is a rumour.
 - `FAILEDIM`, `CANCELED…` and `EXPIRED…` are rumours: nothing goes before them.
 - Words about bursts carry a number, and are certain.
+- A piggyback message goes with whatever the modem sends to its receiver, so the `SENDEND` of that
+  is a rumour. `CANCELEDPBM` is certain: it has not left. Unless a sound to the receiver has begun
+  since: then the word may be about an earlier one.
 """
 
 from zacoustic.core.linktypes import TransmitOutcome
 from zacoustic_evologics.at.encoder import encode_message
 from zacoustic_evologics.at.notifications import (
+    CanceledPbm,
     DeliveredIm,
     Notification,
     RecvEnd,
@@ -46,16 +50,22 @@ class Evidence:
         """When the frame was given, and when its sound began, ns."""
         self.ends_at: int | None = None
         """When its sound ends, ns, if the modem has said so."""
+        self.answer: RecvEnd | None = None
+        """The last sound that was heard behind it: of a message, its acknowledgement."""
         self._carriage = carriage
         self._session = session
         self._airtime_ns = airtime_ns
-        self._has_left = self._has_heard = False
+        self.is_accepted = False
+        """The modem has said that it takes the frame."""
+        self._has_left = self._has_heard = self._has_begun = False
 
     def begin(self, now: int) -> None:
         """The frame is given: nothing said before is about it."""
         self.given_at = self.started_at = now
         self.ends_at = None
-        self._has_left = self._has_heard = False
+        self.answer = None
+        self.is_accepted = False
+        self._has_left = self._has_heard = self._has_begun = False
         self.forget()
 
     def forget(self) -> None:
@@ -76,37 +86,44 @@ class Evidence:
         if isinstance(record, SendStart) and self._carriage.begins(record):
             self.started_at = now + record.delay_us * 1000
             self.ends_at = self.started_at + record.duration_us * 1000
+            self._has_begun = self.is_accepted
         if isinstance(record, SendEnd) and not self._take_end(record, now):
             return None
         if isinstance(record, RecvEnd) and self._has_left:
             self._has_heard = True
+            self.answer = record
         outcome = self._carriage.verdict(record, counter)
-        if outcome is None or self.is_certain or self._is_too_soon(now):
+        if outcome is None or self.is_certain or self.is_too_soon(now):
             return None
+        if isinstance(record, CanceledPbm) and not self.is_accepted:
+            return None
+        if isinstance(record, CanceledPbm) and self._has_begun:
+            outcome = TransmitOutcome.ABORTED
         self.outcome = outcome
         self.is_certain = self._is_certain(record)
         self.words = encode_message(record).decode("ascii", "replace").strip()
         return Word.PROVEN if self.is_certain else Word.RUMOUR
 
+    def is_too_soon(self, now: int) -> bool:
+        """Tell whether the frame cannot have left yet."""
+        # The end of an acknowledgement too soon for the piggyback message: it has missed it.
+        is_message = self._carriage.service in (Service.IM, Service.IMS)
+        return is_message and 2 * (now - self.given_at) < self._airtime_ns
+
     def _take_end(self, record: SendEnd, now: int) -> bool:
         """Take the end of a sound; returns whether it can be that of the frame."""
         session, carriage = self._session, self._carriage
-        is_like_it = (record.destination, record.kind) == (
-            carriage.destination,
-            carriage.service.value,
-        )
+        is_like_it = carriage.is_sound(record.kind, record.destination)
         if not is_like_it or session.was_before(record.clock_us, self.given_at, now):
             return False
-        if not self._is_too_soon(now):
+        if not self.is_too_soon(now):
             self._has_left = True
             self.started_at = max(self.given_at, now - record.duration_us * 1000)
         return True
 
-    def _is_too_soon(self, now: int) -> bool:
-        is_instant = self._carriage.service is not Service.BURST
-        return is_instant and 2 * (now - self.given_at) < self._airtime_ns
-
     def _is_certain(self, record: Notification) -> bool:
+        if self._carriage.service is Service.PIGGYBACK:
+            return isinstance(record, CanceledPbm)
         if self._carriage.service is Service.BURST or isinstance(record, SendEnd):
             return True
         return isinstance(record, DeliveredIm) and self._has_heard

@@ -7,13 +7,21 @@ instant        up to 64 bytes; broadcast    `SENDEND`: on the air. Nothing else 
 … with ack     up to 64 bytes, one receiver `DELIVEREDIM`: the other modem has it. `FAILEDIM`: no
                                             acknowledgement came back
 synchronous    as instant, if configured    as instant; the receiver learns the instant of start
+piggyback      up to 64 bytes, one receiver `CANCELEDPBM` after `ATZ3`: it has not left. `OK` alone:
+                                            it had left. Whether it was heard is unknown
 burst          above 64 bytes, or if        `DELIVERED` and `FAILED`, with the number that
                configured; one receiver     `AT?PC` gave for it: no doubt which frame is meant
 =============  ===========================  ======================================================
 
 An instant message takes 0.2…0.9 s, the connection of a burst alone about that; so up to 64 bytes
-an instant message is sooner there. Piggyback messages are received but not sent: their success is
-silent, and a link owes a report for each frame.
+an instant message is sooner there.
+
+A piggyback message waits in the modem until that sends something to the receiver by itself, which
+may be never. So it is sooner only where that is about to happen: the modem has received a message
+that asks for an acknowledgement, and the frame goes to who sent it. An instant message would be
+refused until the acknowledgement has gone and a pause is over, 0.3 s; a piggyback message goes with
+it. What comes too late for that is taken back and goes as an instant message. It is done with
+modems only that have been seen to tell of their acknowledgements: no capture shows whether all do.
 """
 
 import enum
@@ -31,11 +39,13 @@ from zacoustic_evologics.at.commands import (
     SendBurst,
     SendIm,
     SendIms,
+    SendPbm,
 )
 from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
+    CanceledPbm,
     Delivered,
     DeliveredIm,
     ExpiredIms,
@@ -49,6 +59,9 @@ from zacoustic_evologics.at.notifications import (
 from zacoustic_evologics.at.replies import RefusalKind, Refused
 from zacoustic_evologics.driver.session import ModemSession
 
+DROP_MESSAGES: Final = Act(Action.RESET, 3)
+"""`ATZ3`: forget instant and piggyback messages."""
+
 
 class Service(enum.Enum):
     """What carries a frame; the value is how SENDSTART and SENDEND call it."""
@@ -57,6 +70,8 @@ class Service(enum.Enum):
     """Instant message."""
     IMS = "ims"
     """Synchronous instant message."""
+    PIGGYBACK = "pbm"
+    """Piggyback message; the sound has the name of what it goes with."""
     BURST = "burst"
     """Burst data; no source says what SENDSTART calls it."""
 
@@ -72,6 +87,8 @@ class Remedy(enum.Enum):
     """Bring it back to listening first."""
     NONE = "none"
     """It will be refused again."""
+    ASK = "ask"
+    """Words that nobody knows, or damaged ones: the modem is asked whether it has the frame."""
 
 
 class Carriage(msgspec.Struct, frozen=True, kw_only=True):
@@ -85,6 +102,8 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
     """The frame."""
     destination: int
     """Address, or BROADCAST."""
+    alternative: "Carriage | None" = None
+    """What carries it when this one does not."""
 
     def command(self) -> PayloadCommand:
         """Return the command that gives the frame to the modem."""
@@ -93,20 +112,32 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
             return SendBurst(payload=payload, destination=to)
         if self.service is Service.IMS:
             return SendIms(payload=payload, destination=to)
+        if self.service is Service.PIGGYBACK:
+            return SendPbm(payload=payload, destination=to)
         flag = ImFlag.ACK if self.acknowledged else ImFlag.NOACK
         return SendIm(payload=payload, destination=to, flag=flag)
 
-    def state_query(self) -> Query:
-        """Return the question whether the modem has the frame still."""
+    def state_query(self) -> Query | Act:
+        """Return the question whether the modem has the frame still.
+
+        Of a piggyback message only its end tells: the modem says so if it drops one.
+        """
+        if self.service is Service.PIGGYBACK:
+            return self.drop_command()
         return Query("PC" if self.service is Service.BURST else "DI")
 
     def drop_command(self) -> Act:
         """Return the command that makes the modem forget the frame."""
-        return Act(Action.RESET, 1 if self.service is Service.BURST else 3)
+        return Act(Action.RESET, 1) if self.service is Service.BURST else DROP_MESSAGES
 
     def begins(self, record: SendStart) -> bool:
         """Tell whether this is the beginning of the frame's sound."""
-        return record.kind == self.service.value and record.destination == self.destination
+        return self.is_sound(record.kind, record.destination)
+
+    def is_sound(self, kind: str, destination: int) -> bool:
+        """Tell whether the frame sounds so. A piggyback message goes with whatever goes there."""
+        is_named = self.service is Service.PIGGYBACK or kind == self.service.value
+        return is_named and destination == self.destination
 
     def verdict(self, record: Notification, counter: int | None) -> TransmitOutcome | None:
         """Return what a notification proves about the frame, if it is about it.
@@ -130,13 +161,17 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
                 return TransmitOutcome.ABORTED
             case Service.IMS, ExpiredIms():
                 return TransmitOutcome.REJECTED
+            case Service.PIGGYBACK, SendEnd():
+                return TransmitOutcome.SENT
+            case Service.PIGGYBACK, CanceledPbm():
+                return TransmitOutcome.REJECTED
             case _, SendEnd() if not self.acknowledged and record.kind == self.service.value:
                 return TransmitOutcome.SENT
             case _:
                 return None
 
 
-def choose_carriage(transmission: Transmission, session: ModemSession) -> Carriage | str:
+def choose_carriage(transmission: Transmission, session: ModemSession, now: int) -> Carriage | str:
     """Return how a frame goes, or why it cannot."""
     size, to, wanted = len(transmission.frame_bytes), transmission.destination, session.config
     if not 1 <= size <= wanted.mtu:
@@ -157,12 +192,27 @@ def choose_carriage(transmission: Transmission, session: ModemSession) -> Carria
     else:
         service = Service.IMS if wanted.service == "ims" else Service.IM
     asked = transmission.acknowledge and to != BROADCAST and session.acknowledges
-    return Carriage(
+    chosen = Carriage(
         service=service,
         acknowledged=asked or service is Service.BURST,
         payload=transmission.frame_bytes,
         destination=to,
     )
+    return _with_piggyback(chosen, session, now)
+
+
+def _with_piggyback(chosen: Carriage, session: ModemSession, now: int) -> Carriage:
+    """Return the piggyback message that a frame goes by, if one is sooner or configured."""
+    if chosen.destination == BROADCAST or chosen.service is not Service.IM:
+        return chosen
+    piggyback = msgspec.structs.replace(chosen, service=Service.PIGGYBACK)
+    if session.config.service == "pbm":
+        return piggyback
+    is_sooner = session.is_about_to_answer(chosen.destination, now)
+    may_choose = session.config.service == "auto" and session.tells_answers
+    if chosen.acknowledged or not (is_sooner and may_choose):
+        return chosen
+    return msgspec.structs.replace(piggyback, alternative=chosen)
 
 
 def remedy_for(refusal: Refused) -> Remedy:
@@ -171,7 +221,7 @@ def remedy_for(refusal: Refused) -> Remedy:
         return Remedy.WAIT
     if refusal.reason.startswith("BUFFER") and refusal.reason.endswith("NOT EMPTY"):
         return Remedy.CLEAR  # three spellings of it are known
-    return _REMEDIES.get(refusal.reason, Remedy.NONE)
+    return _REMEDIES.get(refusal.reason, Remedy.ASK)
 
 
 def remedy_command(remedy: Remedy) -> Command:
@@ -185,4 +235,11 @@ _REMEDIES: Final = {
     "NOT ACCEPTED": Remedy.WAIT,
     "OUT OF CONTEXT": Remedy.LISTEN,
     "PHY OFF": Remedy.LISTEN,
+    "NO CONTROL": Remedy.NONE,
+    "NOT ALLOWED IN AUTOMATIC REGIME": Remedy.NONE,
+    "OUT OF RANGE": Remedy.NONE,
+    "PROTOCOL ID": Remedy.NONE,
+    "UNKNOWN COMMAND": Remedy.NONE,
+    "WRONG DESTINATION ADDRESS": Remedy.NONE,
+    "WRONG FORMAT": Remedy.NONE,
 }

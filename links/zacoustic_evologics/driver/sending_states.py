@@ -21,7 +21,8 @@ class Phase(enum.Enum):
     MENDING = "mending"
     # It has taken the frame and will say what became of it.
     FLYING = "flying"
-    # It should have said so by now, or may have meant another frame; it is asked.
+    # It should have said so by now, or may have meant another frame; it is asked. A piggyback
+    # message: it is told to forget it, and says so if it still could.
     POLLING = "polling"
     # It knows nothing of a frame any more; it is asked whether it was restarted.
     VERIFYING = "verifying"
@@ -62,6 +63,8 @@ class Word(enum.Enum):
     """A notification says how it ended."""
     RUMOUR = "rumour"
     """A notification may say how it ended, or be about an earlier one."""
+    RETURNED = "returned"
+    """The modem has given it back unsent, and there is another way or another chance."""
     STIRRED = "stirred"
     """Something ended that may have kept the modem busy."""
     DUE = "due"
@@ -85,10 +88,12 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.GIVING, Word.NOT_NOW): Phase.PAUSING,
     (Phase.GIVING, Word.MENDABLE): Phase.MENDING,
     (Phase.GIVING, Word.REFUSED): Phase.OVER,
+    (Phase.GIVING, Word.RETURNED): Phase.PREPARING,
     (Phase.GIVING, Word.UNANSWERED): Phase.DOUBTING,
     (Phase.GIVING, Word.PROVEN): Phase.GIVING,
     (Phase.DOUBTING, Word.HAS_IT): Phase.FLYING,
     (Phase.DOUBTING, Word.IDLE): Phase.OVER,
+    (Phase.DOUBTING, Word.REFUSED): Phase.OVER,
     (Phase.DOUBTING, Word.UNANSWERED): Phase.OVER,
     (Phase.DOUBTING, Word.PROVEN): Phase.DOUBTING,
     (Phase.PAUSING, Word.DUE): Phase.CHECKING,
@@ -100,6 +105,10 @@ TRANSITIONS: Final[dict[tuple[Phase, Word], Phase]] = {
     (Phase.FLYING, Word.RUMOUR): Phase.POLLING,
     (Phase.FLYING, Word.DUE): Phase.POLLING,
     (Phase.FLYING, Word.EXPIRED): Phase.DROPPING,
+    **{
+        (phase, Word.RETURNED): Phase.PREPARING
+        for phase in (Phase.FLYING, Phase.POLLING, Phase.VERIFYING)
+    },
     (Phase.POLLING, Word.HAS_IT): Phase.FLYING,
     (Phase.POLLING, Word.UNANSWERED): Phase.FLYING,
     (Phase.POLLING, Word.IDLE): Phase.VERIFYING,

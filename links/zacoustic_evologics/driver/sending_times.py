@@ -4,10 +4,11 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.driver.sending_service import Carriage, Service
-from zacoustic_evologics.driver.session import ModemSession
+from zacoustic_evologics.driver.session import OWED_S, ModemSession
 
-BUSY_PAUSE_S: Final = 1.0
-"""Between two questions whether the modem has time, s; the vendor's middleware waits as long."""
+BUSY_PAUSE_S: Final = (0.5, 1.5)
+"""Between two questions whether the modem has time, s; the vendor's middleware waits 1 s. Each time
+another one: nodes that all heard the same sound would go on sending at the same instants."""
 LEAVING_MARGIN_S: Final = 0.02
 """Published airtimes are 14 ms off the straight line at most, s."""
 LEAVING_POLL_S: Final = 0.05
@@ -30,12 +31,15 @@ class Timetable:
     Args:
         carriage: How it goes.
         session: What is known of the modem.
+        called_at: Instant of the call of `transmit`, ns.
     """
 
-    def __init__(self, carriage: Carriage, session: ModemSession) -> None:
+    def __init__(self, carriage: Carriage, session: ModemSession, called_at: int) -> None:
         config = session.config
         self.airtime_ns = session.capabilities().airtime_ns(len(carriage.payload))
-        self.busy_ns = seconds_to_ns(config.busy_s)
+        self.busy_until = called_at + seconds_to_ns(config.busy_s)
+        """How long it may wait for the modem to have time, or an occasion."""
+        self._waits_s = config.busy_s
         self._carriage = carriage
         self._is_told = carriage.acknowledged or session.has_extended_notifications
         self._attempts = 1 + config.retries
@@ -46,6 +50,8 @@ class Timetable:
         """After the frame was given it is dropped."""
         if self._carriage.service is Service.BURST:
             return seconds_to_ns(BURST_LIMIT_S)
+        if self._carriage.service is Service.PIGGYBACK:
+            return seconds_to_ns(self._waits_s + IM_LIMIT_S)
         return self._attempts * seconds_to_ns(IM_LIMIT_S)
 
     @property
@@ -65,6 +71,10 @@ class Timetable:
         margin_ns = seconds_to_ns(MARGIN_S)
         if self._carriage.service is Service.BURST:
             return given_at + seconds_to_ns(BURST_POLL_S)
+        if self._carriage.service is Service.PIGGYBACK and ends_at is None:
+            is_owed = self._carriage.alternative is not None
+            owed_ns = seconds_to_ns(OWED_S) + self.airtime_ns + margin_ns
+            return given_at + owed_ns if is_owed else self.busy_until
         if self._carriage.acknowledged:
             exchange_ns = self.airtime_ns + self._round_trip_ns + margin_ns
             return given_at + self._attempts * exchange_ns

@@ -1,12 +1,12 @@
 """What is known of the modem and of others, and what has been counted; nothing here acts.
 
-Readings of other modems are of the last exchange with each. A propagation delay that was measured
-in an exchange is given with frames from that modem for `DELAY_HOLDS_NS` after it.
+Readings of other modems are of the last exchange with each.
 """
 
+import random
 from typing import Final
 
-from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities, TransmitOutcome
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
@@ -19,9 +19,9 @@ BIT_RATE_BPS: Final = 8 / 0.011094
 """Marginal bit rate of instant messages; 64 bytes last 0.860 s."""
 GAP_S: Final = 0.0904
 """Pause between instant messages, measured 88…93 ms."""
-DELAY_HOLDS_NS: Final = 60 * NS_PER_S
-"""Two vehicles of 2 m/s change their distance by 240 m meanwhile, 0.16 s of sound."""
 
+RESTART_LEAST_NS: Final = NS_PER_S
+"""No modem restarts within so short a silence: drivers give it 5 s, and one found 2 s too short."""
 CLOCK_ERROR_NS: Final = 3 * NS_PER_S // 10
 """How far the modem's clock may be off when it is read, ns."""
 CLOCK_DRIFT: Final = 10_000
@@ -29,7 +29,19 @@ CLOCK_DRIFT: Final = 10_000
 CLOCK_TRUST_NS: Final = 30 * NS_PER_S
 """Nothing is said so much too late."""
 
+OWED_S: Final = 0.11
+"""From the end of a message to the acknowledgement with which the modem answers it, s."""
+
 _CLOCK_SPAN_US: Final = 2**32
+RELATIVE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
+"""Source levels against the loudest, dB, by their number; the last one is for air."""
+RANGE_METRICS: Final = frozenset({"propagation_s", "range_m", "received_level_db", "integrity"})
+"""What is measured in an exchange."""
+USBL_METRICS: Final = RANGE_METRICS | {
+    "east_m", "north_m", "up_m", "accuracy_m", "bearing_rad", "elevation_rad", "accuracy_rad",
+}  # fmt: skip
+"""What a head measures."""
+
 _LEVELS: Final = ("0 dB", "-6 dB", "-12 dB", "-20 dB, for air")
 
 
@@ -38,8 +50,6 @@ class PeerReadings:
 
     def __init__(self) -> None:
         self.values: dict[str, float] = {}
-        self.propagation_s: float | None = None
-        self.propagation_at = 0
 
 
 class ModemSession:
@@ -53,6 +63,8 @@ class ModemSession:
     def __init__(self, config: EvologicsConfig, node_address: int) -> None:
         self.config = config
         self.node_address = node_address
+        self.rng = random.Random(f"zacoustic/evologics/driver/{node_address}")
+        """For pauses; all that matters is that nodes differ."""
         self.interpreter = Interpreter.NET
         self.firmware = ""
         self.address = 0
@@ -65,12 +77,22 @@ class ModemSession:
         self.battery_v: float | None = None
         self.clock_us: int | None = None
         self.clock_read_at = 0
+        self.heard_at = 0
+        """When the modem last said something, ns."""
+        self.may_repeat = True
+        """It may have been restarted since `retries` was read or set, and repeat as it likes."""
         self.has_extended_notifications = False
         self.has_usbl = False
         self.changes: list[str] = []
         """What was set at the last start, in words."""
         self.needs_clearing = False
         """A filler was sent, which in data mode waits in the buffer."""
+        self.answer_owed: tuple[int, int] | None = None
+        """To whom the modem owes an acknowledgement, and until when it will not have begun, ns."""
+        self.tells_answers = False
+        """The modem has told of the sound of an acknowledgement of its own."""
+        self.has_piggyback = False
+        """A piggyback message may be with the modem."""
         self.may_fill = True
         """The filler of the probe has not been used since the modem was last there."""
         self.counts: dict[str, int] = {}
@@ -89,7 +111,16 @@ class ModemSession:
     def acknowledges(self) -> bool:
         """The other modem can be asked for an acknowledgement, and is asked once for each frame."""
         repeats_as_told = self.retries in (None, self.config.retries)
-        return self.config.service != "ims" and repeats_as_told
+        return self.config.service not in ("ims", "pbm") and repeats_as_told
+
+    def hear(self, now: int) -> None:
+        """Note that the modem says something, after a silence that may have been a restart."""
+        self.may_repeat |= self._has_been_silent(now)
+        self.heard_at = now
+
+    def must_set_retries(self, now: int) -> bool:
+        """Tell whether it must be told again before a message that is to be acknowledged."""
+        return self.retries is not None and (self.may_repeat or self._has_been_silent(now))
 
     def capabilities(self) -> LinkCapabilities:
         """Return what the link can do; bursts are given the airtime of instant messages."""
@@ -108,7 +139,29 @@ class ModemSession:
             senses_carrier=self.has_extended_notifications,
             address_range=(1, self.highest_address),
             reports=frozenset({"received_level_db", "integrity", "range_rate_m_s"}),
+            measures=self._measures(),
+            measures_range=self.acknowledges,
         )
+
+    def note_owed(self, address: int, now: int) -> None:
+        """Note that the modem is about to acknowledge what another one has sent."""
+        self.answer_owed = address, now + seconds_to_ns(OWED_S)
+
+    def note_answering(self, address: int) -> None:
+        """Note that the modem has begun to send to another one."""
+        if self.answer_owed is not None and self.answer_owed[0] == address:
+            self.tells_answers = True
+        self.answer_owed = None
+
+    def is_about_to_answer(self, address: int, now: int) -> bool:
+        """Tell whether the modem will acknowledge something to another one in a moment."""
+        to, until = self.answer_owed or (0, 0)
+        return to == address and now < until
+
+    def _measures(self) -> frozenset[str]:
+        """What the modem may tell of another one besides frames."""
+        told = RANGE_METRICS if self.acknowledges else frozenset()
+        return told | USBL_METRICS if self.has_usbl else told
 
     def description(self) -> str:
         """One line for people, with what was set and how loud the modem is."""
@@ -136,16 +189,14 @@ class ModemSession:
             case _:
                 self.retries = value
 
-    def note_delay(self, address: int, delay_us: int, now: int) -> None:
+    def note_delay(self, address: int, delay_us: int) -> None:
         """Note a propagation delay that was measured; 0 and less is none."""
         if delay_us <= 0:
             return
-        peer = self._peer(address)
-        peer.propagation_s = delay_us / 1e6
-        peer.propagation_at = now
-        peer.values["propagation_s"] = peer.propagation_s
-        if self.sound_speed_m_s:
-            peer.values["range_m"] = round(peer.propagation_s * self.sound_speed_m_s, 3)
+        values = self._peer(address).values
+        values["propagation_s"] = delay_us / 1e6
+        if (range_m := self.range_m(delay_us / 1e6)) is not None:
+            values["range_m"] = range_m
 
     def was_before(self, clock_us: int, instant: int, now: int) -> bool:
         """Tell whether something was before an instant, and not long before.
@@ -165,16 +216,15 @@ class ModemSession:
         is_of_that_clock = ago_us * 1000 < CLOCK_TRUST_NS + error_ns
         return is_of_that_clock and now - ago_us * 1000 + error_ns < instant
 
-    def delay_s(self, address: int, now: int) -> float | None:
-        """Return the propagation delay to another modem, s, if it was measured lately."""
-        peer = self._peers.get(address)
-        if peer is None or now - peer.propagation_at > DELAY_HOLDS_NS:
+    def range_m(self, propagation_s: float | None) -> float | None:
+        """Return how far sound goes in that time, m, by the sound speed set in the modem."""
+        if propagation_s is None or not self.sound_speed_m_s:
             return None
-        return peer.propagation_s
+        return round(propagation_s * self.sound_speed_m_s, 3)
 
-    def note_position(self, fix: UsblLong, now: int) -> None:
+    def note_position(self, fix: UsblLong) -> None:
         """Note where another modem is."""
-        self.note_delay(fix.address, fix.propagation_us, now)
+        self.note_delay(fix.address, fix.propagation_us)
         self._peer(fix.address).values |= {
             "east_m": fix.east_m,
             "north_m": fix.north_m,
@@ -214,6 +264,9 @@ class ModemSession:
         }
         told = {name: value for name, value in known.items() if value is not None}
         return {**told, **self.readings, **peers, **self.counts}
+
+    def _has_been_silent(self, now: int) -> bool:
+        return now - self.heard_at >= RESTART_LEAST_NS
 
     def _peer(self, address: int) -> PeerReadings:
         return self._peers.setdefault(address, PeerReadings())

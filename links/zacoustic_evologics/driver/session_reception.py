@@ -22,6 +22,7 @@ from zacoustic_evologics.at.notifications import (
     AsyncError,
     DropCount,
     FaultKind,
+    ImFlag,
     Notification,
     Recv,
     RecvEnd,
@@ -35,7 +36,8 @@ from zacoustic_evologics.at.notifications import (
     SourceLevel,
 )
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
-from zacoustic_evologics.driver.events import CarrierChanged, Event, FrameHeard
+from zacoustic_evologics.driver.events import CarrierChanged, Event, FrameHeard, Measured
+from zacoustic_evologics.driver.measuring import measured_direction, measured_position, modem_read
 from zacoustic_evologics.driver.session import ModemSession
 
 CARRIER_LIMIT_S: Final = 3.0
@@ -74,6 +76,8 @@ class Reception:
         session = self._session
         if isinstance(record, RecvStart | RecvEnd | RecvFailed):
             self._sounds += 1
+        if isinstance(record, SendStart) and session.answer_owed is not None:
+            session.note_answering(record.destination)
         match record:
             case RecvIm() | RecvIms() | RecvPbm() | Recv():
                 return self._receive(record, now)
@@ -91,11 +95,15 @@ class Reception:
             case SendEnd() if not is_sending:
                 return self._sense(False, now)
             case UsblLong():
-                session.note_position(record, now)
+                session.note_position(record)
+                return [Measured(measured_position(session, record, now))]
             case UsblAngles():
                 session.note_angles(record)
+                found = measured_direction(record, now)
+                return [Measured(found)] if found is not None else []
             case SourceLevel():
                 session.source_level = record.level
+                return [Measured(modem_read(session, now))]
             case DropCount():
                 session.count("raw_bytes_dropped", record.dropped_bytes)
             case AsyncError():
@@ -130,7 +138,10 @@ class Reception:
         session.readings["range_rate_m_s"] = record.velocity_m_s
         if record.destination not in (session.address, BROADCAST):
             session.count("for_others")
-        elif self._is_repetition(record, now):
+            return events
+        if isinstance(record, RecvIm) and record.flag is ImFlag.ACK:
+            session.note_owed(record.source, now)
+        if self._is_repetition(record, now):
             session.count("repetitions")
         elif record.payload:
             session.count("received")
@@ -156,8 +167,9 @@ class Reception:
     def _frame(self, record: Received, now: int) -> ReceivedFrame:
         session = self._session
         delay_us = getattr(record, "propagation_us", None)
+        propagation_s = delay_us / 1e6 if delay_us and delay_us > 0 else None
         if delay_us:
-            session.note_delay(record.source, delay_us, now)
+            session.note_delay(record.source, delay_us)
         return ReceivedFrame(
             frame_bytes=record.payload,
             received_at=now,
@@ -166,7 +178,8 @@ class Reception:
             metrics=LinkMetrics(
                 received_level_db=float(record.rssi_db),
                 integrity=float(record.integrity),
-                propagation_s=session.delay_s(record.source, now),
+                propagation_s=propagation_s,
+                range_m=session.range_m(propagation_s),
                 range_rate_m_s=record.velocity_m_s,
             ),
         )

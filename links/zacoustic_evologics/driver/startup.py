@@ -37,6 +37,7 @@ from zacoustic_evologics.at.replies import (
 from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
 from zacoustic_evologics.driver.channel import FENCE, CommandChannel
+from zacoustic_evologics.driver.sending_service import DROP_MESSAGES
 from zacoustic_evologics.driver.session import ModemSession
 from zacoustic_evologics.driver.states import Input
 
@@ -46,6 +47,8 @@ FLIGHT_POLL_S: Final = 0.5
 """Between two questions whether a message of before is still under way, s."""
 FLIGHT_POLLS: Final = 5
 """How often; then it is dropped."""
+NUMBER_READINGS: Final = 5
+"""How often a number is asked for at most."""
 
 _NOT_LISTENING: Final = ("NOISE", "DEAF", "PHY")
 
@@ -143,6 +146,9 @@ def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
         if any(word in state for word in _NOT_LISTENING):
             raise StartupError(f"the modem does not listen: {state}")
     yield from _await_landing()
+    if session.has_piggyback:
+        yield from _ask(DROP_MESSAGES)
+    session.has_piggyback = False
 
 
 def _await_landing() -> Stages:
@@ -152,7 +158,7 @@ def _await_landing() -> Stages:
         if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
             return
         yield Pause(FLIGHT_POLL_S)
-    yield from _ask(Act(Action.RESET, 3))
+    yield from _ask(DROP_MESSAGES)
 
 
 def _ask_state() -> Generator[Step, CommandReply | None, str]:
@@ -180,21 +186,31 @@ def _read(session: ModemSession) -> Stages:
     session.source_level_control = yield from _ask_number("LC")
     session.gain = yield from _ask_number("G")
     session.retries = yield from _ask_number("RI")
+    session.may_repeat = False
     session.sound_speed_m_s = yield from _ask_number("CA")
-    session.clock_us = yield from _ask_number("CLOCK")  # its instant: `StartupRun.handle_answer`
+    clock = yield from _ask(Query("CLOCK"))  # its instant: `StartupRun.handle_answer`
+    session.clock_us = clock.value if isinstance(clock, Number) else None
     battery = yield from _ask(Query("BV"))
     session.battery_v = battery.value if isinstance(battery, Measurement) else None
 
 
 def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
-    """Ask for a number, and again if it cannot be one; None if the modem does not know it."""
+    """Ask for a number until it is answered twice in the same way; None if it is not known.
+
+    Where a port damages what passes, one digit is no proof, and much is decided by these numbers.
+    """
     setting = SETTINGS.get(name)
-    for _ in range(2):
+    seen: list[int | None] = []
+    for _ in range(NUMBER_READINGS):
         reply = yield from _ask(Query(name))
-        if isinstance(reply, Refused):
-            return None
+        value = None
         if isinstance(reply, Number) and (setting is None or setting.allows(reply.value)):
-            return reply.value
+            value = reply.value
+        elif not isinstance(reply, Refused):
+            continue
+        if value in seen:
+            return value
+        seen.append(value)
     return None
 
 

@@ -2,17 +2,20 @@
 
 From the bottom up:
 
-- `airtime`, `signals`, `agenda`, `store`: durations, what is sent, what is due, settings.
-- `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`, `listening`
-  and `queries`: one modem, sans-IO.
+- `airtime`, `signals`, `agenda`, `store`, `firmware`: durations, what is sent, what is due,
+  settings, and what differs between the versions of a real one.
+- `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`,
+  `levelcontrol`, `listening` and `queries`: one modem, sans-IO.
 - `port`, `faults`, `station`: its ports and what goes wrong there.
-- `water`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop.
+- `water`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop;
+  `observation`: what who watches all of them is told.
 - `running`, `server`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
 """
 
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import FaultKind, FaultPlan, ScriptedFault
 from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
+from zacoustic_evologics.emulator.observation import Observation, SignalArrived, SignalEmitted
 from zacoustic_evologics.emulator.station import (
     FleetOutput,
     ModemDown,
@@ -29,8 +32,11 @@ __all__ = [
     "FleetOutput",
     "ModemDown",
     "ModemUp",
+    "Observation",
     "PortBytes",
     "PortClosed",
     "ScriptedFault",
+    "SignalArrived",
+    "SignalEmitted",
     "scenario_of",
 ]

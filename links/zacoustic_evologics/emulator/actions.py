@@ -21,12 +21,9 @@ from zacoustic_evologics.emulator.instant import InstantMessages
 from zacoustic_evologics.emulator.queries import Answers
 from zacoustic_evologics.emulator.transducer import PhyState, Transducer
 
-FIRMWARE: Final = "1.9"
-"""Answer to `ATI0`: layouts of records are those of this firmware."""
-
 _INFORMATION: Final = {
-    0: FIRMWARE,
-    1: "phy:emulated 0.1, mac:d-mac v1.9",
+    0: "{firmware}",
+    1: "phy:emulated 0.1, mac:d-mac v{firmware}",
     2: "EMULATED",
     7: "zacoustic emulator",
 }
@@ -82,10 +79,10 @@ class Actions:
                 self._bursts.drop()
                 return Accepted()
             case Action.INFORMATION:
-                text = _INFORMATION.get(value or 0)
-                return OUT_OF_RANGE if text is None else TextReply(text)
+                text, firmware = _INFORMATION.get(value or 0), self._chassis.behaviour.firmware
+                return OUT_OF_RANGE if text is None else TextReply(text.format(firmware=firmware))
             case Action.SHOW_SETTINGS:
-                return self._chassis.store.shown()
+                return self._chassis.store.shown(self._chassis.behaviour.firmware)
             case Action.STORE_SETTINGS | Action.FACTORY_SETTINGS:
                 return self._store(action, origin)
             case Action.COMMAND_MODE | Action.DATA_MODE:

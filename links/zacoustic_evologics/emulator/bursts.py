@@ -30,7 +30,7 @@ from zacoustic_evologics.emulator.chassis import (
     BACKOFF,
     BROADCAST,
     BUFFER_FULL,
-    WRONG_DESTINATION,
+    WRONG_FORMAT,
     Chassis,
     Origin,
 )
@@ -81,7 +81,8 @@ class Bursts:
             BURST_LIMIT_BYTES,
         )
         if refused is None and command.destination == BROADCAST:
-            refused = WRONG_DESTINATION
+            # No source knows; DESERT's driver could say it, and hangs on WRONG DESTINATION ADDRESS.
+            refused = WRONG_FORMAT
         if refused is None and now < self._transducer.backoff_until:
             refused = BACKOFF
         if refused is not None:

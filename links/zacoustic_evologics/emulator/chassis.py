@@ -18,6 +18,7 @@ from zacoustic_evologics.at.notifications import Notification
 from zacoustic_evologics.at.replies import CommandReply, PositionReply, RefusalKind, Refused
 from zacoustic_evologics.emulator.agenda import Agenda
 from zacoustic_evologics.emulator.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
+from zacoustic_evologics.emulator.firmware import Firmware
 from zacoustic_evologics.emulator.signals import Signal
 from zacoustic_evologics.emulator.store import SettingsStore
 
@@ -41,6 +42,9 @@ DELIVERING: Final = Refused(RefusalKind.BUSY, "DELIVERING INSTANT MESSAGE")
 
 class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What sources disagree about, and a test may want otherwise."""
+
+    firmware: Firmware = "1.9"
+    """What the modem runs; see `firmware`."""
 
     second_im: Literal["busy", "cancel"] = "busy"
     """An instant message while another one is under way: BUSY, or it takes the other's place."""

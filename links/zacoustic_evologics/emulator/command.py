@@ -1,4 +1,23 @@
-"""The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals."""
+"""The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals.
+
+What it tells with `--json`, an object in a line. First where each modem is, before anything else::
+
+    listening   address locator                   again for each further port of a modem
+
+then what is in the water, which no modem knows. The names are those of `zacoustic medium --json`::
+
+    emission    at_s source sequence service      a signal begins; `source` is the modem's address
+                destination frame_bytes airtime_s in the scenario, `sequence` counts its signals
+    reception   at_s source sequence service      … and has ended at another modem, `node`
+                node outcome snr_db propagation_s
+
+`service` is `im`, `ims` or `burst` of what hosts give; `frame_bytes` is the size of that. Signals
+that modems send by themselves have 0 bytes, unless a message goes with them: `ack`, `connect`,
+`accept`, `burst ack`, `probe`. `outcome` is `received`, or why not: `noise`, `collision`,
+`half_duplex` (the modem was sending itself), `deaf` (it followed another sound). It is that of the
+water: a modem that restarts meanwhile, or an acknowledgement that `--faults` takes, is not seen.
+`at_s` counts from the start, in the time of the modems.
+"""
 
 import argparse
 import asyncio
@@ -8,12 +27,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
+from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.serving import parse_place, stopped_by_signals
+from zacoustic.serving import LineWriter, parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
+    from zacoustic_evologics.emulator.observation import Observation, Observer
     from zacoustic_evologics.emulator.server import FleetServer, Place
 
 FIRST_PORT: Final = 9200
@@ -51,10 +72,18 @@ class EvologicsEmulation(Command):
             help="who reads on the ports; AT begins in data mode (default: %(default)s)",
         )  # fmt: skip
         parser.add_argument(
+            "--firmware", choices=("1.6", "1.7", "1.8", "1.9"), default="1.9",
+            help="of all modems: which fields records have, what is known (default: %(default)s)",
+        )  # fmt: skip
+        parser.add_argument(
             "--set", metavar="NAME=VALUE", nargs="+", action="extend", default=[], dest="settings",
             help="settings and port options of all modems, such as ZX=1 RI=0",
         )  # fmt: skip
-        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        parser.add_argument(
+            "--json", action="store_true",
+            help="one JSON object per line: `listening` for each place, then `emission` and "
+            "`reception` of each signal",
+        )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until SIGINT or SIGTERM.
@@ -71,17 +100,19 @@ class EvologicsEmulation(Command):
         from zacoustic_evologics.emulator.running import RunningFleet
         from zacoustic_evologics.emulator.server import FleetServer
 
-        fleet = _create_fleet(arguments)
+        stop = asyncio.Event()
+        writer = LineWriter("emulate evologics", stop)
+        reporter = _Reporter(writer, as_json=arguments.json)
+        fleet = _create_fleet(arguments, reporter.observe)
         addresses = fleet.addresses
         listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
-        stop = asyncio.Event()
         # Signals first: whoever reads that we listen may stop us at once.
-        with stopped_by_signals(stop):
+        with stopped_by_signals(stop), writer:
             running = RunningFleet(fleet, time_scale=arguments.time_scale)
             server = FleetServer(running)
             try:
                 for place in await _open_places(server, addresses, listens, arguments.pty):
-                    _print_place(place, as_json=arguments.json)
+                    reporter.listening(place)
                 running.start()
                 await stop.wait()
             finally:
@@ -103,20 +134,56 @@ async def _open_places(
     return places
 
 
-def _print_place(place: "Place", *, as_json: bool) -> None:
-    if as_json:
-        record = {"event": "listening", "address": place.address, "locator": place.locator}
-        print(json.dumps(record), flush=True)
-    else:
-        link = f"--link evologics/{place.locator}"
-        print(f"modem {place.address} at {place.locator}: {link}", flush=True)
+class _Reporter:
+    """Says what happens, as text or as JSON."""
+
+    def __init__(self, writer: LineWriter, *, as_json: bool) -> None:
+        self._writer = writer
+        self._as_json = as_json
+
+    def listening(self, place: "Place") -> None:
+        """Say where a modem is."""
+        self._write(
+            {"event": "listening", "address": place.address, "locator": place.locator},
+            f"modem {place.address} at {place.locator}: --link evologics/{place.locator}",
+        )
+
+    def observe(self, observation: "Observation") -> None:
+        """Say what happens in the water."""
+        from zacoustic_evologics.emulator.observation import SignalEmitted
+
+        signal = observation.signal
+        at_s, service = ns_to_seconds(observation.at), signal.kind.service
+        if isinstance(observation, SignalEmitted):
+            size = signal.content_bytes
+            record: dict[str, object] = {
+                "event": "emission", "at_s": at_s, "source": observation.node,
+                "sequence": observation.sequence, "service": service,
+                "destination": signal.destination, "frame_bytes": size,
+                "airtime_s": ns_to_seconds(signal.duration_ns),
+            }  # fmt: skip
+            text = f"{observation.node} sends {service}" + (f", {size} bytes" if size else "")
+        else:
+            record = {
+                "event": "reception", "at_s": at_s, "source": observation.source,
+                "sequence": observation.sequence, "service": service, "node": observation.node,
+                "outcome": observation.outcome.value, "snr_db": round(observation.snr_db, 2),
+                "propagation_s": observation.propagation_s,
+            }  # fmt: skip
+            heard = f"{observation.source} at {observation.node}"
+            text = f"{heard}: {service} {observation.outcome.value}"
+        self._write(record, f"{at_s:10.3f} s  {text}")
+
+    def _write(self, record: dict[str, object], text: str) -> None:
+        self._writer.write(json.dumps(record) if self._as_json else text)
 
 
-def _create_fleet(arguments: argparse.Namespace) -> "EmulatedFleet":
+def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "EmulatedFleet":
     import msgspec
 
     from zacoustic.json5 import read_json5
     from zacoustic_evologics.at.framing import Interpreter
+    from zacoustic_evologics.emulator.chassis import Behaviour
     from zacoustic_evologics.emulator.faults import NO_FAULTS, plan_from_mapping
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
 
@@ -132,6 +199,8 @@ def _create_fleet(arguments: argparse.Namespace) -> "EmulatedFleet":
         interpreter=Interpreter(arguments.interpreter),
         faults=faults,
         settings=_parse_settings(arguments.settings),
+        behaviour=Behaviour(firmware=arguments.firmware),
+        observer=observer,
     )
 
 

@@ -10,8 +10,11 @@
 
 A rate is the chance at each opportunity, between `from_s` and `until_s`. A fault of the script
 happens at the first `count` opportunities from its instant on, or at all of `lasts_s`; `reset` and
-`drop_connection` need no opportunity and happen at the instant. Garbage stands between messages;
-only `corrupt` changes bytes of one.
+`drop_connection` need no opportunity and happen at the instant.
+
+Garbage stands between messages. `half_line`, `wrong_length` and `corrupt` damage them, and what is
+damaged inside of a received message can look like another one, since the grammar has no check: a
+host cannot be blamed for taking it. `spares_payloads` keeps these to lines that carry none.
 """
 
 import enum
@@ -101,6 +104,8 @@ class FaultPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Chance of each kind, 0…1."""
     late_s: float = 2.0
     """By how much a late notification is late at most, s."""
+    spares_payloads: bool = False
+    """Nothing is damaged in records that carry a payload."""
     script: tuple[ScriptedFault, ...] = ()
     """What happens besides."""
 
@@ -119,6 +124,8 @@ NO_FAULTS: Final = FaultPlan()
 """Nothing goes wrong."""
 TIMED: Final = (FaultKind.DROP_CONNECTION, FaultKind.RESET)
 """Kinds that the script makes happen by themselves."""
+DAMAGING: Final = (FaultKind.HALF_LINE, FaultKind.WRONG_LENGTH, FaultKind.CORRUPT)
+"""Kinds that change bytes of a message."""
 
 
 def plan_from_mapping(mapping: object, *, source: str) -> FaultPlan:
@@ -154,6 +161,11 @@ class Misfortune:
         is_drawn = rate > 0.0 and self.rng.random() < rate
         is_scripted = any(each.take(kind, now) for each in self._script)
         return is_scripted or is_drawn
+
+    def damages(self, kind: FaultKind, now: int, *, has_payload: bool) -> bool:
+        """Tell whether a message is damaged so."""
+        assert kind in DAMAGING
+        return self.strikes(kind, now) and not (has_payload and self._plan.spares_payloads)
 
     def timed_at(self) -> list[int]:
         """Return when the script makes something happen by itself, ns."""

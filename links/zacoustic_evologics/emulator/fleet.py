@@ -33,6 +33,7 @@ from zacoustic_evologics.emulator.agenda import Agenda, Task
 from zacoustic_evologics.emulator.chassis import Behaviour
 from zacoustic_evologics.emulator.faults import NO_FAULTS, FaultPlan
 from zacoustic_evologics.emulator.modem import EmulatedModem
+from zacoustic_evologics.emulator.observation import Observer, ignore
 from zacoustic_evologics.emulator.station import FleetOutput, PortClosed, Station
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
 from zacoustic_evologics.emulator.water import Sound, Water, sound_id
@@ -74,6 +75,7 @@ class EmulatedFleet:
         settings: Settings of all modems, and options of their ports, that differ from the usual
             ones, by name: `{"RI": 0, "ZX": 1}`.
         behaviour: What sources disagree about.
+        observer: Told what is sent and what becomes of it; no modem knows.
 
     Raises:
         ConfigError: A setting that does not exist or cannot have that value.
@@ -87,11 +89,12 @@ class EmulatedFleet:
         faults: FaultPlan = NO_FAULTS,
         settings: Mapping[str, int] | None = None,
         behaviour: Behaviour | None = None,
+        observer: Observer = ignore,
     ) -> None:
         self.scenario = scenario
         self.interpreter = interpreter
         self.now = 0
-        self._water = Water(scenario)
+        self._water = Water(scenario, observer)
         self._agenda = Agenda()
         self._outputs: deque[FleetOutput] = deque()
         self._stations: dict[int, Station] = {}

@@ -17,7 +17,9 @@ from zacoustic_evologics.at.notifications import (
 from zacoustic_evologics.emulator.airtime import TURNAROUND_NS, service_airtime_ns
 from zacoustic_evologics.emulator.bursts import Bursts
 from zacoustic_evologics.emulator.chassis import BROADCAST, Chassis
+from zacoustic_evologics.emulator.firmware import IM_BIT_RATE_BPS, tells_delays
 from zacoustic_evologics.emulator.instant import InstantMessages
+from zacoustic_evologics.emulator.levelcontrol import LevelControl
 from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.transducer import Transducer
 from zacoustic_evologics.emulator.usblhead import UsblHead
@@ -39,6 +41,7 @@ class Listener:
         instant: Its messages.
         bursts: Its connections.
         head: Its position finder.
+        level: Its source level.
     """
 
     def __init__(
@@ -48,12 +51,14 @@ class Listener:
         instant: InstantMessages,
         bursts: Bursts,
         head: UsblHead,
+        level: LevelControl,
     ) -> None:
         self._chassis = chassis
         self._transducer = transducer
         self._instant = instant
         self._bursts = bursts
         self._head = head
+        self._level = level
 
     def handle(self, hearing: Hearing, now: int) -> None:
         """Take a signal that was received."""
@@ -71,7 +76,7 @@ class Listener:
         if not is_reported:
             self._chassis.say(_service_record(hearing))
         if is_reported and signal.piggyback is not None:
-            self._chassis.say(_piggyback_record(hearing))
+            self._chassis.say(self._piggyback_record(hearing))
         is_asking = signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK
         if is_mine and signal.kind in _ANSWERS and is_asking:
             self._owe_answer(hearing)
@@ -80,6 +85,7 @@ class Listener:
         if hearing.signal.destination != self._chassis.address:
             return
         if self._instant.handle_answer(hearing, now) or self._bursts.handle_answer(hearing, now):
+            self._level.handle_answer(hearing)
             self._head.measure_position(hearing)
 
     def _report(self, hearing: Hearing) -> None:
@@ -115,9 +121,25 @@ class Listener:
         return RecvIm(
             payload=payload,
             flag=signal.flag,
-            duration_us=signal.duration_ns // 1000,
+            **self._timing(signal),
             **_common(hearing, signal.pid),
         )
+
+    def _piggyback_record(self, hearing: Hearing) -> RecvPbm:
+        piggyback = hearing.signal.piggyback
+        assert piggyback is not None
+        return RecvPbm(
+            payload=piggyback.payload,
+            **self._timing(hearing.signal),
+            **_common(hearing, piggyback.pid),
+        )
+
+    def _timing(self, signal: Signal) -> dict[str, int]:
+        """What a firmware tells of the time: a delay is that of the last exchange, 0 for none."""
+        if tells_delays(self._chassis.behaviour.firmware):
+            delay_us = self._chassis.measured.propagation_us
+            return {"bit_rate_bps": IM_BIT_RATE_BPS, "propagation_us": delay_us}
+        return {"duration_us": signal.duration_ns // 1000}
 
     def _owe_answer(self, hearing: Hearing) -> None:
         self._transducer.owed += 1
@@ -154,16 +176,6 @@ def _common(hearing: Hearing, pid: int) -> dict[str, Any]:
         "velocity_m_s": hearing.velocity_m_s,
         "pid": pid,
     }
-
-
-def _piggyback_record(hearing: Hearing) -> RecvPbm:
-    piggyback = hearing.signal.piggyback
-    assert piggyback is not None
-    return RecvPbm(
-        payload=piggyback.payload,
-        duration_us=hearing.signal.duration_ns // 1000,
-        **_common(hearing, piggyback.pid),
-    )
 
 
 def _service_record(hearing: Hearing) -> RecvSrv:

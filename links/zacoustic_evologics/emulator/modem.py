@@ -7,7 +7,8 @@ be called next (`poll_timeout`). `now` is ns since the start of the scenario and
 
 The parts, from the bottom up: `chassis` (settings, clocks), `transducer` (one signal at a time),
 `exchange` (a signal until it is answered), `instant` and `bursts` (the services), `usblhead`,
-`listening` (what is received), `queries` (what is asked).
+`levelcontrol`, `listening` (what is received), `queries` (what is asked). `firmware` says what
+differs between the modem's own versions.
 """
 
 import random
@@ -49,7 +50,9 @@ from zacoustic_evologics.emulator.chassis import (
     Said,
     WentDown,
 )
+from zacoustic_evologics.emulator.firmware import Firmware
 from zacoustic_evologics.emulator.instant import InstantMessages
+from zacoustic_evologics.emulator.levelcontrol import LevelControl
 from zacoustic_evologics.emulator.listening import Listener
 from zacoustic_evologics.emulator.queries import Answers, help_text
 from zacoustic_evologics.emulator.signals import Hearing, Signal, SignalKind
@@ -77,7 +80,12 @@ class EmulatedModem:
         self._bursts = Bursts(self._chassis, self._transducer, self._instant)
         self._head = UsblHead(self._chassis)
         self._listener = Listener(
-            self._chassis, self._transducer, self._instant, self._bursts, self._head
+            self._chassis,
+            self._transducer,
+            self._instant,
+            self._bursts,
+            self._head,
+            LevelControl(self._chassis),
         )
         self._answers = Answers(self._chassis, self._transducer, self._instant, self._bursts)
         self._actions = Actions(
@@ -88,6 +96,11 @@ class EmulatedModem:
     def address(self) -> int:
         """Network address, as `AT?AL` answers."""
         return self._chassis.address
+
+    @property
+    def firmware(self) -> Firmware:
+        """What it runs."""
+        return self._chassis.behaviour.firmware
 
     def clock_us(self, now: int) -> int:
         """Return what `AT?CLOCK` answers."""

@@ -28,6 +28,7 @@ from zacoustic_evologics.at.framing import Framing, Interpreter
 from zacoustic_evologics.at.messages import RawData, Reply
 from zacoustic_evologics.at.notifications import (
     BitRate,
+    ClockOffset,
     ExternalClock,
     PhyOff,
     PhyOn,
@@ -56,9 +57,11 @@ from zacoustic_evologics.at.usbl import UsblNotification
 from zacoustic_evologics.emulator.chassis import (
     OUT_OF_RANGE,
     UNKNOWN_COMMAND,
+    WRONG_FORMAT,
     Origin,
     Spoken,
 )
+from zacoustic_evologics.emulator.firmware import Firmware, knows_external_clock
 from zacoustic_evologics.emulator.store import PORT_OPTIONS
 
 GUARD_NS: Final = 1_000_000_000
@@ -79,6 +82,7 @@ Extended: TypeAlias = (
     | PhyOn
     | PhyOff
     | Status
+    | ClockOffset
 )
 """What comes with extended notifications only. Sources differ in some of them."""
 
@@ -90,6 +94,7 @@ class Port:
         port_id: Number in the fleet.
         interpreter: Who reads here.
         is_serial: A serial line, which stays when the modem restarts.
+        firmware: Of the modem.
         options: What differs from the options of a new port, by name (`ZF`).
         now: Instant at which it is opened.
     """
@@ -100,12 +105,14 @@ class Port:
         interpreter: Interpreter,
         *,
         is_serial: bool,
+        firmware: Firmware = "1.9",
         options: Mapping[str, int],
         now: int,
     ) -> None:
         self.port_id = port_id
         self.interpreter = interpreter
         self.is_serial = is_serial
+        self._unknown = () if knows_external_clock(firmware) else ("ZA", "ECLK")
         self._presets = {name: options.get(name, SETTINGS[name].default) for name in PORT_OPTIONS}
         self.restart(now)
 
@@ -184,6 +191,8 @@ class Port:
                 return Accepted()
         self._asked = command_name(message)
         match message:
+            case Query(name) | Set(name) | SetOption(name) if name in self._unknown:
+                return WRONG_FORMAT
             case Query("MODE"):
                 return ModeReply(self.interpreter)
             case Query("PID"):

@@ -7,7 +7,7 @@ from typing import Final
 from zacoustic_evologics.at.commands import Query, Set, SetOption
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import Noise
-from zacoustic_evologics.at.notifications import RemoteAddress
+from zacoustic_evologics.at.notifications import ClockOffset, RemoteAddress
 from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
@@ -32,6 +32,7 @@ from zacoustic_evologics.emulator.chassis import (
     Chassis,
     Origin,
 )
+from zacoustic_evologics.emulator.firmware import knows_control
 from zacoustic_evologics.emulator.instant import InstantMessages
 from zacoustic_evologics.emulator.transducer import PhyState, Transducer
 
@@ -107,7 +108,7 @@ class Answers:
                 return self._chassis.measured.earth_position or OUT_OF_CONTEXT
             case "NOISE":
                 return _NOISE
-            case "CTRL":
+            case "CTRL" if knows_control(self._chassis.behaviour.firmware):
                 return Number(int(self.controller == origin.port_id))
             case _ if name in self._chassis.store:
                 return Number(self._chassis.store[name])
@@ -126,7 +127,9 @@ class Answers:
         if name == "UT":
             if not SETTINGS[name].allows(command.value):
                 return OUT_OF_RANGE
+            before_us = self._chassis.system_us(now)
             self._chassis.set_system_s(command.value, now)
+            self._chassis.say(ClockOffset(self._chassis.system_us(now) - before_us))
             return Accepted()
         if not self._chassis.store.change(name, command.value):
             return OUT_OF_RANGE
@@ -136,8 +139,9 @@ class Answers:
 
     def change_option(self, command: SetOption, origin: Origin, now: int) -> CommandReply:
         """`AT@…`, but for what belongs to the port."""
+        has_control = knows_control(self._chassis.behaviour.firmware)
         match command.name, command.value:
-            case "CTRL", None:
+            case "CTRL", None if has_control:
                 if origin.pid != 0:
                     return NO_CONTROL
                 self.controller = origin.port_id

@@ -5,13 +5,12 @@ called on the loop, and calls back from within.
 """
 
 import asyncio
-import math
 import time
 from collections.abc import Callable
 from typing import Protocol
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.errors import ConfigError
+from zacoustic.core.clock import Clock
+from zacoustic.serving import ScaledClock
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.emulator.fleet import EmulatedFleet
 from zacoustic_evologics.emulator.station import ModemDown, ModemUp, PortBytes, PortClosed
@@ -50,13 +49,9 @@ class RunningFleet:
         clock: Clock = time.monotonic_ns,
         changed: Callable[[int, bool], None] | None = None,
     ) -> None:
-        if not 0 < time_scale < math.inf:
-            raise ConfigError(f"time scale is {time_scale:g}; allowed: above 0")
         self.fleet = fleet
-        self.time_scale = time_scale
         self.changed = changed
-        self._clock = clock
-        self._origin_at = clock()
+        self._clock = ScaledClock(time_scale, clock)
         self._hosts: dict[int, PortHost] = {}
         self._timer: asyncio.TimerHandle | asyncio.Handle | None = None
         self._timer_at = 0
@@ -108,7 +103,7 @@ class RunningFleet:
 
     def _now(self) -> int:
         """Instant of the fleet; never decreases."""
-        return max(self.fleet.now, round((self._clock() - self._origin_at) * self.time_scale))
+        return max(self.fleet.now, self._clock.now())
 
     def _service(self) -> None:
         """Hand over what the fleet says, then set the one timer."""
@@ -137,12 +132,12 @@ class RunningFleet:
         if due_at is None:
             return
         self._timer_at = due_at
-        delay_ns = self._origin_at + math.ceil(due_at / self.time_scale) - self._clock()
         loop = asyncio.get_running_loop()
-        if delay_ns <= 0:
-            self._timer = loop.call_soon(self._expire)
+        delay_s = self._clock.delay_s(due_at)
+        if delay_s:
+            self._timer = loop.call_later(delay_s, self._expire)
         else:
-            self._timer = loop.call_later(ns_to_seconds(delay_ns), self._expire)
+            self._timer = loop.call_soon(self._expire)
 
     def _expire(self) -> None:
         self._timer = None

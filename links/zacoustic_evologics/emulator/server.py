@@ -19,6 +19,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.errors import LinkOpenError
+from zacoustic.serving import cannot_listen, place_name
 from zacoustic_evologics.emulator.running import RunningFleet
 
 BACKLOG_LIMIT_BYTES: Final = 1_048_576
@@ -108,8 +109,7 @@ class _Listener:
     @property
     def name(self) -> str:
         """`HOST:PORT` as clients write it."""
-        host = f"[{self._host}]" if ":" in self._host else self._host
-        return f"{host}:{self._port}"
+        return place_name(self._host, self._port)
 
     async def open(self) -> None:
         """Listen."""
@@ -122,12 +122,8 @@ class _Listener:
                 reuse_address=True,
             )
         except OSError as error:
-            is_name = isinstance(error, socket.gaierror)
-            reason = error.strerror if is_name else os.strerror(error.errno or 0)
-            raise LinkOpenError(
-                f"cannot listen at {self.name}: {reason}",
-                hint="another emulator may be running; port 0 takes any that is free",
-            ) from error
+            refused = cannot_listen(self._host, self._port, error, rival="another emulator")
+            raise refused from error
         self._port = self._server.sockets[0].getsockname()[1]
 
     def pause(self) -> None:

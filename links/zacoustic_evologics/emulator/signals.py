@@ -1,6 +1,7 @@
 """What goes through the water between emulated modems, and what a modem makes of what it hears."""
 
 import enum
+from typing import Final
 
 import msgspec
 
@@ -29,6 +30,14 @@ class SignalKind(enum.Enum):
     """Burst packets, one behind the other."""
     TRAIN_ACK = "dataack"
     """Acknowledges a train."""
+
+    @property
+    def service(self) -> str:
+        """What people call it: a train is the burst that it carries."""
+        return _SERVICES.get(self, self.value)
+
+
+_SERVICES: Final = {SignalKind.TRAIN: "burst", SignalKind.TRAIN_ACK: "burst ack"}
 
 
 class Piggyback(msgspec.Struct, frozen=True):
@@ -80,6 +89,12 @@ class Signal(msgspec.Struct, frozen=True, kw_only=True):
     """Of a probe signal."""
     level: int = 0
     """Source level, 0 loudest … 3."""
+
+    @property
+    def content_bytes(self) -> int:
+        """Bytes of hosts that go with it: message, piggyback message, packets."""
+        piggyback_bytes = len(self.piggyback.payload) if self.piggyback else 0
+        return len(self.payload) + piggyback_bytes + sum(len(each.payload) for each in self.packets)
 
 
 class Hearing(msgspec.Struct, frozen=True, kw_only=True):

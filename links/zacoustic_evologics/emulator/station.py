@@ -12,7 +12,12 @@ from zacoustic_evologics.at.command_decoder import CommandMessage
 from zacoustic_evologics.at.commands import PayloadCommand
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import RawData
-from zacoustic_evologics.at.notifications import AsyncError, ExternalClock, RecvIm
+from zacoustic_evologics.at.notifications import (
+    AsyncError,
+    ExternalClock,
+    ReceivedMessage,
+    RecvIm,
+)
 from zacoustic_evologics.at.notifications import FaultKind as ModemFault
 from zacoustic_evologics.at.replies import Accepted, CommandReply
 from zacoustic_evologics.emulator.agenda import Agenda
@@ -95,7 +100,12 @@ class Station:
     ) -> None:
         """Open a port."""
         self.ports[port_id] = Port(
-            port_id, interpreter, is_serial=is_serial, options=self._options, now=now
+            port_id,
+            interpreter,
+            is_serial=is_serial,
+            firmware=self.modem.firmware,
+            options=self._options,
+            now=now,
         )
         if self._misfortune.strikes(FaultKind.STALE, now):
             self.outputs.append(PortBytes(port_id, _STALE))
@@ -236,15 +246,16 @@ class Station:
             return
         content = port.encode(message)
         misfortune = self._misfortune
+        has_payload = isinstance(message, ReceivedMessage)
         if misfortune.strikes(FaultKind.GARBAGE, now):
             self.outputs.append(PortBytes(port.port_id, misfortune.garbage()))
-        if misfortune.strikes(FaultKind.WRONG_LENGTH, now):
+        if misfortune.damages(FaultKind.WRONG_LENGTH, now, has_payload=has_payload):
             content = _LENGTH.sub(
                 lambda match: match[1] + b"%d" % misfortune.other_length(int(match[2])), content, 1
             )
-        if misfortune.strikes(FaultKind.CORRUPT, now):
+        if misfortune.damages(FaultKind.CORRUPT, now, has_payload=has_payload):
             content = corrupt(content, misfortune.rng)
-        if misfortune.strikes(FaultKind.HALF_LINE, now):
+        if misfortune.damages(FaultKind.HALF_LINE, now, has_payload=has_payload):
             content = misfortune.cut(content)
         pieces = [content]
         if misfortune.strikes(FaultKind.PIECES, now):

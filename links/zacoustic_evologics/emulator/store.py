@@ -8,6 +8,7 @@ from typing import Final
 
 from zacoustic_evologics.at.replies import SettingsReply, ShownSetting
 from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.emulator.firmware import Firmware, label
 
 PORT_OPTIONS: Final = ("ZS", "ZF", "ZX", "ZU", "ZA", "ZB")
 """Settings that each port has for itself."""
@@ -57,11 +58,11 @@ class SettingsStore:
         """`AT&F`: bring back what the factory set."""
         self._values = dict(self._factory)
 
-    def shown(self) -> SettingsReply:
+    def shown(self, firmware: Firmware) -> SettingsReply:
         """Return what `AT&V` shows."""
         return SettingsReply(
             tuple(
-                ShownSetting(setting.label, self[setting.name])
+                ShownSetting(label(setting.label, firmware), self[setting.name])
                 for setting in SETTINGS.values()
                 if setting.label
             )

@@ -12,8 +12,15 @@ import msgspec
 
 from zacoustic.channel.arrival import Arrival, Reception
 from zacoustic.channel.medium import Medium
+from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import NS_PER_S
 from zacoustic_evologics.emulator.airtime import equivalent_bytes
+from zacoustic_evologics.emulator.observation import (
+    Observer,
+    SignalArrived,
+    SignalEmitted,
+    ignore,
+)
 from zacoustic_evologics.emulator.signals import Hearing, Signal
 
 SOURCE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
@@ -42,7 +49,12 @@ class Water(Medium):
 
     Args:
         scenario: Who is where, with which modem, and what goes wrong.
+        observer: Told what is sent and what becomes of it.
     """
+
+    def __init__(self, scenario: Scenario, observer: Observer = ignore) -> None:
+        super().__init__(scenario)
+        self._observe = observer
 
     def reach_s(self, now: int) -> float:
         """Return the longest propagation delay between two nodes at an instant, s."""
@@ -65,6 +77,7 @@ class Water(Medium):
         ends_at = now + signal.duration_ns
         site.transmits_until = ends_at
         site.receiver.transmits(now, ends_at)
+        self._observe(SignalEmitted(at=now, node=node, sequence=sequence, signal=signal))
         level_db = SOURCE_LEVELS_DB[signal.level]
         sounds = []
         for hop in self._hops_of(site):
@@ -83,6 +96,18 @@ class Water(Medium):
         """Return what becomes of a sound at its modem; to be called once, when it ends."""
         arrival = sound.arrival
         reception = self.finish(arrival)
+        self._observe(
+            SignalArrived(
+                at=arrival.ends_at,
+                node=arrival.node,
+                source=arrival.source,
+                sequence=arrival.sequence,
+                signal=sound.signal,
+                outcome=reception.outcome,
+                snr_db=arrival.snr_db,
+                propagation_s=arrival.propagation_s,
+            )
+        )
         return Hearing(
             sound=sound_id(arrival),
             signal=sound.signal,

@@ -17,7 +17,6 @@ from zacoustic_evologics import (
 )
 from zacoustic_evologics.at.commands import InvalidCommand
 from zacoustic_evologics.at.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
-from zacoustic_evologics.at.messages import Noise
 from zacoustic_evologics.at.notifications import AsyncError, Extension
 
 BY_NAME = pytest.mark.parametrize("path", TRANSCRIPTS, ids=lambda path: path.stem)
@@ -67,7 +66,7 @@ def test_every_kind_of_notification_is_in_a_transcript() -> None:
         for record in said.records
     }
     layouts: set[Any] = {layout.record for layout in PAYLOAD_LAYOUTS + LINE_LAYOUTS}
-    assert (layouts | {AsyncError, Extension}) - shown == {Noise}
+    assert (layouts | {AsyncError, Extension}) <= shown
 
 
 def test_lengths_of_the_captured_packets_are_theirs() -> None:

@@ -1,7 +1,11 @@
-"""What the gateways say of themselves on their islands: that they are there, and what they sent.
+"""What the gateways say of themselves on their islands: that they are ready, and what they sent.
 
 This is a plain Zenoh client of each island's router, as any tool of a user can be one. Zenoh calls
 back on threads of its own; everything is handed to the loop.
+
+A gateway answers for its documents when its link is up and all that is to cross is declared; its
+liveliness token is there before, and says only that its address is taken. What is put in between
+nobody has subscribed to: it would be lost, on a modem that takes a second to start in particular.
 """
 
 import asyncio
@@ -34,27 +38,29 @@ class LedgerListener:
         self._took = took
         self._loop = asyncio.get_running_loop()
         self._sessions: dict[int, zenoh.Session] = {}
-        self._alive = {island.address: asyncio.Event() for island in self._islands}
+        self._queriers: dict[int, zenoh.Querier] = {}
+        self._answering = {island.address: asyncio.Event() for island in self._islands}
 
     async def open(self) -> None:
-        """Connect to all islands; returns when all gateways are there.
+        """Connect to all islands; returns when all gateways carry what is to cross.
 
         Raises:
             SessionError: A router does not answer.
         """
         for island in self._islands:
             await asyncio.to_thread(self._open, island)
-        for event in self._alive.values():
+        for event in self._answering.values():
             await event.wait()
 
     async def refresh(self) -> None:
         """Ask each gateway for its ledger once more."""
-        for address, session in self._sessions.items():
-            for text in await asyncio.to_thread(_ask, session, address):
+        for address, querier in self._queriers.items():
+            for text in await asyncio.to_thread(_ask, querier):
                 self._take(address, text)
 
     async def close(self) -> None:
         """Disconnect; may be repeated."""
+        self._queriers.clear()
         while self._sessions:
             _, session = self._sessions.popitem()
             with contextlib.suppress(zenoh.ZError):
@@ -78,11 +84,14 @@ class LedgerListener:
         def hear(sample: zenoh.Sample) -> None:
             self._hand_over(self._take, address, sample.payload.to_string())
 
-        def see(sample: zenoh.Sample) -> None:
-            self._hand_over(self._alive[address].set)
+        def see(status: zenoh.MatchingStatus) -> None:
+            if status.matching:
+                self._hand_over(self._answering[address].set)
 
         session.declare_subscriber(f"@acoustic/{address}/ledger", hear)
-        session.liveliness().declare_subscriber(f"@acoustic/{address}/gateway", see, history=True)
+        querier = session.declare_querier(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
+        self._queriers[address] = querier
+        querier.declare_matching_listener(see)
 
     def _hand_over(self, action: Callable[..., None], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
@@ -95,6 +104,5 @@ class LedgerListener:
         self._took(address, by_stream)
 
 
-def _ask(session: zenoh.Session, address: int) -> list[str]:
-    replies = session.get(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
-    return [reply.ok.payload.to_string() for reply in replies if reply.ok is not None]
+def _ask(querier: zenoh.Querier) -> list[str]:
+    return [reply.ok.payload.to_string() for reply in querier.get() if reply.ok is not None]

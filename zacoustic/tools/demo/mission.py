@@ -1,9 +1,9 @@
 """A run of the demo from start to end.
 
-Order of the start: the water, which says where it listens; the gateways, which are there when
-their liveliness tokens are; the clients, which say when they are ready; then the word ``go``. Order
-of the end: clients, gateways, water. Whatever goes wrong on the way, a process that dies among it,
-ends the run with a summary that says so, and nothing is left behind.
+Order of the start: the water, which says where it listens; the gateways, which are ready when
+they answer for their ledgers; the clients, which say when they are ready; then the word ``go``.
+Order of the end: clients, gateways, water. Whatever goes wrong on the way, a process that dies
+among it, ends the run with a summary that says so, and nothing is left behind.
 """
 
 import asyncio

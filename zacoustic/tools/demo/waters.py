@@ -73,6 +73,45 @@ class SimWater(Water):
         return told
 
 
+class EvologicsWater(Water):
+    """Emulated S2C modems on TCP ports, in the water of the simulator's scenario.
+
+    What modems send by themselves carries no frame, and is not shown.
+    """
+
+    child = "modems"
+    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on TCP ports"
+    places: ClassVar[tuple[str, ...]] = ("--listen", _ANY_PORT)
+    """Arguments that say where the modems are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.propagation_s = _scenario_propagation_s()
+
+    def verb(self, folder: Path) -> tuple[str, ...]:
+        """The emulator."""
+        scenario = str(write_water(folder))
+        return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
+
+    def take(self, told: Told) -> Told | None:
+        """Take a line as it is, if it is about a frame; the places one by one."""
+        match told.get("event"):
+            case "listening":
+                self.locators[told["address"]] = f"evologics/{told['locator']}"
+                return told if self.locators.keys() == NAMES.keys() else None
+            case "emission" if not told["frame_bytes"]:
+                return None
+            case _:
+                return told
+
+
+class EvologicsSerialWater(EvologicsWater):
+    """The same modems on pseudo-terminals, which a serial port's driver opens."""
+
+    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on serial lines"
+    places = ("--pty",)
+
+
 class DesertWater(Water):
     """The stand-in for DESERT Underwater, with its sample script: two nodes 500 m apart.
 
@@ -135,7 +174,12 @@ class DesertWater(Water):
         }  # fmt: skip
 
 
-WATERS: Final[Mapping[str, type[Water]]] = {"sim": SimWater, "desert": DesertWater}
+WATERS: Final[Mapping[str, type[Water]]] = {
+    "sim": SimWater,
+    "evologics": EvologicsWater,
+    "evologics-serial": EvologicsSerialWater,
+    "desert": DesertWater,
+}
 """The waters by the name of their link; the first is the default."""
 
 

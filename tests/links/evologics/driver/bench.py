@@ -16,6 +16,7 @@ from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkState,
+    Measurement,
     ReceivedFrame,
     Transmission,
     TransmitReport,
@@ -55,6 +56,7 @@ from zacoustic_evologics.driver.events import (
     ConnectionUseless,
     FrameHeard,
     LinkChanged,
+    Measured,
     OpeningHopeless,
     TransmissionEnded,
 )
@@ -277,6 +279,7 @@ class Bench:
         self.reports: list[TransmitReport] = []
         self.changes: list[tuple[LinkState, str]] = []
         self.carrier: list[bool] = []
+        self.measurements: list[Measurement] = []
         self.hopeless: list[OpeningHopeless] = []
         self.resets: list[str] = []
         self.order: list[str] = []
@@ -378,6 +381,8 @@ class Bench:
                     self.changes.append((event.state, event.detail))
                 case CarrierChanged():
                     self.carrier.append(event.busy)
+                case Measured():
+                    self.measurements.append(event.measurement)
                 case OpeningHopeless():
                     self.hopeless.append(event)
                 case ConnectionUseless():

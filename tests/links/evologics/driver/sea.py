@@ -10,6 +10,7 @@ from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkState,
+    Measurement,
     ReceivedFrame,
     Transmission,
     TransmitOutcome,
@@ -21,8 +22,10 @@ from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.events import (
     CarrierChanged,
     ConnectionUseless,
+    Event,
     FrameHeard,
     LinkChanged,
+    Measured,
     TransmissionEnded,
 )
 from zacoustic_evologics.driver.states import State
@@ -40,11 +43,37 @@ class Node:
         self.reports: list[TransmitReport] = []
         self.changes: list[tuple[int, LinkState, str]] = []
         self.carrier: list[bool] = []
+        self.measurements: list[Measurement] = []
         self.transmissions = 0
 
     @property
     def is_ready(self) -> bool:
         return self.dialogue.state is State.READY
+
+    @property
+    def due_at(self) -> int | None:
+        """When `expire` is to be called, ns."""
+        return self.dialogue.poll_timeout()
+
+    def expire(self, now: int) -> None:
+        """Let happen what is due."""
+        self.dialogue.handle_timeout(now)
+
+    def take(self, event: Event, now: int) -> None:
+        """Keep what the dialogue tells."""
+        match event:
+            case FrameHeard():
+                self.frames.append(event.frame)
+            case TransmissionEnded():
+                self.reports.append(event.report)
+            case LinkChanged():
+                self.changes.append((now, event.state, event.detail))
+            case CarrierChanged():
+                self.carrier.append(event.busy)
+            case Measured():
+                self.measurements.append(event.measurement)
+            case _:
+                pass
 
 
 class Sea:
@@ -62,10 +91,10 @@ class Sea:
         self.now = 0
         self.fleet = fleet or EmulatedFleet(scenario, interpreter=interpreter)
         self.is_serial = is_serial
+        config = config or EvologicsConfig()
         self.nodes = {
-            address: Node(
-                address,
-                AtDialogue(config or EvologicsConfig(), node_address=address, is_serial=is_serial),
+            address: self.make_node(
+                address, AtDialogue(config, node_address=address, is_serial=is_serial)
             )
             for address in self.fleet.addresses
         }
@@ -73,6 +102,10 @@ class Sea:
         self._count = itertools.count()
         for node in self.nodes.values():
             self._connect(node)
+
+    def make_node(self, address: int, dialogue: AtDialogue) -> Node:
+        """Put a node on its modem."""
+        return Node(address, dialogue)
 
     def __getitem__(self, address: int) -> Node:
         return self.nodes[address]
@@ -147,7 +180,7 @@ class Sea:
 
     def _next_at(self) -> int | None:
         instants = [self.fleet.poll_timeout(), self._heap[0][0] if self._heap else None]
-        instants += [node.dialogue.poll_timeout() for node in self.nodes.values()]
+        instants += [node.due_at for node in self.nodes.values()]
         return min((at for at in instants if at is not None), default=None)
 
     def _step(self, at: int) -> None:
@@ -159,9 +192,9 @@ class Sea:
             heapq.heappop(self._heap)[2]()
         else:
             for node in self.nodes.values():
-                due_at = node.dialogue.poll_timeout()
+                due_at = node.due_at
                 if due_at is not None and due_at <= self.now:
-                    node.dialogue.handle_timeout(self.now)
+                    node.expire(self.now)
                     self._serve(node)
                     break
         self._deliver()
@@ -204,21 +237,11 @@ class Sea:
             if node.port_id is not None:
                 self.fleet.handle_bytes(node.port_id, output, self.now)
         while (event := node.dialogue.poll_event()) is not None:
-            match event:
-                case FrameHeard():
-                    node.frames.append(event.frame)
-                case TransmissionEnded():
-                    node.reports.append(event.report)
-                case LinkChanged():
-                    node.changes.append((self.now, event.state, event.detail))
-                case CarrierChanged():
-                    node.carrier.append(event.busy)
-                case ConnectionUseless() if node.port_id is not None:
-                    port_id, node.port_id = node.port_id, None
-                    self.fleet.close_port(port_id, now=self.now)
-                    self.after(0.0, partial(self._lose, node, event.reason))
-                case _:
-                    pass
+            node.take(event, self.now)
+            if isinstance(event, ConnectionUseless) and node.port_id is not None:
+                port_id, node.port_id = node.port_id, None
+                self.fleet.close_port(port_id, now=self.now)
+                self.after(0.0, partial(self._lose, node, event.reason))
 
 
 def outcomes(node: Node) -> dict[TransmitOutcome, int]:

@@ -214,7 +214,7 @@ def test_on_deck_the_source_level_is_that_for_air_and_stays_it() -> None:
 def test_on_deck_a_modem_that_stays_loud_is_not_used() -> None:
     modem = ScriptedModem()
     modem.settings["L"] = 0
-    modem.answers["?L"] = ["0", "0", "0"]
+    modem.answers["?L"] = ["0"] * 9
     bench = Bench(modem, EvologicsConfig(deck=True))
     bench.connect()
     bench.run(2.0)

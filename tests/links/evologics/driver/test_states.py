@@ -133,10 +133,11 @@ def test_every_phase_with_every_word_goes_on_or_stays(phase: Phase, word: Word) 
         assert after is Phase.OVER
 
 
-def test_a_frame_is_given_again_only_after_the_modem_has_refused_it() -> None:
+def test_a_frame_is_given_again_only_after_the_modem_has_refused_or_returned_it() -> None:
     back: dict[Phase, set[Phase]] = {phase: set() for phase in Phase}
     for (phase, word), after in PHASES.items():
         refused = phase is Phase.GIVING and word in (Word.NOT_NOW, Word.MENDABLE)
+        refused |= word is Word.RETURNED
         if not refused:
             back[phase].add(after)
     reached, to_do = set[Phase](), [Phase.GIVING]

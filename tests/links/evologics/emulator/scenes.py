@@ -13,7 +13,14 @@ from tests.links.evologics.transcript import expression
 from zacoustic_evologics import AtDecoder, CommandDecoder, Framing, Interpreter
 from zacoustic_evologics.at.framing import CRLF, TCP_LINE_END
 from zacoustic_evologics.at.messages import RawData
-from zacoustic_evologics.emulator import FaultKind, FaultPlan, PortBytes, ScriptedFault
+from zacoustic_evologics.emulator import (
+    Behaviour,
+    FaultKind,
+    FaultPlan,
+    PortBytes,
+    ScriptedFault,
+)
+from zacoustic_evologics.emulator.firmware import Firmware
 
 FOLDER: Final = Path(__file__).parents[3] / "golden" / "evologics"
 
@@ -26,6 +33,8 @@ class Scene:
         remark: What the file begins with.
         interpreter: Who reads.
         faults: What goes wrong.
+        firmware: Of all modems.
+        spacing_m: From each modem to the next.
     """
 
     def __init__(
@@ -34,8 +43,17 @@ class Scene:
         remark: str,
         interpreter: Interpreter = Interpreter.NET,
         faults: tuple[ScriptedFault, ...] = (),
+        *,
+        firmware: Firmware = "1.9",
+        spacing_m: float = 150.0,
     ) -> None:
-        self.sea = Sea(3, spacing_m=150.0, interpreter=interpreter, faults=FaultPlan(script=faults))
+        self.sea = Sea(
+            3,
+            spacing_m=spacing_m,
+            interpreter=interpreter,
+            faults=FaultPlan(script=faults),
+            behaviour=Behaviour(firmware=firmware),
+        )
         self.hosts = {address: self.sea.host(address) for address in (1, 2, 3)}
         is_net = interpreter is Interpreter.NET
         self.framing = Framing.LINES if is_net else Framing.PACKETS
@@ -95,7 +113,7 @@ def sender() -> Scene:
         scene.say("AT" + option)
     scene.say("AT*SENDIM,p0,4,2,ack,test")
     scene.wait()
-    for query in ("?T", "?E", "?I", "?V", "?P", "?DI", "?UP", "?UPX", "?PC"):
+    for query in ("?T", "?E", "?I", "?V", "?P", "?DI", "?UP", "?UPX", "?PC", "?NOISE"):
         scene.say("AT" + query)
     scene.say("AT*SENDIM,5,255,noack,a,b,c")
     scene.say("AT?DI")
@@ -130,8 +148,39 @@ def sender() -> Scene:
         scene.say("AT" + mistake)
     for act in ("", "I0", "I1", "I2", "I7", "N", "S", "P", "*SENDIM,1,2,ack,x", "A", "Z1", "Z4"):
         scene.say("AT" + act)
-    for act in ("D2", "H1", "&W", "&F", "?S$", "%SYNC,1", "Z0"):
+    for act in ("!UT1700000000", "?UT", "D2", "H1", "&W", "&F", "?S$", "%SYNC,1", "Z0"):
         scene.say("AT" + act)
+    return scene
+
+
+def firmware_1_6() -> Scene:
+    scene = Scene(2, "Emulated: firmware 1.6, its settings and what is received.", firmware="1.6")
+    for command in ("I0", "I1", "&V", "@CTRL", "@ZA1", "@ZX1", "@ZF1"):
+        scene.say("AT" + command)
+    scene.say("AT*SENDIM,5,2,ack,hello", 1)
+    scene.wait()
+    scene.say("AT*SENDIM,4,1,ack,test")
+    scene.wait()
+    scene.say("AT*SENDIM,12,255,noack,\r\nRECVSTART\r", 1)
+    scene.wait()
+    scene.say("AT*SENDPBM,7,2,lowprio", 1)
+    scene.say("AT*SENDIM,1,1,ack,x")
+    scene.wait()
+    scene.say("AT*SENDIMS,4,2,,ping", 1)
+    scene.wait()
+    scene.say("AT*SEND,5,2,burst", 1)
+    scene.wait()
+    return scene
+
+
+def source_level() -> Scene:
+    scene = Scene(1, "Emulated: the source level follows from how it is heard.", spacing_m=1500.0)
+    for command in ("@ZX1", "!LC1", "?L"):
+        scene.say("AT" + command)
+    for text in ("a", "b", "c"):
+        scene.say(f"AT*SENDIM,1,2,ack,{text}")
+        scene.wait()
+    scene.say("AT?L")
     return scene
 
 
@@ -190,6 +239,8 @@ SCENES: Final[dict[str, Callable[[], Scene]]] = {
     "emulated_sender": sender,
     "emulated_receiver": receiver,
     "emulated_data_mode": data_mode,
+    "emulated_firmware_1_6": firmware_1_6,
+    "emulated_source_level": source_level,
 }
 """By the name of the file."""
 

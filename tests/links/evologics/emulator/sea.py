@@ -1,5 +1,6 @@
 """Emulated modems with a host at each port, stepped through virtual time."""
 
+from collections.abc import Callable
 from typing import Any
 
 from zacoustic.channel.scenario import Scenario
@@ -68,6 +69,11 @@ class Sea:
         self.fleet = EmulatedFleet(scenario, **options)
         self.hosts: dict[int, Host] = {}
         self.outputs: list[tuple[int, FleetOutput]] = []
+        self._hearers: list[Callable[[], None]] = []
+
+    def hear(self, hearer: Callable[[], None]) -> None:
+        """Call somebody whenever something was said."""
+        self._hearers.append(hearer)
 
     def host(self, address: int, *, is_serial: bool = False) -> Host:
         fleet = self.fleet
@@ -85,6 +91,8 @@ class Sea:
                 self.hosts[output.port_id].take(output.content, self.fleet.now)
             elif isinstance(output, PortClosed):
                 self.hosts[output.port_id].is_closed = True
+        for hearer in self._hearers:
+            hearer()
 
     def run(self, until_s: float | None = None) -> None:
         """Let happen what is due up to an instant; without one, all that is due."""

@@ -183,3 +183,22 @@ def test_plan_is_read_from_a_mapping_and_typos_are_named() -> None:
     ):
         with pytest.raises(ConfigError, match=r"faults\.json5: "):
             plan_from_mapping(wrong, source="faults.json5")
+
+
+@pytest.mark.parametrize("spares", [False, True])
+@pytest.mark.parametrize(
+    "kind",
+    [FaultKind.HALF_LINE, FaultKind.WRONG_LENGTH, FaultKind.CORRUPT],
+    ids=lambda each: each.value,
+)
+def test_damage_strikes_messages_unless_they_are_spared(kind: FaultKind, spares: bool) -> None:
+    plan = FaultPlan(rates={kind: 1.0}, from_s=0.01, spares_payloads=spares)
+    sea = Sea(spacing_m=15.0, faults=plan)
+    near, far = sea.host(1), sea.host(2)
+    near.say(b"AT*SENDIM,5,2,noack,hello\n")
+    sea.run()
+    assert (b",hello\r\n" in far.raw and b"RECVIM,5,1,2,noack," in far.raw) is spares
+    sea.wait(1.0)
+    near.say(b"AT?AL\n")
+    is_whole = sea.outputs[-1][1] == PortBytes(near.port_id, b"1\r\n")
+    assert is_whole is (kind is FaultKind.WRONG_LENGTH)

@@ -243,7 +243,7 @@ def test_promiscuous_modem_reports_what_is_for_others_and_does_not_acknowledge_i
         (im(b"x", destination=15), "ERROR WRONG DESTINATION ADDRESS"),
         (b"AT*SENDIM,p8,1,2,ack,x\n", "ERROR PROTOCOL ID"),
         (b"AT*SENDPBM,1,255,x\n", "ERROR WRONG DESTINATION ADDRESS"),
-        (b"AT*SEND,1,255,x\n", "ERROR WRONG DESTINATION ADDRESS"),
+        (b"AT*SEND,1,255,x\n", "ERROR WRONG FORMAT"),
     ],
 )
 def test_what_cannot_be_sent_is_refused(command: bytes, answer: str) -> None:

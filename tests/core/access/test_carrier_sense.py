@@ -1,45 +1,42 @@
-"""Medium access: defer while somebody is heard, then back off by a seeded random time."""
+"""Carrier sense: wait while somebody is heard, then back off by a seeded random time."""
 
 import random
 
 from tests.core.rig import End, link
-from zacoustic.core.access import Defer, Delegated, choose
+from zacoustic.core.access import CarrierSense, Wanted
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable, TopicSpec
 
-LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1)
+LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1, senses_carrier=True)
 SLOT_NS = LINK.airtime_ns(8)
+NOW = Wanted(0)
+
+
+def ready(access: CarrierSense, now: int, *, is_urgent: bool = False) -> int:
+    """Ask for a frame that has been due for long."""
+    ready_at = access.ready_at(Wanted(0, is_urgent), now)
+    assert ready_at is not None
+    return ready_at
 
 
 def back_offs(seed: int, rounds: int) -> list[int]:
     """Take the channel away again and again, before the node's turn."""
-    access = Defer(LINK, random.Random(seed))
+    access = CarrierSense(LINK, random.Random(seed))
     drawn: list[int] = []
     now = 0
     for _ in range(rounds):
+        ready(access, now)
         access.handle_carrier(True, now)
+        ready(access, now)
         now += SLOT_NS
         access.handle_carrier(False, now)
-        ready_at = access.ready_at(now)
-        assert ready_at is not None
-        drawn.append(ready_at - now)
+        drawn.append(ready(access, now) - now)
     return drawn
 
 
 def test_quiet_channel_is_free_at_once() -> None:
-    ready_at = Defer(LINK, random.Random(1)).ready_at(5)
-    assert ready_at is not None
-    assert ready_at <= 5
-
-
-def test_link_that_controls_access_is_never_waited_for() -> None:
-    controlled = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1, controls_access=True)
-    access = choose(controlled, random.Random(1))
-    assert isinstance(access, Delegated)
-    access.handle_carrier(True, 1)
-    assert access.ready_at(2) == 2
-    assert isinstance(choose(LINK, random.Random(1)), Defer)
+    assert ready(CarrierSense(LINK, random.Random(1)), 5) <= 5
 
 
 def test_back_off_is_seeded() -> None:
@@ -57,36 +54,58 @@ def test_window_doubles_each_time_the_turn_is_lost_up_to_32_slots() -> None:
 
 
 def test_own_transmission_brings_the_window_back_to_one_slot() -> None:
-    access = Defer(LINK, random.Random(3))
+    access = CarrierSense(LINK, random.Random(3))
     for _ in range(6):
+        ready(access, 0)
         access.handle_carrier(True, 0)
-        access.handle_carrier(False, 0)
+        ready(access, 1)
+        access.handle_carrier(False, 1)
     access.handle_transmitted(0)
     for now in range(1, 200):
         instant = now * 10**12
         access.handle_carrier(True, instant)
+        ready(access, instant)
         access.handle_carrier(False, instant)
-        ready_at = access.ready_at(instant)
-        assert ready_at is not None
-        assert instant <= ready_at <= instant + SLOT_NS
+        assert instant <= ready(access, instant) <= instant + SLOT_NS
+
+
+def test_who_wanted_nothing_meanwhile_does_not_back_off() -> None:
+    access = CarrierSense(LINK, random.Random(3))
+    access.handle_carrier(True, 0)
+    access.handle_carrier(False, SLOT_NS)
+    assert ready(access, SLOT_NS) <= SLOT_NS
+
+
+def test_urgent_frame_waits_for_the_end_of_the_carrier_only() -> None:
+    access = CarrierSense(LINK, random.Random(3))
+    access.handle_carrier(True, 0)
+    assert ready(access, 1, is_urgent=True) > 1
+    for _ in range(5):
+        ready(access, 2)
+        access.handle_carrier(False, 3)
+        access.handle_carrier(True, 3)
+    access.handle_carrier(False, 4)
+    assert ready(access, 4, is_urgent=True) <= 4
 
 
 def test_carrier_whose_end_is_lost_ends_after_two_of_the_largest_frames() -> None:
-    access = Defer(LINK, random.Random(1))
+    access = CarrierSense(LINK, random.Random(1))
     access.handle_carrier(True, 1000)
-    assert access.ready_at(2000) == 1000 + 2 * LINK.airtime_ns(64)
+    assert ready(access, 2000) == 1000 + 2 * LINK.airtime_ns(64)
 
 
 def test_end_of_a_carrier_that_never_began_changes_nothing() -> None:
-    access = Defer(LINK, random.Random(1))
+    access = CarrierSense(LINK, random.Random(1))
     access.handle_carrier(False, 1000)
-    ready_at = access.ready_at(1000)
-    assert ready_at is not None
-    assert ready_at <= 1000
+    assert ready(access, 1000) <= 1000
 
 
 def test_engine_defers_while_it_receives_and_goes_on_by_its_own_timer() -> None:
-    end = End(1, StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))]))
+    end = End(
+        1,
+        StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))]),
+        capabilities=link(senses_carrier=True),
+    )
     end.engine.publish(1, b"x", 0)
     end.engine.handle_carrier(True, 0)
     assert end.poll(0) is None
@@ -99,7 +118,11 @@ def test_engine_defers_while_it_receives_and_goes_on_by_its_own_timer() -> None:
 
 
 def test_engine_whose_modem_forgets_the_end_of_a_carrier_transmits_all_the_same() -> None:
-    end = End(1, StreamTable([TopicSpec(stream_id=1, name="a")]))
+    end = End(
+        1,
+        StreamTable([TopicSpec(stream_id=1, name="a")]),
+        capabilities=link(senses_carrier=True),
+    )
     end.engine.publish(1, b"x", 0)
     end.engine.handle_carrier(True, 0)
     due_at = end.engine.poll_timeout()

@@ -1,0 +1,41 @@
+"""`AT!LC1`: how loud a modem speaks follows from how loud it is heard.
+
+Sources tell that the source level changes then and that `SRCLEVEL` says so, not by which rule. Here
+the answer of another modem tells how loud this one was heard there: the way is as long in both
+directions, and an answer says at which level it was sent. The limits are those of useful levels,
+-85…-20, a little inside at the loud end, where the receiver says -20 for all that is louder.
+"""
+
+from typing import Final
+
+from zacoustic_evologics.at.notifications import SourceLevel
+from zacoustic_evologics.emulator.chassis import Chassis
+from zacoustic_evologics.emulator.signals import Hearing
+from zacoustic_evologics.emulator.water import SOURCE_LEVELS_DB
+
+TOO_LOUD_DB: Final = -25
+"""Heard louder, a modem speaks one step quieter; dB re 1 V."""
+TOO_QUIET_DB: Final = -85
+"""Heard quieter, it speaks one step louder."""
+
+
+class LevelControl:
+    """The source level of one modem.
+
+    Args:
+        chassis: Of the modem.
+    """
+
+    def __init__(self, chassis: Chassis) -> None:
+        self._chassis = chassis
+
+    def handle_answer(self, hearing: Hearing) -> None:
+        """Follow from an answer."""
+        store = self._chassis.store
+        if not store["LC"]:
+            return
+        level, theirs = store["L"], hearing.signal.level
+        heard_db = hearing.rssi_db - SOURCE_LEVELS_DB[theirs] + SOURCE_LEVELS_DB[level]
+        step = int(heard_db > TOO_LOUD_DB) - int(heard_db < TOO_QUIET_DB)
+        if step and store.change("L", level + step):
+            self._chassis.say(SourceLevel(store["L"]))

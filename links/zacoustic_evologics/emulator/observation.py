@@ -1,0 +1,57 @@
+"""What happens in the water between emulated modems, for who watches all of them.
+
+No modem knows this: what becomes of a signal is known where it arrives, and there nobody is told of
+what was lost. An observer is told as it happens; it must not call the fleet.
+"""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import msgspec
+
+from zacoustic.channel.arrival import Outcome
+from zacoustic_evologics.emulator.signals import Signal
+
+
+class SignalEmitted(msgspec.Struct, frozen=True, kw_only=True):
+    """A modem begins to send a signal."""
+
+    at: int
+    """Instant of the first sound, ns."""
+    node: int
+    """Address of the modem in the scenario."""
+    sequence: int
+    """Counts the signals of that modem, from 0."""
+    signal: Signal
+    """What it sends."""
+
+
+class SignalArrived(msgspec.Struct, frozen=True, kw_only=True):
+    """A signal has ended at another modem."""
+
+    at: int
+    """Instant of the last sound there, ns."""
+    node: int
+    """Address of that modem in the scenario."""
+    source: int
+    """Address of the sender in the scenario."""
+    sequence: int
+    """That of the emission."""
+    signal: Signal
+    """What was sent."""
+    outcome: Outcome
+    """What the water has made of it."""
+    snr_db: float
+    """Level over noise, dB."""
+    propagation_s: float
+    """How long the sound was on its way, s."""
+
+
+Observation: TypeAlias = SignalEmitted | SignalArrived
+"""What an observer is told."""
+Observer: TypeAlias = Callable[[Observation], None]
+"""Takes each of them."""
+
+
+def ignore(observation: Observation) -> None:
+    """Watch nothing."""

@@ -1,0 +1,179 @@
+"""Listen windows: nobody speaks for more than four seconds without a pause."""
+
+import random
+
+from zacoustic.core.access import Listening
+from zacoustic.core.access.controls import ANYBODY, Turn
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.linktypes import LinkCapabilities
+
+# As the S2C modem: 0.860 s and a gap of 0.090 s for the largest frame.
+LINK = LinkCapabilities(
+    mtu_bytes=64, bit_rate_bps=8 / 0.011094, preamble_s=0.1503, gap_s=0.0904, propagation_s=1.0
+)
+LARGEST_NS = LINK.airtime_ns(64)
+GAP_NS = 90_400_000
+S = NS_PER_S
+
+
+class Talker:
+    """Sends one frame after the other through a `Listening`."""
+
+    def __init__(self, *, backlog_bytes: int = 10**6) -> None:
+        self.listening = Listening(LINK)
+        self.now = 0
+        self.sent: list[tuple[int, int, bytes]] = []
+        self.backlog_bytes = backlog_bytes
+
+    def send(self, airtime_ns: int = LARGEST_NS, *, is_urgent: bool = False) -> int:
+        """Send as soon as that may be; returns when it started."""
+        self.now = self.listening.pauses_until(self.now, self.now, is_urgent=is_urgent)
+        said = self.listening.controls(64, self.backlog_bytes, self.now)
+        self.listening.handle_started(self.now)
+        self.sent.append((self.now, self.now + airtime_ns, said))
+        self.listening.handle_transmitted(self.now, self.now + airtime_ns)
+        self.now += airtime_ns + GAP_NS
+        return self.sent[-1][0]
+
+    def longest_run(self) -> int:
+        """Longest time with no pause of the length of a window."""
+        longest = begun_at = 0
+        last_end: int | None = None
+        for started_at, ended_at, _ in self.sent:
+            if last_end is None or started_at - last_end >= self.listening.pause_ns:
+                begun_at = started_at
+            longest = max(longest, ended_at - begun_at)
+            last_end = ended_at
+        return longest
+
+
+def test_pause_holds_a_short_frame_and_is_long_enough() -> None:
+    assert Listening(LINK).pause_ns >= 450_000_000
+    janus = LinkCapabilities(mtu_bytes=480, bit_rate_bps=80, preamble_s=1.2)
+    assert Listening(janus).pause_ns > janus.airtime_ns(8)
+
+
+def test_no_run_is_longer_than_four_seconds() -> None:
+    talker = Talker()
+    for _ in range(100):
+        talker.send()
+    assert talker.longest_run() <= 4 * S
+    # Four frames and a pause again and again: nine tenths of the time are used.
+    assert 100 * LARGEST_NS / talker.now > 0.81
+
+
+def test_no_run_of_frames_of_any_length_is_longer_than_four_seconds() -> None:
+    for seed in range(200):
+        rng = random.Random(seed)
+        talker = Talker(backlog_bytes=rng.choice((0, 10**6)))
+        for _ in range(60):
+            talker.now += rng.choice((0, 0, 0, rng.randrange(S)))
+            talker.send(rng.randrange(LINK.airtime_ns(1), LARGEST_NS + 1))
+        assert talker.longest_run() <= 4 * S
+
+
+def test_exclusive_transfer_and_urgent_frame_do_not_pause() -> None:
+    talker = Talker()
+    talker.listening.exclusive = True
+    for _ in range(10):
+        talker.send()
+    assert talker.longest_run() > 9 * S
+    talker = Talker()
+    for _ in range(4):
+        talker.send()
+    before = talker.now
+    assert talker.send(is_urgent=True) == before
+
+
+def test_single_frames_and_small_backlogs_announce_nothing() -> None:
+    talker = Talker(backlog_bytes=100)
+    for _ in range(9):
+        talker.send()
+    assert all(not said for _, _, said in talker.sent)
+    talker = Talker()
+    for _ in range(9):
+        talker.now += 2 * S
+        talker.send()
+    assert all(not said for _, _, said in talker.sent)
+
+
+def test_announced_pauses_are_kept_and_one_announcement_serves_three_runs() -> None:
+    talker = Talker()
+    for _ in range(200):
+        talker.send()
+    said_in = [index for index, (_, _, said) in enumerate(talker.sent) if said]
+    assert said_in[0] == 1
+    assert len(said_in) <= 200 / (4 * 3) + 2
+    for index in said_in:
+        started_at, _, said = talker.sent[index]
+        turn = Turn.decode(said[1:])
+        assert turn.node == ANYBODY
+        for run in range(3):
+            opens_at = started_at + turn.span_ns + run * talker.listening.period_ns
+            quiet = [
+                (began, ended)
+                for began, ended, _ in talker.sent
+                if ended > opens_at + S // 20 and began < opens_at + talker.listening.pause_ns
+            ]
+            # 20 ms at its beginning belong to the rounding of the announcement.
+            assert all(
+                began >= opens_at + talker.listening.pause_ns - S // 20 for began, _ in quiet
+            )
+
+
+def test_short_frame_is_aimed_into_the_pause_of_the_other() -> None:
+    talker = Talker()
+    way_ns = S
+    listener = Listening(LINK)
+    for _ in range(60):
+        started_at = talker.send()
+        _, ended_at, said = talker.sent[-1]
+        heard_at = ended_at + way_ns
+        listener.heard_frame(1, heard_at)
+        if said:
+            listener.heard_pause(1, Turn.decode(said[1:]).span_ns, started_at, way_ns, heard_at)
+    checked = 0
+    for _, ended_at, _ in talker.sent[8:50]:
+        now = ended_at + way_ns + 7
+        fresh = Listening(LINK)
+        for started_at, sent_until, said in talker.sent:
+            if sent_until + way_ns > now:
+                break
+            fresh.heard_frame(1, sent_until + way_ns)
+            if said:
+                span_ns = Turn.decode(said[1:]).span_ns
+                fresh.heard_pause(1, span_ns, started_at, way_ns, sent_until + way_ns)
+        start_at = fresh.invited_at(now)
+        assert start_at is not None
+        assert now <= start_at <= now + 4.5 * S
+        comfort_ns = fresh.comfort_ns(start_at)
+        assert comfort_ns is not None
+        assert comfort_ns >= LINK.airtime_ns(8)
+        arrives_at, leaves_at = start_at + way_ns, start_at + way_ns + comfort_ns
+        assert all(ended <= arrives_at or began >= leaves_at for began, ended, _ in talker.sent), (
+            now,
+            start_at,
+        )
+        checked += 1
+    assert checked > 30
+
+
+def test_nobody_waits_for_a_node_that_has_fallen_silent() -> None:
+    listener = Listening(LINK)
+    listener.heard_pause(1, 2 * S, 0, S // 10, S)
+    assert listener.invited_at(S) is not None
+    assert listener.invited_at(20 * S) is None
+    assert listener.comfort_ns(20 * S) is None
+
+
+def test_who_is_heard_in_the_pause_is_heard_out() -> None:
+    talker = Talker()
+    for _ in range(4):
+        talker.send()
+    _, ended_at, _ = talker.sent[-1]
+    talker.listening.handle_carrier(True, ended_at + S // 4)
+    after = ended_at + talker.listening.pause_ns
+    heard_out_at = ended_at + S // 4 + LARGEST_NS
+    assert talker.listening.pauses_until(0, after, is_urgent=False) == heard_out_at
+    talker.listening.handle_carrier(False, after + 5)
+    assert talker.listening.pauses_until(0, after + 5, is_urgent=False) == 0

@@ -1,0 +1,148 @@
+"""What the modem measured, on the island: keys, dates, schedule, errors."""
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+
+from tests.gateway.islands import (
+    SECTION,
+    Heard,
+    Island,
+    Water,
+    config_of,
+    free_port,
+    get,
+    hear,
+    run,
+    zenoh_config,
+)
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
+from zacoustic.core.measurements import Measurements
+from zacoustic.errors import RangeUnavailableError
+from zacoustic.gateway import Gateway
+from zacoustic.gateway.notices import RangingFailed
+from zacoustic.gateway.soundings import Soundings
+from zacoustic_sim.link import SimConfig, SimLink
+
+ASKS = SimConfig(acknowledges=True)
+RANGES = SECTION | {"ranging": [{"by": 1, "to": 2, "every_s": 1}]}
+
+
+@asynccontextmanager
+async def island_on(
+    link: SimLink, address: int, section: dict[str, Any] | None = None
+) -> AsyncIterator[Island]:
+    found = Island(free_port())
+    config = config_of(address, zenoh_config("router", listen=found.port), section)
+    async with Gateway(config, link=link, notify=found.notify):
+        yield found
+
+
+async def document(heard: Heard, key: str) -> dict[str, Any]:
+    """Wait for a document."""
+    while True:
+        sample = await heard.next()
+        if str(sample.key_expr) == key:
+            found: dict[str, Any] = json.loads(sample.payload.to_bytes())
+            return found
+
+
+def test_scheduled_range_is_put_and_answered_under_its_key() -> None:
+    async def main() -> None:
+        water = Water()
+        async with (
+            island_on(water.medium.link(1, ASKS), 1, RANGES) as shore,
+            island_on(water.medium.link(2, ASKS), 2, RANGES),
+        ):
+            with shore.client() as client:
+                heard = await hear(client, "@acoustic/1/**")
+                found = await document(heard, "@acoustic/1/peer/2/range")
+                assert found["range_m"] == 1.0
+                assert found["propagation_s"] == pytest.approx(1 / 1500)
+                assert found["measured_at_unix_s"] > 1.6e9
+                key = "@acoustic/1/peer/2/range"
+                replies = await get(client, "@acoustic/1/peer/*/range")
+                assert set(replies.good) == {key}
+                peers = json.loads((await get(client, "@acoustic/1/peers")).payload(
+                    "@acoustic/1/peers"))  # fmt: skip
+                assert peers["2"]["metrics"]["range_m"] == 1.0
+
+    run(main())
+
+
+def test_fixes_and_readings_are_put_as_they_come_and_metrics_come_from_all_of_them() -> None:
+    async def main() -> None:
+        water = Water()
+        link = water.medium.link(1)
+        async with island_on(link, 1) as shore:
+            with shore.client() as client:
+                heard = await hear(client, "@acoustic/1/**")
+                receiver = link._receiver
+                assert receiver is not None
+                fix = LinkMetrics(east_m=30.0, north_m=40.0, up_m=-5.0, accuracy_m=0.4)
+                bearing = LinkMetrics(bearing_rad=0.64, elevation_rad=-0.1, integrity=140.0)
+                now = water.medium.clock()
+                for metrics in (fix, bearing):
+                    receiver.measured(PeerMeasured(address=2, measured_at=now, metrics=metrics))
+                receiver.measured(ModemRead(read_at=now, firmware="1.9", battery_v=24.1))
+                position = await document(heard, "@acoustic/1/peer/2/position")
+                del position["measured_at_unix_s"]
+                assert position == {"east_m": 30.0, "north_m": 40.0, "up_m": -5.0,
+                                    "accuracy_m": 0.4}  # fmt: skip
+                found = (await get(client, "@acoustic/1/**")).good
+                told = {
+                    key.removeprefix("@acoustic/1/"): json.loads(sample.payload.to_bytes())
+                    for key, sample in found.items()
+                }
+                assert told["peer/2/direction"]["bearing_rad"] == 0.64
+                assert "peer/2/range" not in told
+                assert (told["modem"]["firmware"], told["modem"]["battery_v"]) == ("1.9", 24.1)
+                metrics_of_2 = told["peers"]["2"]["metrics"]
+                assert (metrics_of_2["east_m"], metrics_of_2["integrity"]) == (30.0, 140.0)
+
+    run(main())
+
+
+def test_gateway_whose_link_measures_no_ranges_does_not_start_with_a_schedule() -> None:
+    async def main() -> None:
+        water = Water()
+        config = config_of(1, zenoh_config("router", listen=free_port()), RANGES)
+        with pytest.raises(RangeUnavailableError, match="this link measures no ranges"):
+            await Gateway(config, link=water.medium.link(1)).start()
+        config = config_of(2, zenoh_config("router", listen=free_port()), RANGES)
+        async with Gateway(config, link=water.medium.link(2)):
+            pass  # the schedule is not its own
+
+    run(main())
+
+
+def test_notice_about_a_range_is_one_line() -> None:
+    notice = RangingFailed(address=2, text="this link measures no ranges")
+    assert notice.lines() == ["ranging   node 2: this link measures no ranges"]
+
+
+def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> None:
+    now, unix_s = 100 * NS_PER_S, 1000.0
+    known = Measurements()
+    soundings = Soundings(known, clock=lambda: now, unix_s=lambda: unix_s)
+    assert soundings.documents() == {}
+    delay = LinkMetrics(propagation_s=0.5)
+    known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))
+    before = soundings.documents()
+    assert before == {
+        "peer/2/range": {
+            "propagation_s": 0.5,
+            "range_m": None,
+            "integrity": None,
+            "measured_at_unix_s": 997.0,
+        }
+    }
+    now, unix_s = 200 * NS_PER_S, 1100.4
+    assert soundings.documents() == before
+    known.handle(PeerMeasured(address=2, measured_at=now, metrics=delay))
+    after: Any = soundings.documents()["peer/2/range"]
+    assert after["measured_at_unix_s"] == 1100.4

@@ -1,0 +1,38 @@
+"""Getting to know each other costs no sample: a confirmation is not said into what is coming."""
+
+from functools import partial
+
+import pytest
+
+from tests.virtual.fleet import line
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.testing.virtual import VirtualNetwork
+
+NODES = {1: "shore", 2: "auv1"}
+REPORTS = 8
+
+
+def fleet() -> StreamTable:
+    return StreamTable(
+        [
+            TopicSpec(stream_id=1, name="report", publishers=(2,)),
+            TopicSpec(stream_id=2, name="command", publishers=(1,), subscribers=(2,)),
+        ],
+        nodes=NODES,
+    )
+
+
+@pytest.mark.parametrize("tenths", range(25, 85))
+def test_nothing_is_lost_between_who_reports_and_who_answers_reports(tenths: int) -> None:
+    # 1000 m: a report of 20 bytes is heard 1.04 s after its beginning, whenever the next one comes.
+    period_s = tenths / 10
+    water = VirtualNetwork(line(0, 1000, channel="none"), fleet())
+    for number in range(REPORTS):
+        report = b"report %02d, 20 bytes." % number
+        water.at(number * period_s, partial(water.publish, 2, 1, report))
+    # The first command is too early to confirm what the first report has introduced.
+    for number in range(1, REPORTS, 2):
+        water.at(number * period_s + 1.2, partial(water.publish, 1, 2, b"go"))
+    water.run(until_s=60 + REPORTS * period_s)
+    assert len(water.samples(1, 1)) == REPORTS
+    assert len(water.samples(2, 2)) == REPORTS // 2

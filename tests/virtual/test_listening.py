@@ -1,0 +1,113 @@
+"""Listen windows on the water: an emergency reaches a node that talks without end, or leaves it."""
+
+import random
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+
+from zacoustic.channel.profiles import profile_named
+from zacoustic.channel.scenario import DEFAULT_PROFILE, scenario_from_mapping
+from zacoustic.core.access import AccessSpec, AlohaSpec, CarrierSenseSpec
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.trace import TraceRecord
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+TALK, EMERGENCY = 1, 2
+FRAME_S = profile_named(DEFAULT_PROFILE).airtime_s(64)
+
+
+class Sea:
+    """Node 1 has a thousand messages to send; node 2 is so many metres away."""
+
+    def __init__(self, distance_m: float, seed: int, access: AccessSpec | None = None) -> None:
+        scenario = scenario_from_mapping(
+            {
+                "nodes": [
+                    {"address": 1, "position": [0, 0, 10]},
+                    {"address": 2, "position": [distance_m, 0, 10]},
+                ],
+                "seed": seed,
+                "channel": "none",
+            },
+            source="test",
+        )
+        table = StreamTable(
+            [
+                TopicSpec(stream_id=TALK, name="talk", qos=Qos(depth=1000)),
+                TopicSpec(
+                    stream_id=EMERGENCY,
+                    name="{node}/emergency",
+                    qos=Qos(priority=Priority.REAL_TIME, depth=4),
+                ),
+            ],
+            nodes={1: "a", 2: "b"},
+        )
+        self.sent: list[tuple[float, TraceRecord]] = []
+        self.water = VirtualNetwork(
+            scenario,
+            table,
+            modem=Modem(senses_carrier=isinstance(access, CarrierSenseSpec)),
+            build=partial(Engine, access=access),
+            trace=self._trace,
+        )
+        for at_s, node in ((0, 1), (10, 2), (20, 1), (30, 2)):  # they know each other
+            self.water.at(at_s, partial(self.water.publish, node, TALK, b""))
+        self.water.at(60, self._talk)
+        self.water.run(until_s=60)
+
+    def _talk(self) -> None:
+        rng = random.Random(self.water.scenario.seed)
+        for _ in range(1000):
+            self.water.publish(1, TALK, rng.randbytes(rng.randint(8, 40)))
+
+    def _trace(self, record: TraceRecord) -> None:
+        if record.what == "transmit":
+            self.sent.append((record.at / NS_PER_S, record))
+
+
+@pytest.mark.parametrize("distance_m", [100.0, 1000.0, 1500.0])
+@pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])
+def test_emergency_reaches_a_node_that_talks(
+    distance_m: float, access: AccessSpec, count: Callable[[int], int]
+) -> None:
+    for seed in range(count(1000)):
+        sea = Sea(distance_m, seed, access)
+        at_s = 75 + random.Random(seed).uniform(0, 60)
+        sea.water.at(at_s, partial(sea.water.publish, 2, EMERGENCY, bytes(8)))
+        sea.water.run(until_s=at_s + 10)
+        heard = [event.received_at / NS_PER_S for event in sea.water.samples(1, EMERGENCY)]
+        assert heard, seed
+        # The next window, the way, a short frame.
+        assert heard[0] - at_s <= 4.6 + distance_m / 1500 + 0.4, seed
+
+
+@pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])
+def test_own_emergency_is_on_the_air_after_one_frame(
+    access: AccessSpec, count: Callable[[int], int]
+) -> None:
+    for seed in range(count(2000)):
+        sea = Sea(1500.0, seed, access)
+        at_s = 65 + random.Random(seed).uniform(0, 60)
+        sea.water.at(at_s, partial(sea.water.publish, 1, EMERGENCY, bytes(12)))
+        sea.water.run(until_s=at_s + 5)
+        on_air = min(at for at, each in sea.sent if EMERGENCY in each.streams)
+        assert on_air - at_s <= FRAME_S + 0.1, seed
+
+
+def test_no_node_transmits_for_more_than_four_seconds(count: Callable[[int], int]) -> None:
+    profile = profile_named(DEFAULT_PROFILE)
+    for seed in range(count(300)):
+        sea = Sea(1000.0, seed)
+        sea.water.run(until_s=400)
+        own = [(at, at + profile.airtime_s(each.size_bytes)) for at, each in sea.sent
+               if each.node == 1]  # fmt: skip
+        begun, last = own[0]
+        for started, ended in own[1:]:
+            begun = started if started - last >= 0.45 else begun
+            last = ended
+            assert ended - begun <= 4.0 + 1e-6, (seed, started)
+        assert sum(ended - started for started, ended in own) > 0.6 * (own[-1][1] - 60.0)

@@ -1,0 +1,77 @@
+"""Polling over the simulated water: nobody collides, everything arrives, quiet when idle."""
+
+import random
+from collections.abc import Callable
+from functools import partial
+
+from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.access import PollingSpec
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+NODES = range(1, 5)
+
+
+def network(seed: int, *, loss: float = 0.0, modem: Modem | None = None) -> VirtualNetwork:
+    rng = random.Random(seed)
+    scenario = scenario_from_mapping(
+        {
+            "nodes": [
+                {"address": node, "position": [rng.uniform(0, 1500), rng.uniform(0, 900), 10]}
+                for node in NODES
+            ],
+            "seed": seed,
+            "channel": "none",
+            "collisions": "protocol",
+            "loss": {"frame": loss},
+        },
+        source="test",
+    )
+    table = StreamTable(
+        [TopicSpec(stream_id=1, name="{node}/t", qos=Qos(depth=200))],
+        nodes={node: f"n{node}" for node in NODES},
+    )
+    spec = PollingSpec(poller=1, nodes=(2, 3, 4), idle_s=20.0)
+    return VirtualNetwork(
+        scenario, table, modem=modem, build=partial(Engine, access=spec), digest=False
+    )
+
+
+def test_nothing_collides_and_everything_arrives(count: Callable[[int], int]) -> None:
+    for seed in range(count(500)):
+        water = network(seed, modem=Modem(addressed=seed % 2 == 0, checked=seed % 3 == 0))
+        rng = random.Random(seed)
+        for node in NODES:
+            for _ in range(20):
+                at_s = rng.uniform(60, 900)
+                water.at(at_s, partial(water.publish, node, 1, bytes(rng.randrange(50))))
+        for node in NODES:  # an introduction first: nothing of the rest is lost to it
+            water.at(node, partial(water.publish, node, 1, b""))
+        water.run(until_s=1500)
+        assert sum(water.losses.values()) == 0, seed
+        for node in NODES:
+            arrived = [event for event in water.samples(node) if event.received_at > 100 * NS_PER_S]
+            assert len(arrived) > 3 * 17, (seed, node)
+            assert water.engine(node).pending(1) == 0
+
+
+def test_lost_turns_cost_time_only(count: Callable[[int], int]) -> None:
+    for seed in range(count(300)):
+        water = network(seed, loss=0.3)
+        for node in NODES:
+            for step in range(10):
+                water.at(60 + 30 * step, partial(water.publish, node, 1, b"x"))
+        water.run(until_s=3000)
+        assert set(water.losses) <= {"noise"}, (seed, water.losses)  # what the scenario loses
+        for node in NODES:
+            assert water.engine(node).pending(1) == 0
+
+
+def test_empty_rounds_rest() -> None:
+    water = network(1)
+    water.run(until_s=3600)
+    sent = sum(stats.frames_transmitted for stats in water.stats())
+    assert sent < 2 * 3 * 3600 / 20

@@ -1,0 +1,161 @@
+"""Ranges between real engines on the simulated channel, with loss, traffic and motion."""
+
+from typing import Any
+
+import pytest
+
+from tests.virtual.fleet import line
+from zacoustic.channel.position import Waypoint
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.linktypes import PeerMeasured
+from zacoustic.core.qos import Qos
+from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.trace import TraceRecord
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+MODEM = Modem(acknowledges=True)
+
+
+def table() -> StreamTable:
+    return StreamTable(
+        [
+            TopicSpec(stream_id=1, name="all", qos=Qos(depth=64)),
+            TopicSpec(stream_id=2, name="to2", subscribers=(2,), qos=Qos(depth=64)),
+        ],
+        nodes={1: "shore", 2: "auv1", 3: "auv2"},
+    )
+
+
+def network(scenario: Scenario, **settings: Any) -> VirtualNetwork:
+    return VirtualNetwork(scenario, table(), modem=MODEM, **settings)
+
+
+def ask(water: VirtualNetwork, source: int, peer: int, *, timeout_s: float = 60.0) -> int:
+    return water.apply(
+        source, lambda engine, now: engine.ranging.request(peer, now, timeout_s=timeout_s)
+    )
+
+
+def repeat(water: VirtualNetwork, source: int, peer: int, every_s: float) -> None:
+    water.apply(source, lambda engine, now: engine.ranging.repeat(peer, every_s, now))
+
+
+def got(water: VirtualNetwork, kind: type[Any]) -> list[Any]:
+    return [event for _, event in water.events if isinstance(event, kind)]
+
+
+def test_range_is_what_the_geometry_says_and_everybody_falls_silent_after_it() -> None:
+    water = network(line(0, 1500, 400, channel="none"))
+    ids = {peer: ask(water, 1, peer) for peer in (2, 3)}
+    water.run()
+    found = {each.range_id: each.range for each in got(water, RangeMeasured)}
+    assert found[ids[2]].range_m == pytest.approx(1500)
+    assert found[ids[2]].propagation_s == pytest.approx(1.0)
+    assert found[ids[3]].range_m == pytest.approx(400)
+    assert water.is_quiet
+    assert all(water.engine(address).is_idle for address in water.addresses)
+
+
+def test_absent_peer_times_out_in_time_and_the_queue_goes_on() -> None:
+    water = network(line(0, 300, channel="none"))  # node 3 is in the table, not in the water
+    ask(water, 1, 3, timeout_s=40)
+    for second in range(60):
+        water.at(second, lambda: water.publish(1, 1, b"x"))
+    water.run(until_s=41)
+    (failed,) = got(water, RangeFailed)
+    assert failed.text == "no range within 40 s: not delivered"
+    water.run()
+    assert water.engine(1).pending(1) == 0
+    assert len(water.samples(2)) >= 55  # the introductions of the two collide now and then
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_every_request_ends_once_and_in_time_whatever_is_lost(seed: int) -> None:
+    scenario = line(0, 700, 1400, channel="none", seed=seed, loss={"frame": 0.4})
+    water = network(scenario)
+    asked: dict[tuple[int, int], float] = {}
+
+    def request(source: int, peer: int) -> None:
+        asked[source, ask(water, source, peer)] = water.now / NS_PER_S
+
+    for step in range(20):
+        source = 1 + step % 3
+        water.at(step * 7.0, lambda source=source: request(source, 1 + source % 3))  # type: ignore[misc]
+        water.at(step * 5.0, lambda source=source: water.publish(source, 1, b"x"))  # type: ignore[misc]
+    water.run(until_s=400)
+    ends = [
+        (address, event.range_id)
+        for address, event in water.events
+        if isinstance(event, RangeMeasured | RangeFailed)
+    ]
+    assert sorted(ends) == sorted(asked)
+    for address, event in water.events:
+        if isinstance(event, RangeMeasured):
+            began_s = asked[address, event.range_id]
+            assert event.range.measured_at / NS_PER_S >= began_s
+            assert event.range.range_m == pytest.approx(
+                700 if {address, event.range.address} != {1, 3} else 1400
+            )
+    assert len(got(water, RangeMeasured)) >= 10
+    assert all(water.engine(address).ranging.next_deadline_at() is None for address in (1, 2, 3))
+
+
+def test_schedule_follows_a_vehicle_and_costs_one_small_frame_a_period() -> None:
+    track = (Waypoint(t=0, position=(300.0, 0, 10)), Waypoint(t=600, position=(900.0, 0, 10)))
+    scenario = Scenario(
+        nodes=(NodeSpec(address=1, position=(0.0, 0.0, 10.0)), NodeSpec(address=2, track=track)),
+        channel="none",
+    )
+    frames: list[TraceRecord] = []
+    water = network(scenario, trace=frames.append)
+    repeat(water, 1, 2, 30)
+    water.run(until_s=600)
+    measured = got(water, PeerMeasured)
+    assert 18 <= len(measured) <= 20
+    for each in measured:
+        at_s = each.measured_at / NS_PER_S
+        assert each.metrics.range_m == pytest.approx(300 + at_s, abs=2)
+    sent = [each for each in frames if each.what == "transmit" and each.node == 1]
+    assert {each.size_bytes for each in sent} == {1}
+    assert not [each for each in frames if each.what == "transmit" and each.node == 2]
+
+
+def test_frames_for_the_peer_bring_its_range_without_any_other_frame() -> None:
+    water = network(line(0, 300, channel="none"))
+    frames: list[TraceRecord] = []
+    for second in range(10):
+        water.at(second * 20, lambda: water.publish(1, 2, b"payload"))
+    water.run(until_s=200)
+    water = network(line(0, 300, channel="none"), trace=frames.append)
+    for second in range(10):
+        water.at(second * 20, lambda: water.publish(1, 2, b"payload"))
+        water.at(second * 20 + 0.001, lambda: ask(water, 1, 2))
+    water.run(until_s=230)
+    assert len(got(water, RangeMeasured)) == 10
+    sent = [each for each in frames if each.what == "transmit" and each.node == 1]
+    assert len([each for each in sent if each.frame == "00"]) <= 10
+
+
+def test_two_runs_are_the_same_byte_for_byte() -> None:
+    digests = set()
+    for _ in range(2):
+        water = network(line(0, 500, 900, seed=4, loss={"frame": 0.3}))
+        for address in (1, 2, 3):
+            repeat(water, address, 1 + address % 3, 9)
+        water.run(until_s=300)
+        digests.add(water.digest)
+        assert got(water, PeerMeasured)
+    assert len(digests) == 1
+
+
+def test_restarted_node_measures_again_and_nothing_of_its_former_life_remains() -> None:
+    water = network(line(0, 500, channel="none"))
+    ask(water, 1, 2)
+    water.at(0.1, lambda: water.restart(1))
+    water.run(until_s=30)
+    assert got(water, RangeMeasured) == []
+    ask(water, 1, 2)
+    water.run(until_s=90)
+    assert len(got(water, RangeMeasured)) == 1

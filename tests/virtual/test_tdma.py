@@ -1,0 +1,192 @@
+"""TDMA: nothing collides, whatever the geometry inside the guard and whatever the clocks do."""
+
+import math
+import random
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import pytest
+
+from tests.virtual.survey import survey
+from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.access import TdmaSpec
+from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.trace import TraceRecord
+from zacoustic.testing.virtual import VirtualNetwork
+
+FRAME_S = 0.951
+
+
+class Fleet:
+    """Nodes at random places that talk at random, on a schedule.
+
+    Args:
+        seed: Everything follows from it.
+        wrong: How many times the stated error the clocks are really off.
+        clocks: What is wrong with clocks besides, by node.
+        settings: Replace those of the schedule.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        wrong: float = 1.0,
+        clocks: dict[int, dict[str, Any]] | None = None,
+        **settings: Any,
+    ) -> None:
+        self.rng = rng = random.Random(seed)
+        count = rng.randint(2, 6)
+        range_m = rng.choice((200.0, 800.0, 1500.0, 3000.0))
+        error_s = rng.choice((0.0, 0.002, 0.02, 0.1))
+        self.addresses = range(1, count + 1)
+        slots = [rng.choice(self.addresses) for _ in range(rng.randint(0, count))]
+        slots += self.addresses
+        rng.shuffle(slots)
+        guard_s = range_m / SLOWEST_SOUND_M_S + 2 * error_s
+        defaults: dict[str, Any] = {
+            "slots": tuple(slots),
+            "slot_s": rng.randint(1, 3) * FRAME_S + guard_s + 0.01,
+            "clock_error_s": error_s,
+            "max_range_m": range_m,
+        }
+        self.spec = TdmaSpec(**(defaults | settings))
+        stated = {
+            node: {
+                "node": node,
+                "error_s": error_s,
+                "offset_s": wrong * error_s * rng.uniform(-1, 1),
+                **(clocks or {}).get(node, {}),
+            }
+            for node in self.addresses
+        }
+        scenario = scenario_from_mapping(
+            {
+                "nodes": [
+                    {"address": node, "position": _place(rng, range_m)} for node in self.addresses
+                ],
+                "seed": seed,
+                "channel": "none",
+                "collisions": "protocol",
+                "sound_speed_m_s": rng.uniform(1410, 1550),
+                "faults": {"clocks": list(stated.values())},
+            },
+            source="test",
+        )
+        topics = [
+            TopicSpec(stream_id=number, name=f"t{number}", qos=Qos(depth=20))
+            for number in range(1, 4)
+        ]
+        self.sent: list[tuple[float, int]] = []
+        self.network = VirtualNetwork(
+            scenario,
+            StreamTable(topics, nodes={node: f"n{node}" for node in self.addresses}),
+            build=partial(Engine, access=self.spec),
+            digest=False,
+            trace=self._trace,
+        )
+
+    def talk(self, minutes: float) -> None:
+        """Let everybody talk for so long."""
+        for node in self.addresses:
+            self.network.at(self.rng.uniform(0, 10), partial(self._say, node))
+        self.network.run(until_s=minutes * 60)
+
+    @property
+    def collided(self) -> int:
+        """Frames that did not arrive somewhere."""
+        return sum(self.network.losses.values())
+
+    def _say(self, node: int) -> None:
+        payload = self.rng.randbytes(self.rng.randint(0, 50))
+        self.network.publish(node, self.rng.randint(1, 3), payload)
+        now_s = self.network.now / NS_PER_S
+        self.network.at(now_s + self.rng.expovariate(0.3), partial(self._say, node))
+
+    def _trace(self, record: TraceRecord) -> None:
+        if record.what == "transmit":
+            self.sent.append((record.at / NS_PER_S, record.node))
+
+
+def _place(rng: random.Random, range_m: float) -> list[float]:
+    """A place in a ball of that diameter."""
+    while True:
+        place = [rng.uniform(-0.5, 0.5) * range_m for _ in range(3)]
+        if math.dist(place, (0, 0, 0)) <= range_m / 2:
+            return [place[0], place[1], place[2] + range_m / 2]
+
+
+def test_nothing_collides_for_any_geometry_inside_the_guard(count: Callable[[int], int]) -> None:
+    for seed in range(count(2000)):
+        fleet = Fleet(seed)
+        fleet.talk(10)
+        assert len(fleet.sent) > 20, seed
+        assert fleet.collided == 0, seed
+
+
+def test_clocks_that_are_worse_than_stated_do_collide() -> None:
+    """The test above can see collisions."""
+    collided = 0
+    for seed in range(12):
+        fleet = Fleet(seed, wrong=15.0)
+        fleet.talk(10)
+        collided += fleet.collided
+    assert collided > 0
+
+
+@pytest.mark.parametrize("drift_ppm", [40.0, -3000.0])
+def test_drifting_clock_that_knows_its_error_mutes_in_time(
+    drift_ppm: float, count: Callable[[int], int]
+) -> None:
+    for seed in range(count(500)):
+        # Each host begins right and is told of nothing: what it believes is off grows truly.
+        clocks = {2: {"drift_ppm": drift_ppm, "error_s": 0.0, "offset_s": 0.0}}
+        fleet = Fleet(seed, clocks=clocks, drift_ppm=abs(drift_ppm))
+        fleet.talk(60)
+        assert fleet.collided == 0, seed
+        if fleet.spec.clock_error_s == 0.0:
+            assert [at_s for at_s, node in fleet.sent if node == 2 and at_s > 60.0] == []
+        assert len([node for _, node in fleet.sent if node != 2]) > 100
+
+
+def test_jump_mutes_a_node_until_its_clock_has_settled(count: Callable[[int], int]) -> None:
+    for seed in range(count(500)):
+        years_s = 3.0e8
+        jumps = [{"at_s": 300.0, "by_s": years_s}, {"at_s": 305.0, "by_s": -years_s}]
+        fleet = Fleet(seed, clocks={1: {"jumps": jumps}})
+        fleet.talk(20)
+        assert fleet.collided == 0, seed
+        own = [at_s for at_s, node in fleet.sent if node == 1]
+        assert [at_s for at_s in own if 300.0 < at_s < 314.9] == []
+        assert [at_s for at_s in own if at_s > 330.0]
+
+
+def test_one_node_tells_the_others_the_time(count: Callable[[int], int]) -> None:
+    for seed in range(count(500)):
+        # Everybody's own clock is wrong by minutes, and nobody but node 1 is asked for it.
+        rng = random.Random(seed)
+        clocks: dict[int, dict[str, Any]] = {
+            node: {"offset_s": rng.uniform(-500, 500), "drift_ppm": rng.uniform(-20, 20)}
+            for node in range(1, 7)
+        }
+        fleet = Fleet(
+            seed, clocks=clocks, clock=1, clock_error_s=0.02, beacon_s=120.0, slot_s=5.0,
+        )  # fmt: skip
+        fleet.talk(30)
+        assert fleet.collided == 0, seed
+        assert {node for at_s, node in fleet.sent} == set(fleet.addresses), seed
+        first_s = min(at_s for at_s, node in fleet.sent if node == 1)
+        assert min(at_s for at_s, node in fleet.sent if node != 1) > first_s
+
+
+def test_five_nodes_publish_for_a_day_and_nothing_is_lost(count: Callable[[int], int]) -> None:
+    hours = count(2400) / 100  # a day in full size
+    result = survey(hours)
+    assert result.losses == {}
+    assert result.delivered >= 0.99 * result.published
+    assert result.longest_s < 20.0

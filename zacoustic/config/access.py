@@ -1,0 +1,69 @@
+"""The table `access` of a link: which medium access it has, checked as far as the file can tell.
+
+What depends on the link itself (can it sense a carrier, how long does its largest frame take) is
+checked when it opens, by `zacoustic.core.access.choose`.
+"""
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from zacoustic.config.complaints import Place, shown
+from zacoustic.core.access.spec import (
+    METHODS,
+    AccessSpec,
+    AlohaSpec,
+    CarrierSenseSpec,
+    DelegatedSpec,
+    PollingSpec,
+    TdmaSpec,
+)
+
+_METHODS_SHOWN = ", ".join(f'"{method}"' for method in METHODS)
+
+
+def read_access(
+    place: Place, written: Mapping[str, Any] | None, nodes: Mapping[int, str]
+) -> AccessSpec | None:
+    """Read the table at `place`.
+
+    Args:
+        place: Where it stands.
+        written: What is written there; None: nothing.
+        nodes: Name of each node by address; empty when the fleet is not listed.
+
+    Raises:
+        ConfigError: It is wrong, or cannot work.
+    """
+    if written is None:
+        return None
+    method = written.get("method")
+    if method is None:
+        place.at("method").complain("is missing", allowed=_METHODS_SHOWN)
+    if not isinstance(method, str) or method not in METHODS:
+        close = get_close_matches(str(method), METHODS, 1)
+        hint = f'did you mean "{close[0]}"?' if close else ""
+        place.at("method").complain(shown(method), allowed=_METHODS_SHOWN, hint=hint)
+    spec = place.convert(METHODS[method])
+    match spec:
+        case TdmaSpec():
+            _check_nodes(place.at("slots"), spec.slots, nodes)
+            if spec.clock is not None:
+                _check_node(place.at("clock"), spec.clock, nodes)
+        case PollingSpec():
+            _check_node(place.at("poller"), spec.poller, nodes)
+            _check_nodes(place.at("nodes"), spec.nodes, nodes)
+        case AlohaSpec() | CarrierSenseSpec() | DelegatedSpec():
+            pass
+    return spec
+
+
+def _check_nodes(place: Place, addresses: tuple[int, ...], nodes: Mapping[int, str]) -> None:
+    for index, address in enumerate(addresses):
+        _check_node(place.at(index), address, nodes)
+
+
+def _check_node(place: Place, address: int, nodes: Mapping[int, str]) -> None:
+    if nodes and address not in nodes:
+        known = ", ".join(f"{known} ({name})" for known, name in nodes.items())
+        place.complain(f"{address} is no node", allowed=known, hint="add it to nodes")

@@ -1,0 +1,47 @@
+"""The list `ranging`: which ranges are measured again and again, and by whom."""
+
+import math
+
+from zacoustic.config.complaints import Place
+from zacoustic.config.sections import ALLOWED, RangingEntry
+from zacoustic.config.streams import Fleet, check_address
+from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
+
+
+def check_ranging(
+    place: Place, entries: tuple[RangingEntry, ...], own: int, fleet: Fleet
+) -> tuple[RangingEntry, ...]:
+    """Check the list at `place`.
+
+    Args:
+        place: Where the list is written.
+        entries: What is written.
+        own: Address of this node, which measures where no other is named.
+        fleet: The nodes.
+
+    Raises:
+        ConfigError: The first entry that is wrong.
+    """
+    seen: set[tuple[int, int]] = set()
+    for index, entry in enumerate(entries):
+        here = place.at(index)
+        check_address(here.at("to"), entry.to, fleet)
+        if entry.by is not None:
+            check_address(here.at("by"), entry.by, fleet)
+        by = own if entry.by is None else entry.by
+        if entry.to == by:
+            here.at("to").complain(
+                f"{entry.to} is the node that measures",
+                allowed="another node",
+                hint="say by whom, so that one file serves a fleet: by: ADDRESS"
+                if entry.by is None
+                else "",
+            )
+        if not (
+            math.isfinite(entry.every_s) and LEAST_PERIOD_S <= entry.every_s <= LONGEST_PERIOD_S
+        ):
+            here.at("every_s").complain(allowed=ALLOWED["every_s"])
+        if (by, entry.to) in seen:
+            here.at("to").complain(f"{entry.to} a second time", allowed="each node once")
+        seen.add((by, entry.to))
+    return entries

@@ -1,0 +1,36 @@
+"""Back-off: a random wait whose window doubles with each failure and is small again after success.
+
+Nodes that failed together would fail together again; each draws its own wait. The window is
+bounded, so that a node that failed often still tries.
+"""
+
+import random
+from typing import Final
+
+_LARGEST_WINDOW_SLOTS: Final = 32
+
+
+class BackOff:
+    """The window, and draws from it.
+
+    Args:
+        slot_ns: Length of the smallest window, ns.
+        rng: Draws.
+    """
+
+    def __init__(self, slot_ns: int, rng: random.Random) -> None:
+        self._slot_ns = slot_ns
+        self._rng = rng
+        self._window_slots = 1
+
+    def draw(self) -> int:
+        """Return a wait, ns: uniform in the window."""
+        return self._rng.randrange(self._window_slots * self._slot_ns + 1)
+
+    def grow(self) -> None:
+        """Double the window."""
+        self._window_slots = min(2 * self._window_slots, _LARGEST_WINDOW_SLOTS)
+
+    def reset(self) -> None:
+        """Return to the smallest window."""
+        self._window_slots = 1

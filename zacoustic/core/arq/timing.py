@@ -1,0 +1,94 @@
+"""When it is time to repeat: from airtimes and measured round trips, never from constants.
+
+The first guess is what the link says: the sound to the other end and back, the time it lingers
+there, the ACK's own frame, and one short frame of doubt. Then it is measured, as RFC 6298 does,
+from samples that were sent once. Repetitions to a node of which nothing is heard come less and
+less often: it may be out of range for half an hour. The first frame heard of it ends that.
+"""
+
+import random
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import LinkCapabilities
+
+_ACK_BYTES: Final = 5
+_SHORT_BYTES: Final = 8
+_BATCH_FRAMES: Final = 4
+_FACTORS: Final = (1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+"""Round trips between two repetitions, by how many in a row have been without any sign of the
+node."""
+
+
+class LinkTimes:
+    """What a link's airtimes mean for acknowledgements; all in ns.
+
+    Args:
+        capabilities: The link's.
+    """
+
+    def __init__(self, capabilities: LinkCapabilities) -> None:
+        short_ns = capabilities.airtime_ns(_SHORT_BYTES)
+        gap_ns = seconds_to_ns(capabilities.gap_s)
+        self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
+        """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
+        """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
+        self.doubt_ns = short_ns
+        self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
+        """What is repeated at most before an answer is awaited."""
+        self.first_round_trip_ns: int = (
+            2 * seconds_to_ns(capabilities.propagation_s)
+            + self.ack_linger_ns
+            + self.ack_slot_ns
+            + short_ns
+        )
+        """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+
+class PeerTiming:
+    """How long one node takes to answer."""
+
+    def __init__(self) -> None:
+        self.quiet_until = 0
+        """An answer is awaited until then, and nothing is repeated to it, ns."""
+        self._counts_at = 0
+        self._smooth_ns: int | None = None
+        self._deviation_ns = 0
+        self._unanswered = 0
+
+    def measured(self, round_trip_ns: int) -> None:
+        """Take a round trip, from the end of a frame to the ACK for it."""
+        if self._smooth_ns is None:
+            self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // 2
+            return
+        error = abs(self._smooth_ns - round_trip_ns)
+        self._deviation_ns += (error - self._deviation_ns) // 4
+        self._smooth_ns += (round_trip_ns - self._smooth_ns) // 8
+
+    def unanswered(self, now: int, times: LinkTimes) -> None:
+        """A repetition has become due; what becomes due together counts once."""
+        if now >= self._counts_at:
+            self._counts_at = now + times.first_round_trip_ns
+            self._unanswered = min(self._unanswered + 1, len(_FACTORS) - 1)
+
+    def heard(self) -> bool:
+        """Anything was heard of the node; True when repetitions had become rare."""
+        was_rare = _FACTORS[self._unanswered] > 1
+        self._unanswered = 0
+        return was_rare
+
+    def pause_ns(self, times: LinkTimes, rank: int, rng: random.Random) -> int:
+        """Return how long to wait for an answer before the next repetition, ns.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one.
+            rng: Draws up to a short frame more, so that two ends do not repeat in step.
+        """
+        if self._smooth_ns is None:
+            round_trip_ns = times.first_round_trip_ns + rank * times.ack_slot_ns
+        else:
+            round_trip_ns = self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
+        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered])
+        return pause_ns + rng.randrange(times.doubt_ns + 1)

@@ -1,0 +1,18 @@
+"""Objects: payloads larger than a frame, to megabytes.
+
+An object is cut into fragments and erasure coded (`code`): the sender sends the source fragments, asks
+what the receivers lack, and sends as many repair fragments as that takes, until every receiver has
+confirmed (`outgoing`, `incoming`). Both ends write down what they have (`stored`), so either may be
+killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is normative.
+
+======================  ============================================================================
+`objects`               the engine's view
+`sending`, `outgoing`   which object is next; one of them, its rounds and questions
+`receiving`, `replies`  what is kept, and when to speak of it
+`incoming`              one object that arrives, from fragments to the payload
+`planning`, `timing`    how many repair fragments; the durations, the listen windows
+`code`, `galois`        the erasure code
+`manifest`, `wire`      what an object is; the two records
+`stored`, `progress`    what is written down; what the application hears
+======================  ============================================================================
+"""

@@ -1,0 +1,371 @@
+"""`Objects`: payloads larger than a frame, in both directions, as the engine sees them.
+
+What the engine does with it::
+
+    publish, cancel, cancel_incoming                      commands
+    due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
+    transmitted                                           each frame of this node has ended
+    hold_until                                            until then nothing else should start
+    fragment, feedback                                    what arrived
+    restore                                               once, with what former lives have kept
+
+A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of the
+listen windows are those of medium access, which is told when a transfer is exclusive.
+"""
+
+import random
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from zacoustic.core.journal import JournalPort
+from zacoustic.core.keys import Instance
+from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.objects.progress import ObjectProgress
+from zacoustic.core.objects.receiving import Gate, IncomingObjects, ObjectReceived
+from zacoustic.core.objects.sending import OutgoingObjects, Sending
+from zacoustic.core.objects.stored import (
+    StoredObject,
+    StoredPlace,
+    stored_ends,
+    stored_groups,
+    stored_out,
+)
+from zacoustic.core.objects.timing import Timing
+from zacoustic.core.objects.wire import (
+    FEEDBACK_BYTES,
+    FRAGMENT_HEADER_BYTES,
+    Feedback,
+    Fragment,
+)
+from zacoustic.core.qos import PATIENCE_NS, Priority
+from zacoustic.errors import PayloadTooLargeError
+
+
+class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
+    """How much memory objects may take."""
+
+    largest_bytes: int = 1 << 20
+    """Largest payload that is sent or taken, bytes."""
+    most_outgoing: int = 16
+    """Most objects that are sent or wait, ≤ 64."""
+    most_incoming: int = 4
+    """Most objects that arrive at a time."""
+
+
+class Offer(msgspec.Struct, frozen=True, kw_only=True):
+    """What would go into a frame now."""
+
+    destination: int
+    """Address, or `BROADCAST`."""
+    size_bytes: int
+    """Room that it needs, bytes."""
+    is_fragment: bool
+    """It shows no end, and needs the frame for itself."""
+    rank: int
+    """Beside what else waits: instant of the last fragment and patience, ns; the smaller, the
+    sooner. An answer goes before all."""
+
+
+class Taken(msgspec.Struct, frozen=True, kw_only=True):
+    """A record for a frame."""
+
+    stream_id: int
+    """Stream to which its airtime belongs, 0 when it is not known."""
+    record: bytes
+    """The bytes."""
+    header_bytes: int
+    """How many of them are not payload."""
+    is_repair: bool = False
+    """It is a repair fragment."""
+
+
+class Objects:
+    """The objects of one node.
+
+    Args:
+        epoch: Boot epoch of the node.
+        limits: How much memory they may take.
+        rng: Source of randomness.
+        gate: ``(source, stream id)`` → what the table says of an object; stream 0: not yet known.
+        emit: Takes progress.
+        deliver: Takes complete objects, once each.
+        on_stored: Is told the delivery id and the stream of each own object in the journal.
+        journal: Keeps what is to survive.
+    """
+
+    def __init__(
+        self,
+        *,
+        epoch: int,
+        limits: ObjectLimits,
+        rng: random.Random,
+        gate: Callable[[int, int], Gate],
+        emit: Callable[[ObjectProgress], None],
+        deliver: Callable[[ObjectReceived], None],
+        on_stored: Callable[[Sending], None],
+        journal: JournalPort,
+    ) -> None:
+        self._limits = limits
+        self._outgoing = OutgoingObjects(
+            epoch=epoch,
+            most=limits.most_outgoing,
+            emit=emit,
+            on_stored=on_stored,
+            journal=journal,
+        )
+        self._incoming = IncomingObjects(
+            most=limits.most_incoming,
+            largest_bytes=limits.largest_bytes,
+            rng=rng,
+            gate=gate,
+            emit=emit,
+            deliver=deliver,
+            journal=journal,
+        )
+        self._timing: Timing | None = None
+        self._fragment_bytes = 0
+        self._last_fragment_at = 0
+        self._fragment_on_air = False
+        self._feedback_on_air = False
+
+    def use_link(
+        self, capabilities: LinkCapabilities, room_bytes: int, pause_ns: int, now: int
+    ) -> None:
+        """Derive the durations from the link.
+
+        Args:
+            capabilities: What it can do.
+            room_bytes: The records of a frame.
+            pause_ns: Length of a listen window, ns.
+            now: The instant.
+        """
+        self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
+        self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
+        if self._fragment_bytes >= 1:
+            self._outgoing.use_link(self._fragment_bytes, now)
+
+    def restore(self, stored: Mapping[str, bytes]) -> int:
+        """Go on with what former lives have kept, before anything else.
+
+        Returns:
+            The largest id of an own object, or 0.
+        """
+        largest_id = 0
+        for source, transfer, end in stored_ends(stored):
+            self._incoming.restore_end(source, transfer, end)
+        for source, transfer, group, fragments in stored_groups(stored):
+            self._incoming.restore_group(source, transfer, group, fragments)
+        for transfer, order, place in stored_out(stored):
+            self._outgoing.restore(transfer, order, place or StoredPlace(0, 0))
+            largest_id = max(largest_id, order.object_id)
+        return largest_id
+
+    # Commands
+
+    def publish(
+        self,
+        object_id: int,
+        stream_id: int,
+        payload: bytes,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        destination: int,
+        receivers: tuple[int, ...],
+        priority: Priority = Priority.DATA,
+        exclusive: bool = False,
+        lifespan_s: float | None = None,
+    ) -> None:
+        """Send a payload as an object.
+
+        Args:
+            object_id: The id that its progress will name; the smaller of two goes first.
+            stream_id: Its topic.
+            payload: The encoded payload.
+            now: The instant.
+            instance: Which of the topic's keys.
+            encoding: Zenoh encoding, where it is not the stream's.
+            destination: Address of the frames, or `BROADCAST`.
+            receivers: Who is to have it, at least one.
+            priority: Which of several objects goes first.
+            exclusive: Send without listen windows.
+            lifespan_s: Withdraw it after so long, s.
+
+        Raises:
+            PayloadTooLargeError: Larger than the limit, or than an index can name on this link.
+            QueueFullError: Too many objects are on their way.
+        """
+        if len(payload) > self._limits.largest_bytes:
+            raise PayloadTooLargeError(
+                f"the payload is {len(payload)} bytes; an object has at most "
+                f"{self._limits.largest_bytes}",
+                hint="raise the limit at both ends, or publish it in pieces",
+            )
+        if self._fragment_bytes < 1:
+            raise PayloadTooLargeError("objects need a link that is up, with room for a fragment")
+        order = StoredObject(
+            object_id,
+            stream_id,
+            instance,
+            encoding,
+            payload,
+            self._fragment_bytes,
+            destination,
+            receivers,
+            priority,
+            exclusive,
+            lifespan_s,
+        )
+        self._outgoing.add(order, now)
+
+    def cancel(self, object_id: int, now: int) -> bool:
+        """Withdraw an own object; False when it is not under way."""
+        return self._outgoing.cancel(object_id, now)
+
+    def cancel_incoming(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of an object of another node; False when it is not under way."""
+        return self._incoming.cancel(source, transfer)
+
+    # Frames of this node
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame with an object's record is to go, or None."""
+        if self._timing is None:
+            return None
+        instants = [self._incoming.due_at(now), self._fragment_due_at(now)]
+        return min((at for at in instants if at is not None), default=None)
+
+    def offer(self, now: int) -> Offer | None:
+        """Return what is due now: an answer before a fragment."""
+        if self._timing is None:
+            return None
+        destination = self._incoming.destination(now)
+        if destination is not None:
+            return Offer(
+                destination=destination,
+                size_bytes=FEEDBACK_BYTES,
+                is_fragment=False,
+                rank=0,
+            )
+        sending = self._sending(now)
+        if sending is None:
+            return None
+        patience_ns = PATIENCE_NS.get(sending.priority, 0)
+        return Offer(
+            destination=sending.outgoing.destination,
+            size_bytes=FRAGMENT_HEADER_BYTES + sending.outgoing.next_bytes,
+            is_fragment=True,
+            rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
+        )
+
+    def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
+        """Take an answer that is due and goes to this destination, if it fits."""
+        if room_bytes < FEEDBACK_BYTES or self._feedback_on_air:
+            return None
+        taken = self._incoming.take(destination, now)
+        if taken is None:
+            return None
+        feedback, stream_id = taken
+        self._feedback_on_air = True
+        record = feedback.encode()
+        return Taken(stream_id=stream_id, record=record, header_bytes=len(record))
+
+    def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
+        """Take the fragment that `offer` told of, if it fits.
+
+        Args:
+            room_bytes: What the frame has for it.
+            now: The instant.
+            frames_before_pause: Full frames before the next listen window, this one included.
+        """
+        sending, timing = self._sending(now), self._timing
+        if timing is None or sending is None:
+            return None
+        if FRAGMENT_HEADER_BYTES + sending.outgoing.next_bytes > room_bytes:
+            return None
+        taken = self._outgoing.take(now, timing, frames_before_pause)
+        if taken is None:
+            return None
+        sending, fragment = taken
+        self._fragment_on_air = True
+        self._last_fragment_at = now
+        return Taken(
+            stream_id=sending.stream_id,
+            record=fragment.encode(),
+            header_bytes=FRAGMENT_HEADER_BYTES,
+            is_repair=fragment.index >= sending.outgoing.fragments.layout.fragments,
+        )
+
+    def transmitted(self, finished_at: int) -> None:
+        """A frame of this node has been on the air, or was given up."""
+        timing = self._timing
+        if timing is None:
+            return
+        if self._fragment_on_air:
+            self._fragment_on_air = False
+            self._outgoing.transmitted(finished_at, timing)
+        if self._feedback_on_air:
+            self._feedback_on_air = False
+            self._incoming.transmitted(finished_at, timing)
+
+    def hold_until(self, now: int) -> int:
+        """Return the instant until which an answer is awaited, which other frames would destroy."""
+        return self._outgoing.listens_until(now)
+
+    @property
+    def quiet_until(self) -> int:
+        """Until then fragments of another node are expected: a frame of ours would cost one."""
+        return self._incoming.quiet_until
+
+    # Inputs
+
+    def fragment(
+        self, source: int, fragment: Fragment, received: ReceivedFrame, now: int
+    ) -> str | None:
+        """Take a fragment; returns why it is dropped, or None."""
+        if self._timing is None:
+            return "link_down"
+        return self._incoming.fragment(source, fragment, received, self._timing, now)
+
+    def feedback(self, source: int, feedback: Feedback, now: int) -> str | None:
+        """Take a feedback; returns why it is dropped, or None."""
+        return None if self._outgoing.answered(source, feedback, now) else "object_answer"
+
+    def expire(self, now: int) -> None:
+        """Withdraw what is too old."""
+        self._outgoing.expire(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the instant at which `expire` has something to do."""
+        return self._outgoing.next_deadline_at()
+
+    # Getters
+
+    def pending(self, stream_id: int) -> int:
+        """Count the own objects of a stream that are not yet delivered."""
+        return self._outgoing.pending(stream_id)
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing is to be sent."""
+        return not len(self._outgoing)
+
+    @property
+    def is_exclusive(self) -> bool:
+        """The object that is being sent has the channel alone."""
+        return self._outgoing.is_exclusive
+
+    # Below the methods above
+
+    def _fragment_due_at(self, now: int) -> int | None:
+        sending, at = self._outgoing.next(max(now, self._incoming.quiet_until))
+        return at if sending is not None else None
+
+    def _sending(self, now: int) -> Sending | None:
+        """Return the object of which a fragment is due now."""
+        if self._incoming.quiet_until > now:
+            return None
+        sending, at = self._outgoing.next(now)
+        return sending if at <= now else None

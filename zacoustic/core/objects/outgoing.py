@@ -1,0 +1,400 @@
+"""The sender's side of one transfer: rounds of fragments, each of which ends with a question.
+
+A *round* is the source fragments of the next block and as many repair fragments of the blocks before as
+the receivers will probably need; its last fragment calls for an answer, and the one before it
+announces that call, so that a receiver answers when either has arrived. Then the sender listens. The
+sender always knows, for each receiver, how many fragments of each block it lacks; it never knows
+which, and need not.
+
+When no answer comes, the next round is short and useful: repair fragments, since the likeliest
+reason is a loss. When several questions in a row are not answered, nobody may be there: single
+fragments, at pauses that double.
+"""
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Final
+
+from zacoustic.core.objects.code import BLOCK_FRAGMENTS, Fragments
+from zacoustic.core.objects.manifest import Manifest
+from zacoustic.core.objects.planning import LossEstimate, Need, repairs_to_send
+from zacoustic.core.objects.timing import Timing
+from zacoustic.core.objects.wire import (
+    CHECK_BYTES,
+    MOST_BLOCKS,
+    WITHDRAWN,
+    Call,
+    Complete,
+    Feedback,
+    Fragment,
+    Headless,
+    Lacks,
+    Refused,
+)
+
+_MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
+# While source fragments are still to be sent, another round costs nothing.
+_CHEAP_ROUND_FRAMES: Final = 1.0
+_PATIENT_QUESTIONS: Final = 4
+_QUESTIONS_A_PAUSE: Final = 2
+_MOST_DOUBLINGS: Final = 6
+# Two, so that a question is heard though one of them is lost.
+_SHORTEST_ROUND: Final = 2
+_FEW_LACKING: Final = 16
+_ANSWER_COPIES: Final = 3
+
+
+class ReceiverView:
+    """What the sender knows of one receiver."""
+
+    def __init__(self, loss: LossEstimate) -> None:
+        self.loss = loss
+        self.complete = False
+        self.refused: int | None = None
+        """Why it does not want the object."""
+        self.headless = False
+        """It lacks the manifest."""
+        self.held = 0
+        """Fragments that it had when it lacked the manifest."""
+        self.first = 0
+        """All blocks before are complete."""
+        self.lacking: dict[int, int | None] = {}
+        """Of blocks of which something was sent; None: not known, from before a restart."""
+        self.sent: dict[int, int] = {}
+        """Fragments of each block sent since the last question that it answered."""
+        self.asked: dict[int, int] | None = None
+        """How many of them were sent before the last question; None: it is answered."""
+        self.asked_at = 0
+        """End of that question, ns."""
+        self.unanswered = 0
+        """Questions since it last answered."""
+
+    @property
+    def is_finished(self) -> bool:
+        """It needs nothing more."""
+        return self.complete or self.refused is not None
+
+    def need(self, block: int, typical: LossEstimate) -> Need | None:
+        """Return what it probably needs of a block, or None.
+
+        Args:
+            block: Which.
+            typical: The loss on the way to somebody, for a receiver of which nothing is known.
+        """
+        lacking = self.lacking.get(block)
+        if not lacking:
+            return None
+        loss = self.loss if self.loss.is_known else typical
+        # It has not answered since: so many of these will have arrived.
+        arrived = round(self.sent.get(block, 0) * (1 - loss.loss))
+        return Need(max(1, lacking - arrived), loss.received, loss.lost)
+
+    def answered_for(self, asked: dict[int, int]) -> None:
+        """What was sent before the question is accounted for; what was sent since is not."""
+        self.sent = {
+            block: left
+            for block, number in self.sent.items()
+            if (left := number - asked.get(block, 0)) > 0
+        }
+
+
+class OutgoingObject:
+    """One object on its way.
+
+    Args:
+        transfer: Its number.
+        destination: Address of the frames.
+        receivers: Addresses that are to have it, and what is known of the loss on the way there.
+        manifest: What it is.
+        fragments: Its fragments.
+    """
+
+    def __init__(
+        self,
+        transfer: int,
+        destination: int,
+        receivers: dict[int, LossEstimate],
+        manifest: Manifest,
+        fragments: Fragments,
+    ) -> None:
+        self.transfer = transfer
+        self.destination = destination
+        self.manifest = manifest
+        self.fragments = fragments
+        self.views = {address: ReceiverView(loss) for address, loss in receivers.items()}
+        self.next_source = 0
+        self.next_seed = [0] * fragments.layout.blocks
+        self.transmitted = 0
+        """Fragments transmitted in this life."""
+        self.listens = False
+        """A question is on the air or not yet answered."""
+        self.due_at = 0
+        """Instant from which the next fragment may go; while it listens, of giving up."""
+        self.listens_until = 0
+        """Until then an answer may come, and nothing else should be transmitted."""
+        self.is_withdrawn = False
+        """It is not to be had any more; the receivers are told so."""
+        self._round: deque[int] = deque()
+        self._patience_ns = 0
+
+    # What is to be sent
+
+    def withdraw(self, now: int) -> None:
+        """Send nothing of it any more, but tell the receivers."""
+        self.is_withdrawn = True
+        self.listens = False
+        self.due_at = now
+        for view in self.views.values():
+            view.unanswered = 0
+
+    @property
+    def is_past_asking(self) -> bool:
+        """Nobody has answered for so long that nobody may be there."""
+        return all(view.unanswered > _PATIENT_QUESTIONS for view in self._waiting())
+
+    def resume(self, next_source: int, next_seed: int) -> None:
+        """Go on after a restart: nothing before these was kept from being sent."""
+        layout = self.fragments.layout
+        self.next_source = min(next_source, layout.fragments)
+        self.next_seed = [next_seed] * layout.blocks
+        if self.next_source:
+            begun = layout.block_of(self.next_source - 1) + 1
+            for view in self.views.values():
+                view.lacking = dict.fromkeys(range(begun))
+
+    def take(self, timing: Timing, *, window_follows: bool) -> Fragment:
+        """Return the fragment that is next, for transmission."""
+        if self.is_withdrawn:
+            self.listens = True
+            return Fragment(self.transfer, Call.ANSWER, WITHDRAWN, b"")
+        if not self._round:
+            self._round.extend(self._plan(timing))
+        index = self._round.popleft()
+        left = len(self._round)
+        call = Call.WINDOW if window_follows else Call.NONE
+        if left <= 1:
+            call = Call.ANSWER_NEXT if left else Call.ANSWER
+        layout = self.fragments.layout
+        block = layout.block_of(index)
+        if index == self.next_source < layout.fragments:
+            self.next_source += 1
+        for view in self.views.values():
+            view.lacking.setdefault(block, layout.size(block))
+            view.sent[block] = view.sent.get(block, 0) + 1
+        self.listens = not left
+        self.transmitted += 1
+        return Fragment(self.transfer, call, index, self.fragments.fragment(index))
+
+    def transmitted_until(self, finished_at: int, timing: Timing) -> None:
+        """The fragment just taken has been on the air."""
+        if not self.listens:
+            self.due_at = finished_at
+            return
+        for view in self._waiting():
+            view.unanswered += 1
+            view.asked = dict(view.sent)
+            view.asked_at = finished_at
+        answers = _ANSWER_COPIES if len(self.views) == 1 else 2 * len(self.views) + 1
+        listen_ns = timing.exchange_ns + (answers - 1) * timing.feedback_slot_ns
+        self.listens_until = finished_at + listen_ns
+        listen_ns = max(listen_ns, self._patience_ns)
+        silent = min((view.unanswered for view in self._waiting()), default=0)
+        if silent > _PATIENT_QUESTIONS:
+            doublings = (silent - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
+            listen_ns <<= min(doublings, _MOST_DOUBLINGS)
+        self.due_at = finished_at + listen_ns
+
+    def give_up_listening(self, now: int) -> None:
+        """No answer, or not all of them, came in time: go on."""
+        self.listens = False
+        self.due_at = now
+
+    @property
+    def next_bytes(self) -> int:
+        """Bytes of data in what is sent next."""
+        return 0 if self.is_withdrawn else self.fragments.layout.fragment_bytes
+
+    def next_seeds(self) -> int:
+        """Return a seed that no fragment sent so far has."""
+        return max(self.next_seed)
+
+    # What the receivers say
+
+    def answered(self, source: int, feedback: Feedback, now: int) -> bool:
+        """Take a feedback; False when it says nothing new or is not about this object."""
+        view = self.views.get(source)
+        if view is None or view.is_finished:
+            return False
+        if isinstance(feedback, Complete):
+            if feedback.check != self.manifest.digest[:CHECK_BYTES]:
+                # It has an object of a life of ours that is over: the manifest will tell it so.
+                view.headless = True
+            else:
+                view.complete = True
+                self._learn(view, view.asked or view.sent, view.first, {})
+        elif isinstance(feedback, Refused):
+            view.refused = feedback.reason
+        elif view.asked is None:
+            return False  # a copy of an answer that was taken
+        elif isinstance(feedback, Headless):
+            view.headless = True
+            self._learn_count(view, view.asked, feedback.held)
+        else:
+            self._take_lacks(view, view.asked, feedback)
+        if view.asked is not None:
+            # Medium access may make answers slow: it is waited for as long as that takes.
+            self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
+        view.asked = None
+        view.unanswered = 0
+        if not any(view.unanswered for view in self._waiting()):
+            self.listens = False
+            self.due_at = now
+            self._round.clear()
+        return True
+
+    @property
+    def is_finished(self) -> bool:
+        """No receiver needs anything more."""
+        return all(view.is_finished for view in self.views.values())
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Receivers that do not have it, as far as known."""
+        return tuple(address for address, view in self.views.items() if not view.complete)
+
+    @property
+    def delivered_fragments(self) -> int:
+        """Source fragments that every receiver has, or could have solved for, as far as known."""
+        layout = self.fragments.layout
+        held = [
+            layout.fragments
+            if view.complete
+            else layout.first(min(view.first, layout.blocks))
+            + sum(
+                layout.size(block) - lacking
+                for block, lacking in view.lacking.items()
+                if block >= view.first and lacking is not None
+            )
+            for view in self.views.values()
+            if view.refused is None
+        ]
+        return min(held, default=0)
+
+    # Below the methods above
+
+    def _waiting(self) -> list[ReceiverView]:
+        return [view for view in self.views.values() if not view.is_finished]
+
+    def _take_lacks(self, view: ReceiverView, asked: dict[int, int], lacks: Lacks) -> None:
+        layout = self.fragments.layout
+        view.headless = False
+        told = dict(enumerate(lacks.lacking, lacks.block))
+        if max(told) >= layout.blocks or any(
+            lacking > layout.size(block) for block, lacking in told.items()
+        ):
+            # It speaks of another object: the manifest will tell it so.
+            view.headless = True
+            return
+        self._learn(view, asked, lacks.block, told)
+
+    def _learn(
+        self, view: ReceiverView, asked: dict[int, int], first: int, told: dict[int, int]
+    ) -> None:
+        """Compare what a receiver lacked with what it lacks: so many have arrived since."""
+        layout = self.fragments.layout
+        view.first = first
+        for block, before in list(view.lacking.items()):
+            if block < first or view.complete:
+                after = 0
+            else:
+                after = told.get(block, layout.size(block))
+            sent = asked.get(block, 0)
+            if before is not None and before > 0:
+                arrived = max(0, before - after)
+                # What came after the last that was needed is not told: count none of it.
+                view.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
+            view.lacking[block] = after
+        view.answered_for(asked)
+
+    def _learn_count(self, view: ReceiverView, asked: dict[int, int], held: int) -> None:
+        layout = self.fragments.layout
+        view.loss.learn(sum(asked.values()), held - view.held)
+        view.held = held
+        view.answered_for(asked)
+        if layout.blocks == 1:
+            view.lacking[0] = max(1, layout.fragments - held)
+            return
+        for block in view.lacking:
+            expected = layout.size(block) * view.loss.loss
+            view.lacking[block] = max(1, round(expected))
+
+    def _plan(self, timing: Timing) -> Iterator[int]:
+        """Return the indices of the next round."""
+        layout = self.fragments.layout
+        waiting = self._waiting()
+        silent = all(view.unanswered for view in waiting)
+        planned: list[int] = []
+        unknown = any(None in view.lacking.values() for view in waiting)
+        if self.next_source == layout.fragments and (silent or unknown):
+            return self._probe(timing, waiting)
+        if any(view.headless for view in waiting):
+            planned += self._head()
+        behind = self._behind(waiting)
+        typical = max((view.loss for view in waiting), key=lambda loss: loss.received)
+        more = self.next_source < layout.fragments and len(behind) < MOST_BLOCKS
+        cost = self._round_frames(timing, waiting) / max(1, len(behind))
+        for block in behind:
+            needs = [
+                need for view in waiting if (need := view.need(block, typical)) is not None
+            ]
+            if needs:
+                number = repairs_to_send(
+                    needs, _CHEAP_ROUND_FRAMES if more else cost, _MOST_IN_ROUND
+                )
+                if planned and block == 0:
+                    # The manifest is worth as much as a repair fragment, and must arrive.
+                    number -= len(planned)
+                    if number < _FEW_LACKING:
+                        number += len(planned)
+                        planned += self._head()
+                planned += self._repairs(block, number)
+        if more:
+            block = layout.block_of(self.next_source)
+            planned += range(self.next_source, layout.first(block + 1))
+        return iter(planned) if planned else self._probe(timing, waiting)
+
+    def _behind(self, waiting: list[ReceiverView]) -> list[int]:
+        """Return the blocks of which something was sent and something is lacking."""
+        return sorted(
+            {block for view in waiting for block, lacking in view.lacking.items() if lacking != 0}
+        )
+
+    def _probe(self, timing: Timing, waiting: list[ReceiverView]) -> Iterator[int]:
+        """Plan a short round: nobody has answered, or what the receivers lack is not known."""
+        behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
+        lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
+        number = min(timing.run_frames, lacking)
+        if min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
+            number = 1
+        head = self._head() if any(view.headless for view in waiting) else []
+        number = max(number, _SHORTEST_ROUND - len(head))
+        return iter(head + self._repairs(behind[-1], number))
+
+    def _head(self) -> list[int]:
+        """Return the fragments with the manifest."""
+        last = (self.manifest.size_bytes - 1) // self.fragments.layout.fragment_bytes
+        return list(range(min(last + 1, self.next_source)))
+
+    def _repairs(self, block: int, number: int) -> list[int]:
+        first = self.next_seed[block]
+        number = max(0, number)
+        self.next_seed[block] = first + number
+        layout = self.fragments.layout
+        return [layout.repair(block, seed) for seed in range(first, first + number)]
+
+    @staticmethod
+    def _round_frames(timing: Timing, waiting: list[ReceiverView]) -> float:
+        """Return what a question costs, in frames: the exchange, and again where it is lost."""
+        loss = max((view.loss.loss for view in waiting), default=0.0)
+        answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
+        return timing.exchange_ns / timing.slot_ns / max(0.1, answered)

@@ -1,0 +1,415 @@
+"""The objects that a node receives: what is kept of them, and what is said.
+
+Memory is bounded: so many transfers, so many bytes each; the transfer that was silent for longest
+gives way to a new one. What has ended is remembered for as long as its number may be used again.
+"""
+
+import random
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.journal import JournalPort
+from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.objects.incoming import IncomingObject
+from zacoustic.core.objects.manifest import Manifest
+from zacoustic.core.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.objects.replies import Place, Replies
+from zacoustic.core.objects.stored import StoredEnd, done_key, encode_group, group_key
+from zacoustic.core.objects.timing import Timing
+from zacoustic.core.objects.wire import (
+    CHECK_BYTES,
+    MOST_TRANSFERS,
+    WITHDRAWN,
+    Call,
+    Complete,
+    Feedback,
+    Fragment,
+    Reason,
+    Refused,
+)
+
+_GROUP_DIVISOR: Final = 40
+_LARGEST_GROUP: Final = 64
+_FIRST_GROUP: Final = 4
+_MOST_FORMER: Final = 4 * MOST_TRANSFERS
+
+
+class ObjectReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A complete object, for its topic."""
+
+    source: int
+    manifest: Manifest
+    payload: bytes
+    received: ReceivedFrame
+
+
+class Gate(msgspec.Struct, frozen=True):
+    """What the table says of an object that another node sends."""
+
+    reason: Reason | None = None
+    """Why it is not wanted; None: it is."""
+    is_open: bool = True
+    """It may be delivered now; otherwise the tables are not yet known to agree."""
+    place: int = 0
+    """Of all receivers of the stream, the how many-th this node is: so many speak before it."""
+
+
+class _Transfer:
+    """An object on its way to here, and what is to be said of it."""
+
+    def __init__(self, incoming: IncomingObject) -> None:
+        self.incoming = incoming
+        self.heard_at = 0
+        self.groups = 0
+        self.unwritten: list[tuple[int, bytes]] = []
+        self.received: ReceivedFrame | None = None
+        self.is_ending = False
+        """It is complete, and that is on its way to the journal."""
+
+
+class _Refusal(msgspec.Struct, frozen=True):
+    """An object that is not wanted."""
+
+    reason: Reason
+    head: dict[int, bytes]
+    """Fragments with its manifest."""
+
+
+class IncomingObjects:
+    """All objects that one node receives.
+
+    Args:
+        most: Most transfers at a time.
+        largest_bytes: Largest payload.
+        rng: Spreads the answers of several receivers.
+        gate: ``(source, stream id)`` → what the table says.
+        emit: Takes progress.
+        deliver: Takes complete objects.
+        journal: Keeps what is to survive.
+    """
+
+    def __init__(
+        self,
+        *,
+        most: int,
+        largest_bytes: int,
+        rng: random.Random,
+        gate: Callable[[int, int], Gate],
+        emit: Callable[[ObjectProgress], None],
+        deliver: Callable[[ObjectReceived], None],
+        journal: JournalPort,
+    ) -> None:
+        self._most = most
+        self._largest_bytes = largest_bytes
+        self._gate = gate
+        self._emit = emit
+        self._deliver = deliver
+        self._journal = journal
+        self._transfers: dict[Place, _Transfer] = {}
+        self._ended: dict[Place, StoredEnd] = {}
+        self._refused: dict[Place, _Refusal] = {}
+        self._losses: dict[int, float] = {}
+        self._replies = Replies(rng, self._is_sayable)
+
+    def __len__(self) -> int:
+        return len(self._transfers)
+
+    # After a restart
+
+    def restore_group(
+        self, source: int, transfer: int, group: int, fragments: list[tuple[int, bytes]]
+    ) -> None:
+        """Take fragments that arrived in a life before."""
+        for index, data in fragments:
+            state = self._transfers.get((source, transfer))
+            if state is None:
+                state = self._open((source, transfer), len(data))
+            state.incoming.add(index, data)
+            state.groups = group + 1
+
+    def restore_end(self, source: int, transfer: int, end: StoredEnd) -> None:
+        """Take the end of an object that was delivered in a life before."""
+        self._ended[source, transfer] = end
+
+    # Inputs
+
+    def fragment(
+        self, source: int, fragment: Fragment, received: ReceivedFrame, timing: Timing, now: int
+    ) -> str | None:
+        """Take a fragment; returns why it is dropped, or None."""
+        place = (source, fragment.transfer)
+        if fragment.index == WITHDRAWN:
+            self._withdrawn(place)
+        elif not self._is_delivered(place, fragment) and not self._is_refused(place, fragment):
+            reason = self._collect(place, fragment, received, now)
+            if reason is not None:
+                return reason
+        self._schedule(place, fragment, received, timing)
+        return None
+
+    def cancel(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of an object; False when it is not under way."""
+        state = self._transfers.get((source, transfer))
+        if state is None or state.is_ending:
+            return False
+        self._refuse((source, transfer), Reason.CANCELLED)
+        return True
+
+    # Speaking
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant at which the next answer is to go, or None."""
+        return self._replies.due_at(now)
+
+    def destination(self, now: int) -> int | None:
+        """Return the address that an answer which is due goes to, or None."""
+        due = self._replies.due(now)
+        return due[0][0] if due else None
+
+    def take(self, destination: int, now: int) -> tuple[Feedback, int] | None:
+        """Return ``(feedback, stream id)`` of an answer that is due and goes there, or None."""
+        for place in self._replies.due(now, destination):
+            feedback = self._feedback(place)
+            if feedback is None:
+                self._replies.drop(place)
+                continue
+            self._replies.say(place)
+            state = self._transfers.get(place)
+            manifest = state.incoming.manifest if state else None
+            return feedback, manifest.stream_id if manifest else 0
+        return None
+
+    def transmitted(self, finished_at: int, timing: Timing) -> None:
+        """The answer just taken has been on the air."""
+        self._replies.transmitted(finished_at, timing)
+
+    @property
+    def quiet_until(self) -> int:
+        """Until then a frame of ours that is no answer may cost a fragment or an answer."""
+        return self._replies.quiet_until
+
+    # Below the methods above
+
+    def _is_sayable(self, place: Place) -> bool:
+        """Tell whether an answer does not wait for the journal."""
+        state = self._transfers.get(place)
+        return state is None or not state.is_ending
+
+    def _is_delivered(self, place: Place, fragment: Fragment) -> bool:
+        end = self._ended.get(place)
+        if end is None:
+            return False
+        head = end.head
+        if len(fragment.data) == len(head[0]) and (
+            fragment.index >= len(head) or head[fragment.index] == fragment.data
+        ):
+            return True
+        # The number stands for another object now.
+        del self._ended[place]
+        return False
+
+    def _is_refused(self, place: Place, fragment: Fragment) -> bool:
+        refusal = self._refused.get(place)
+        if refusal is None:
+            return False
+        known = refusal.head.get(fragment.index)
+        if known == fragment.data if known is not None else fragment.index != 0:
+            return True
+        # The number stands for another object now.
+        del self._refused[place]
+        return False
+
+    def _collect(
+        self, place: Place, fragment: Fragment, received: ReceivedFrame, now: int
+    ) -> str | None:
+        state = self._transfers.get(place)
+        if state is not None and state.incoming.contradicts(fragment.index, fragment.data):
+            self._drop(place)
+            state = None
+        if state is None:
+            if len(self._transfers) >= self._most and not self._make_room():
+                return "object_room"
+            state = self._open(place, len(fragment.data))
+        state.heard_at = now
+        if state.is_ending:
+            return None
+        incoming = state.incoming
+        knew = incoming.manifest
+        if not incoming.add(fragment.index, fragment.data):
+            self._judge(place, state, knew)
+            return None
+        state.received = received
+        if knew is not None and incoming.manifest is None:
+            self._forget_groups(place, state)
+            return "object_digest"
+        state.unwritten.append((fragment.index, fragment.data))
+        self._judge(place, state, knew)
+        fragments = incoming.fragments
+        group = _FIRST_GROUP if fragments is None else fragments // _GROUP_DIVISOR
+        is_kept = place in self._transfers and not state.is_ending
+        if is_kept and len(state.unwritten) >= min(_LARGEST_GROUP, max(1, group)):
+            self._write_group(place, state)
+        return None
+
+    def _judge(self, place: Place, state: _Transfer, knew: Manifest | None) -> None:
+        """Look at an object whose manifest has just become known, or that is complete."""
+        incoming = state.incoming
+        manifest = incoming.manifest
+        if manifest is None:
+            return
+        if incoming.is_too_large:
+            self._refuse(place, Reason.TOO_LARGE)
+            return
+        if knew is None:
+            reason = self._gate(place[0], manifest.stream_id).reason
+            if reason is not None:
+                self._refuse(place, reason)
+                return
+        if incoming.lacking == 0:
+            self._finish(place, state)
+
+    def _finish(self, place: Place, state: _Transfer) -> None:
+        """Write down that an object is complete; it is delivered when that is safe."""
+        manifest = state.incoming.manifest
+        assert manifest is not None
+        if state.is_ending:
+            return
+        if not self._gate(place[0], manifest.stream_id).is_open:
+            return  # asked again with each further fragment
+        end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
+        state.is_ending = True
+        self._journal.write(
+            done_key(*place),
+            msgspec.msgpack.encode(end),
+            lambda at: self._hand_over(place, state),
+        )
+        for group in range(state.groups):
+            self._journal.write(group_key(*place, group), None)
+
+    def _hand_over(self, place: Place, state: _Transfer) -> None:
+        manifest, payload = state.incoming.manifest, state.incoming.payload()
+        assert manifest is not None
+        assert payload is not None
+        del self._transfers[place]
+        self._ended[place] = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
+        self._trim()
+        received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
+        self._deliver(
+            ObjectReceived(source=place[0], manifest=manifest, payload=payload, received=received)
+        )
+        self._report(place, state, ObjectState.DELIVERED, "")
+
+    def _trim(self) -> None:
+        while len(self._ended) > _MOST_FORMER:
+            oldest = next(iter(self._ended))
+            del self._ended[oldest]
+            self._journal.write(done_key(*oldest), None)
+        while len(self._refused) > _MOST_FORMER:
+            del self._refused[next(iter(self._refused))]
+
+    def _withdrawn(self, place: Place) -> None:
+        state = self._transfers.get(place)
+        if state is not None and not state.is_ending:
+            self._report(place, state, ObjectState.CANCELLED, "withdrawn by its source")
+            self._drop(place)
+        if place not in self._ended and place not in self._transfers:
+            head = dict(state.incoming.head()) if state is not None else {}
+            self._refused[place] = _Refusal(Reason.CANCELLED, head)
+            self._trim()
+
+    def _refuse(self, place: Place, reason: Reason) -> None:
+        state = self._transfers[place]
+        cancelled = reason is Reason.CANCELLED
+        if reason is not Reason.NOT_SUBSCRIBED:
+            outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
+            self._report(place, state, outcome, reason.name.lower())
+        self._drop(place)
+        self._refused[place] = _Refusal(reason, dict(state.incoming.head()))
+        self._trim()
+
+    def _drop(self, place: Place) -> None:
+        self._forget_groups(place, self._transfers.pop(place))
+
+    def _forget_groups(self, place: Place, state: _Transfer) -> None:
+        for group in range(state.groups):
+            self._journal.write(group_key(*place, group), None)
+        state.groups = 0
+        state.unwritten.clear()
+
+    def _write_group(self, place: Place, state: _Transfer) -> None:
+        self._journal.write(group_key(*place, state.groups), encode_group(state.unwritten))
+        state.groups += 1
+        state.unwritten.clear()
+        if state.incoming.manifest is not None and not state.is_ending:
+            self._report(place, state, ObjectState.UNDER_WAY, "")
+
+    def _open(self, place: Place, fragment_bytes: int) -> _Transfer:
+        incoming = IncomingObject(place[1], fragment_bytes, self._largest_bytes)
+        state = self._transfers[place] = _Transfer(incoming)
+        return state
+
+    def _make_room(self) -> bool:
+        """Give up the transfer that was silent for longest; False when none may go."""
+        idle = [
+            (state.heard_at, place)
+            for place, state in self._transfers.items()
+            if not state.is_ending
+        ]
+        if not idle:
+            return False
+        self._drop(min(idle)[1])
+        return True
+
+    def _feedback(self, place: Place) -> Feedback | None:
+        transfer = place[1]
+        state = self._transfers.get(place)
+        if state is not None:
+            return state.incoming.feedback() if state.incoming.lacking != 0 else None
+        end = self._ended.get(place)
+        if end is not None:
+            return Complete(transfer, end.digest[:CHECK_BYTES])
+        refusal = self._refused.get(place)
+        return Refused(transfer, refusal.reason) if refusal is not None else None
+
+    def _schedule(
+        self, place: Place, fragment: Fragment, received: ReceivedFrame, timing: Timing
+    ) -> None:
+        """Decide when to speak of an object, after a fragment of it."""
+        heard_at = received.received_at
+        source = place[0]
+        state = self._transfers.get(place)
+        refusal = self._refused.get(place)
+        if state is not None:
+            self._losses[source] = state.incoming.loss
+        if fragment.call in (Call.WINDOW, Call.NONE):
+            # Several receivers would destroy each other's frames in one window.
+            alone = received.destination != BROADCAST
+            tell = alone and (refusal is not None or state is None or state.is_ending)
+            window = fragment.call is Call.WINDOW
+            self._replies.goes_on(place, heard_at, timing, tell=tell, window=window)
+        elif received.destination != BROADCAST:
+            loss = self._losses.get(source, 0.0)
+            self._replies.called(place, fragment.call, heard_at, timing, loss=loss)
+        elif refusal is None or refusal.reason is not Reason.NOT_SUBSCRIBED:
+            manifest = state.incoming.manifest if state else None
+            rank = self._gate(source, manifest.stream_id if manifest else 0).place
+            self._replies.called_among(place, fragment.call, heard_at, timing, rank=rank)
+
+    def _report(self, place: Place, state: _Transfer, outcome: ObjectState, detail: str) -> None:
+        incoming = state.incoming
+        manifest = incoming.manifest
+        total_bytes = manifest.payload_bytes if manifest else None
+        done_bytes = incoming.held * incoming.fragment_bytes
+        self._emit(
+            ObjectProgress(
+                stream_id=manifest.stream_id if manifest else 0,
+                peer=place[0],
+                transfer=place[1],
+                state=outcome,
+                done_bytes=done_bytes if total_bytes is None else min(done_bytes, total_bytes),
+                total_bytes=total_bytes,
+                detail=detail,
+            )
+        )

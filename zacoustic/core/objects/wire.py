@@ -1,0 +1,167 @@
+"""The two records of objects: a fragment, and what a receiver says of an object.
+
+::
+
+    0xBA  transfer (1)  index (2)  data (…)          fragment: four bytes of header
+    0xBB  transfer (1)  …                            feedback, at most eight bytes
+
+The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
+fragment, the high two bits are the *call*: when the sender will listen (`Call`). Of a feedback, they
+say what follows:
+
+====  =========  ===================================================================================
+0     lacks      block (1), how many blocks (1), for each how many fragments it lacks (1 each); all
+                 blocks before are complete, of those behind nothing is there
+1     complete   the first four bytes of the object's digest
+2     refused    reason (1)
+3     headless   how many fragments are there (2); the manifest is not
+====  =========  ===================================================================================
+
+A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a feedback
+does. A fragment with index 0xFFFF and no data withdraws the object.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+FRAGMENT_CODE: Final = 0xBA
+FEEDBACK_CODE: Final = 0xBB
+FRAGMENT_HEADER_BYTES: Final = 4
+FEEDBACK_BYTES: Final = 8
+"""Longest feedback."""
+MOST_BLOCKS: Final = 4
+"""Most blocks that one feedback tells of."""
+MOST_TRANSFERS: Final = 64
+"""Transfer numbers of a source."""
+WITHDRAWN: Final = 0xFFFF
+"""Index that withdraws an object."""
+CHECK_BYTES: Final = 4
+"""Bytes of the digest in a feedback."""
+_NUMBER: Final = 0x3F
+
+
+class Call(enum.IntEnum):
+    """When the sender of a fragment will listen."""
+
+    ANSWER = 0
+    """After this frame, until it is answered."""
+    ANSWER_NEXT = 1
+    """After one more frame of this length, until it is answered."""
+    WINDOW = 2
+    """After this frame, for the length of a listen window."""
+    NONE = 3
+    """Not after this frame or the next."""
+
+
+class Reason(enum.IntEnum):
+    """Why a receiver does not want an object."""
+
+    CANCELLED = 1
+    """Cancelled, by the receiver or the sender."""
+    TOO_LARGE = 2
+    """Larger than the receiver takes."""
+    NOT_SUBSCRIBED = 3
+    """The receiver does not subscribe to the stream, or knows it not."""
+
+
+class Fragment(msgspec.Struct, frozen=True):
+    """A fragment of an object; with index `WITHDRAWN` and no data the end of it."""
+
+    transfer: int
+    call: Call
+    index: int
+    data: bytes
+
+    def encode(self) -> bytes:
+        """Return the record."""
+        second = self.call << 6 | self.transfer
+        return bytes((FRAGMENT_CODE, second)) + self.index.to_bytes(2, "big") + self.data
+
+
+class Lacks(msgspec.Struct, frozen=True):
+    """What a receiver lacks."""
+
+    transfer: int
+    block: int
+    """The first that is not complete."""
+    lacking: tuple[int, ...]
+    """Of that block and those behind it, 0…255 each, 1…`MOST_BLOCKS` of them."""
+
+    def encode(self) -> bytes:
+        """Return the record, 5…8 bytes."""
+        body = bytes((self.block, len(self.lacking), *self.lacking))
+        return bytes((FEEDBACK_CODE, self.transfer)) + body
+
+
+class Complete(msgspec.Struct, frozen=True):
+    """A receiver has the object."""
+
+    transfer: int
+    check: bytes
+    """First bytes of its digest."""
+
+    def encode(self) -> bytes:
+        """Return the record, 6 bytes."""
+        return bytes((FEEDBACK_CODE, 1 << 6 | self.transfer)) + self.check
+
+
+class Refused(msgspec.Struct, frozen=True):
+    """A receiver does not want the object."""
+
+    transfer: int
+    reason: int
+    """A `Reason`, or one of a later version."""
+
+    def encode(self) -> bytes:
+        """Return the record, 3 bytes."""
+        return bytes((FEEDBACK_CODE, 2 << 6 | self.transfer, self.reason))
+
+
+class Headless(msgspec.Struct, frozen=True):
+    """A receiver has fragments and no manifest."""
+
+    transfer: int
+    held: int
+    """How many fragments."""
+
+    def encode(self) -> bytes:
+        """Return the record, 4 bytes."""
+        held = min(self.held, 0xFFFF).to_bytes(2, "big")
+        return bytes((FEEDBACK_CODE, 3 << 6 | self.transfer)) + held
+
+
+Feedback = Lacks | Complete | Refused | Headless
+
+
+def decode_fragment(record: bytes) -> Fragment | None:
+    """Read a fragment that reaches to the end of `record`; None when it is none."""
+    if len(record) < FRAGMENT_HEADER_BYTES or record[0] != FRAGMENT_CODE:
+        return None
+    index = int.from_bytes(record[2:4], "big")
+    data = record[FRAGMENT_HEADER_BYTES:]
+    if (index == WITHDRAWN) is not (not data):
+        return None
+    return Fragment(record[1] & _NUMBER, Call(record[1] >> 6), index, data)
+
+
+def decode_feedback(buffer: bytes, offset: int) -> tuple[Feedback, int] | None:
+    """Read a feedback at an offset; returns it and its end, or None when it is none."""
+    body = buffer[offset + 2 : offset + FEEDBACK_BYTES]
+    if buffer[offset : offset + 1] != bytes((FEEDBACK_CODE,)) or not body:
+        return None
+    kind, transfer = buffer[offset + 1] >> 6, buffer[offset + 1] & _NUMBER
+    begin = offset + 2
+    if kind == 0 and len(body) >= 2:
+        count = body[1]
+        lacking = tuple(body[2 : 2 + count])
+        if 1 <= count <= MOST_BLOCKS and len(lacking) == count:
+            return Lacks(transfer, body[0], lacking), begin + 2 + count
+    elif kind == 1 and len(body) >= CHECK_BYTES:
+        return Complete(transfer, body[:CHECK_BYTES]), begin + CHECK_BYTES
+    elif kind == 2:
+        return Refused(transfer, body[0]), begin + 1
+    elif kind == 3 and len(body) >= 2:
+        return Headless(transfer, int.from_bytes(body[:2], "big")), begin + 2
+    return None

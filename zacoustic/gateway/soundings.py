@@ -1,0 +1,72 @@
+"""What the modem measured, as documents of the health report: ranges, places, the modem itself.
+
+===========================  ======================================================================
+``peer/ADDRESS/range``       how far away: range, propagation delay, signal quality
+``peer/ADDRESS/position``    where, by an ultra-short baseline head: east, north, up
+``peer/ADDRESS/direction``   from where it was heard: bearing, elevation
+``modem``                    firmware, supply, source level
+===========================  ======================================================================
+
+A document is there from the first measurement on, and says when that was: by the clock of people,
+since nobody else's monotonic clock means anything to them.
+"""
+
+import time
+from collections.abc import Callable
+
+import msgspec
+
+from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.measurements import Measurements
+
+
+class Soundings:
+    """The measurements of one engine; for the loop.
+
+    Args:
+        measurements: What the engine keeps.
+        clock: Where its instants come from.
+        unix_s: The clock of people, s.
+    """
+
+    def __init__(
+        self,
+        measurements: Measurements,
+        *,
+        clock: Clock,
+        unix_s: Callable[[], float] = time.time,
+    ) -> None:
+        self._measurements = measurements
+        self._clock = clock
+        self._unix_s = unix_s
+        self._dated: dict[str, tuple[int, float]] = {}
+
+    def documents(self) -> dict[str, object]:
+        """Return what is known, by the end of its key."""
+        known = self._measurements
+        found: dict[str, object] = {}
+        for address in known.addresses():
+            for name, each in (
+                ("range", known.range(address)),
+                ("position", known.position(address)),
+                ("direction", known.direction(address)),
+            ):
+                if each is not None:
+                    key = f"peer/{address}/{name}"
+                    fields = msgspec.structs.asdict(each)
+                    del fields["address"]
+                    at = fields.pop("measured_at")
+                    found[key] = fields | {"measured_at_unix_s": self._date(key, at)}
+        if known.modem is not None:
+            fields = msgspec.structs.asdict(known.modem)
+            at = fields.pop("read_at")
+            found["modem"] = fields | {"read_at_unix_s": self._date("modem", at)}
+        return found
+
+    def _date(self, key: str, at: int) -> float:
+        """Return an instant by the clock of people, s; once for each, so that it stays the same."""
+        known_at, date_s = self._dated.get(key, (None, 0.0))
+        if known_at != at:
+            date_s = round(self._unix_s() - ns_to_seconds(self._clock() - at), 3)
+            self._dated[key] = at, date_s
+        return date_s

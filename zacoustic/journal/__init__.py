@@ -1,0 +1,15 @@
+"""The journal: what a node still has to know in its next life.
+
+- `port`: the contract of a store, and how a boot epoch follows from the one before;
+- `memory`: a store that keeps nothing beyond the process;
+- `sqlite`: a store in a file, which survives ``kill -9`` and the loss of power; `file`: how such a
+  file is opened, known and refused;
+- `thread`: commits in a thread of its own, in groups, and again while they fail;
+- `forgotten`: what a node without a lasting store forgets, for people.
+"""
+
+from zacoustic.journal.memory import MemoryJournal
+from zacoustic.journal.port import EPOCHS, Journal, JournalState
+from zacoustic.journal.sqlite import SqliteJournal, journal_in
+
+__all__ = ["EPOCHS", "Journal", "JournalState", "MemoryJournal", "SqliteJournal", "journal_in"]

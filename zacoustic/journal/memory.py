@@ -1,0 +1,34 @@
+"""A store that lives as long as its object."""
+
+from collections.abc import Sequence
+
+from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.journal.port import JournalState, next_epoch
+
+
+class MemoryJournal:
+    """Keeps nothing beyond the process.
+
+    Lives of one object differ in their epoch. Of two processes in a row the second draws the epoch
+    of the first once in 65 536 starts; peers then take the one for the other.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[str, bytes] = {}
+
+    def recover(self) -> JournalState:
+        """Begin a life: the next epoch, and what was committed."""
+        epoch = next_epoch(self._entries)
+        self._entries[EPOCH_KEY] = epoch.to_bytes(2, "big")
+        return JournalState(boot_epoch=epoch, entries=dict(self._entries))
+
+    def commit(self, writes: Sequence[JournalWrite]) -> None:
+        """Keep the writes for as long as this object lives."""
+        for write in writes:
+            if write.value is None:
+                self._entries.pop(write.key, None)
+            else:
+                self._entries[write.key] = write.value
+
+    def close(self) -> None:
+        """Do nothing."""

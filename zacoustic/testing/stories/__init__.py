@@ -1,0 +1,37 @@
+"""Stories: random weather for a fleet of real engines, and what must hold in any.
+
+::
+
+    story = random_story(1234)
+    told = tell(story)
+    assert not told.complaints, told.complaints[0]
+
+- `story`: what a story is: water, faults, tables, who has something to say.
+- `drawing`: one for each seed, `random_story`.
+- `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, by which an arrival is
+  known again whatever happened to it.
+- `witness`: who watches; `invariants`: those who complain; `tally`: one who counts.
+
+`zacoustic sim --story SEED` tells the same story again.
+"""
+
+from zacoustic.testing.stories.drawing import random_story
+from zacoustic.testing.stories.invariants import INVARIANTS
+from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
+from zacoustic.testing.stories.telling import Telling, Told, tell
+from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+
+__all__ = [
+    "INVARIANTS",
+    "Arrived",
+    "Cast",
+    "Lane",
+    "Publication",
+    "Shape",
+    "Story",
+    "Telling",
+    "Told",
+    "Witness",
+    "random_story",
+    "tell",
+]

@@ -1,0 +1,191 @@
+"""What must hold in any story, whatever goes wrong; each is a witness that complains.
+
+That nothing is altered, and nothing comes on a wrong stream, is not here: `Telling` sees it itself.
+"""
+
+from typing import TYPE_CHECKING, Final
+
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event
+from zacoustic.core.keys import Instance
+from zacoustic.core.qos import Reliability
+from zacoustic.core.streams import Stream, TopicSpec
+from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+
+if TYPE_CHECKING:
+    from zacoustic.testing.stories.telling import Telling
+
+
+def is_reliable(stream: Stream) -> bool:
+    """Tell whether samples of a stream are repeated until they are acknowledged."""
+    spec = stream.spec
+    return isinstance(spec, TopicSpec) and spec.qos.reliability is Reliability.RELIABLE
+
+
+class NothingTwice(Witness):
+    """No node gets a sample twice.
+
+    A reliable one never, and in all lives of a node that keeps a journal; a best-effort one not
+    later than the settling time, within which a modem may repeat a frame.
+    """
+
+    def begins(self, telling: "Telling") -> None:
+        """Learn the settling time."""
+        self._within_ns = telling.settling_ns + seconds_to_ns(
+            telling.story.scenario.faults.jitter_s
+        )
+        self._first: dict[tuple[int, int], Arrived] = {}
+
+    def received(self, arrived: Arrived) -> None:
+        """Compare with the first time."""
+        publication = arrived.publication
+        first = self._first.setdefault((arrived.node, publication.number), arrived)
+        if first is arrived:
+            return
+        if is_reliable(publication.stream):
+            if first.life == arrived.life or _keeps(publication.stream):
+                self.complaints.append(f"{_told(arrived)} a second time, after {_at(first.at)}")
+        elif arrived.at - first.at > self._within_ns:
+            self.complaints.append(f"{_told(arrived)} again, long after {_at(first.at)}")
+
+
+class InOrder(Witness):
+    """The reliable samples of a key of one source come in the order of their publication."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._last: dict[tuple[int, int, int, Instance], Arrived] = {}
+
+    def received(self, arrived: Arrived) -> None:
+        """Compare with the one before."""
+        publication = arrived.publication
+        if not is_reliable(publication.stream):
+            return
+        stream_id = publication.stream.stream_id
+        lane = (arrived.node, publication.node, stream_id, publication.instance)
+        last = self._last.get(lane)
+        self._last[lane] = arrived
+        if last is None or last.publication.number <= publication.number:
+            return
+        if last.life == arrived.life or _keeps(publication.stream):
+            self.complaints.append(
+                f"{_told(arrived)} after #{last.publication.number}, which is younger"
+            )
+
+
+class NothingLost(Witness):
+    """A reliable sample arrives at every subscriber, or its publisher is told why not.
+
+    What was accepted and not yet written down when its publisher crashed may be lost, and so may be
+    all that a publisher without a journal had.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._open: dict[int, Publication] = {}
+        self._owed: dict[int, set[int]] = {}
+        self._by_id: dict[tuple[int, int], Publication] = {}
+
+    def begins(self, telling: "Telling") -> None:
+        """Remember who is there."""
+        self._telling = telling
+
+    def published(self, publication: Publication) -> None:
+        """Note who has to get it."""
+        if not is_reliable(publication.stream):
+            return
+        owed = self._receivers(publication)
+        if not owed:
+            return
+        self._open[publication.number] = publication
+        self._by_id[publication.node, publication.result] = publication
+        self._owed[publication.number] = owed
+
+    def _receivers(self, publication: Publication) -> set[int]:
+        return {
+            address
+            for address, cast in self._telling.casts.items()
+            if address != publication.node
+            and (stream := cast.table.get(publication.stream.stream_id)) is not None
+            and stream.digest == publication.stream.digest
+            and stream.may_subscribe(address)
+        }
+
+    def received(self, arrived: Arrived) -> None:
+        """One less to wait for."""
+        self._owed.get(arrived.publication.number, set()).discard(arrived.node)
+
+    def crashed(self, node: int, at: int) -> None:
+        """Forget what may be lost."""
+        journal = self._telling.network.journal(node)
+        for publication in list(self._open.values()):
+            if publication.node != node:
+                continue
+            if not (_keeps(publication.stream) and journal.is_kept(publication.written)):
+                self._close(publication)
+
+    def happened(self, node: int, event: Event, at: int) -> None:
+        """Take the outcome that a publisher is told."""
+        if not isinstance(event, DeliveryEnded):
+            return
+        publication = self._by_id.get((node, event.delivery_id))
+        if publication is None or publication.number not in self._open:
+            return
+        owed = self._owed[publication.number]
+        if event.outcome is DeliveryOutcome.DELIVERED and owed:
+            self.complaints.append(
+                f"{_at(at)}: node {node} is told that {_named(publication)} is delivered; "
+                f"{sorted(owed)} never got it"
+            )
+        self._close(publication)
+
+    def ends(self, telling: "Telling") -> None:
+        """Complain about what never ended."""
+        for publication in self._open.values():
+            owed = sorted(self._owed[publication.number])
+            self.complaints.append(
+                f"{_named(publication)} has no outcome at the end; missing at {owed or 'nobody'}"
+            )
+
+    def _close(self, publication: Publication) -> None:
+        del self._open[publication.number]
+        del self._owed[publication.number]
+
+
+class OncePerCall(Witness):
+    """No life of a server executes a call twice."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._served: set[tuple[int, int]] = set()
+
+    def served(self, arrived: Arrived) -> None:
+        """Compare with what ran before."""
+        call = (arrived.publication.number, arrived.life)
+        if call in self._served:
+            self.complaints.append(f"{_told(arrived)} runs a second time")
+        self._served.add(call)
+
+
+INVARIANTS: Final[tuple[type[Witness], ...]] = (NothingTwice, InOrder, NothingLost, OncePerCall)
+"""All of them; `random_story` makes stories in which they have to hold."""
+
+
+def _keeps(stream: Stream) -> bool:
+    """Tell whether the stream is journalled; all tables of a story agree on that."""
+    return stream.spec.journal
+
+
+def _at(instant: int) -> str:
+    return f"{instant / NS_PER_S:.3f} s"
+
+
+def _named(publication: Publication) -> str:
+    return (
+        f"#{publication.number} of node {publication.node} on {publication.key}, published at "
+        f"{_at(publication.at)} in life {publication.life}"
+    )
+
+
+def _told(arrived: Arrived) -> str:
+    return f"{_at(arrived.at)}: node {arrived.node} gets {_named(arrived.publication)}"

@@ -1,0 +1,118 @@
+"""What a story is: the water, what goes wrong in it, and a fleet that has something to say."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.channel.scenario import Scenario
+from zacoustic.core.streams import StreamSpec, StreamTable
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.testing.virtualmodem import Modem
+
+TICKETS: Final = 1 << 24
+"""Tickets are below this: three bytes; a shape may have room for fewer."""
+
+
+class Shape(msgspec.Struct, frozen=True):
+    """How a ticket becomes a value, and how it is read back."""
+
+    type_spec: TypeSpec | None
+    """Type of the value; None: opaque bytes."""
+    write: Callable[[int], Any]
+    """Makes a value of a ticket, the same each time."""
+    read: Callable[[Any], int]
+    """Returns the ticket in a value; raises KeyError, TypeError or ValueError for another's."""
+    tickets: int = TICKETS
+    """Tickets that it has room for."""
+
+
+class Lane(msgspec.Struct, frozen=True):
+    """A stream, and what its payloads look like."""
+
+    spec: StreamSpec
+    """The stream."""
+    shape: Shape
+    """Samples or requests."""
+    response: Shape | None = None
+    """Responses; None for a topic."""
+
+
+class Cast(msgspec.Struct, frozen=True):
+    """The table of a node, and the lanes that it was made of."""
+
+    table: StreamTable
+    """The table."""
+    lanes: dict[int, Lane]
+    """By stream id."""
+
+
+class Story(msgspec.Struct, frozen=True, kw_only=True):
+    """All that happens, as far as it does not follow from it."""
+
+    seed: int
+    """Every draw follows from it."""
+    scenario: Scenario
+    """The water, and what goes wrong."""
+    casts: dict[int, Cast]
+    """The table of each node."""
+    pool: tuple[Cast, ...] = ()
+    """A node that starts again takes one of these; empty: it keeps its table."""
+    modem: Modem = Modem()
+    """What the modems do."""
+    busy_s: float
+    """How long the nodes speak as often as `pause_s` says, and how long things go wrong."""
+    calm_s: float
+    """How long it goes on afterwards."""
+    pause_s: float = 30.0
+    """Longest time between two samples of a node on a stream, s."""
+    calm_pause_s: float | None = None
+    """The same when it is calm; None: nothing is said any more."""
+
+    @property
+    def until_s(self) -> float:
+        """Its end, s."""
+        return self.busy_s + self.calm_s
+
+
+def cast_of(lanes: Mapping[int, Lane], nodes: Mapping[int, str]) -> Cast:
+    """Make the table that these lanes need.
+
+    Raises:
+        ConfigError: The lanes contradict each other.
+    """
+    types: dict[str, TypeSpec] = {}
+    for lane in lanes.values():
+        for shape in (lane.shape, lane.response):
+            if shape is not None and shape.type_spec is not None:
+                types[shape.type_spec.name] = shape.type_spec
+    specs = [lane.spec for _, lane in sorted(lanes.items())]
+    return Cast(StreamTable(specs, types=TypeTable(types.values()), nodes=nodes), dict(lanes))
+
+
+def opaque(size_bytes: int) -> Shape:
+    """Return opaque payloads of one size, ≥ 3 bytes, which follow from their ticket."""
+
+    def write(ticket: int) -> bytes:
+        filler = bytes((ticket * 31 + index * 17) & 0xFF for index in range(size_bytes - 3))
+        return ticket.to_bytes(3, "big") + filler
+
+    return Shape(None, write, lambda value: int.from_bytes(value[:3], "big"))
+
+
+def typed(name: str, *, text: int = 0) -> Shape:
+    """Return values of a type with the ticket, a depth that follows from it, and maybe a text."""
+    fields = [
+        FieldSpec(name="ticket", type="uint32", range=(0, TICKETS)),
+        FieldSpec(name="depth", type="float64", range=(0, 1000), step=0.5),
+    ]
+    if text:
+        fields.append(FieldSpec(name="note", type="string", max_length=text))
+
+    def write(ticket: int) -> dict[str, Any]:
+        value: dict[str, Any] = {"ticket": ticket, "depth": ticket % 2000 / 2}
+        if text:
+            value["note"] = f"{ticket:x}"[:text]
+        return value
+
+    return Shape(TypeSpec(name=name, fields=tuple(fields)), write, lambda value: value["ticket"])

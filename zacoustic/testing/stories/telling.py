@@ -1,0 +1,312 @@
+"""Runs a story: lets the nodes speak, knows what arrives by its ticket, and tells the witnesses."""
+
+import itertools
+import random
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    Event,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+)
+from zacoustic.core.keys import Instance
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.streams import ServiceSpec, Stream
+from zacoustic.core.trace import TraceRecord
+from zacoustic.errors import LocalError
+from zacoustic.testing.stories.invariants import INVARIANTS
+from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
+from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+from zacoustic.testing.virtual import Build, VirtualNetwork
+
+_MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
+
+
+class Told(msgspec.Struct, frozen=True):
+    """What came of a story."""
+
+    complaints: tuple[str, ...]
+    """What must not have happened."""
+    digest: str
+    """SHA-256 of the trace, if it was asked for."""
+
+
+def tell(
+    story: Story,
+    witnesses: Iterable[Callable[[], Witness]] = INVARIANTS,
+    *,
+    digest: bool = False,
+    build: Build = Engine,
+) -> Told:
+    """Tell a story from its beginning to its end.
+
+    Args:
+        story: The story.
+        witnesses: Make who watches.
+        digest: Make the digest of the trace as well.
+        build: Makes the engines.
+    """
+    telling = Telling(story, [make() for make in witnesses], digest=digest, build=build)
+    telling.run()
+    return Told(tuple(telling.complaints()), telling.network.digest)
+
+
+class Telling:
+    """One telling of a story.
+
+    Args:
+        story: The story.
+        witnesses: Who watches.
+        trace: Takes each trace record.
+        digest: Make the digest of the trace.
+        build: Makes the engines.
+    """
+
+    def __init__(
+        self,
+        story: Story,
+        witnesses: Iterable[Witness] = (),
+        *,
+        trace: Callable[[TraceRecord], None] | None = None,
+        digest: bool = False,
+        build: Build = Engine,
+    ) -> None:
+        self.story = story
+        self.witnesses = tuple(witnesses)
+        self.misread: list[str] = []
+        """What arrived and is not what anybody published so, one line each."""
+        self._early: list[tuple[int, Event]] | None = []
+        self.casts = dict(story.casts)
+        """Cast of each node's present life."""
+        self._rng = random.Random(f"{story.seed}/telling")
+        self._tickets: dict[int, Publication] = {}
+        self._next = itertools.count(1)
+        self._calls: dict[tuple[int, int, int], tuple[Publication, Lane]] = {}
+        self.network = VirtualNetwork(
+            story.scenario,
+            {address: cast.table for address, cast in story.casts.items()},
+            modem=story.modem,
+            deliver=self._take,
+            lives=self._live,
+            trace=trace,
+            digest=digest,
+            build=build,
+        )
+
+    def run(self) -> None:
+        """Tell it; once."""
+        for witness in self.witnesses:
+            witness.begins(self)
+        early, self._early = self._early or [], None
+        for address, event in early:
+            self._take(address, event)
+        streams = sorted(
+            {
+                stream_id
+                for cast in (*self.story.casts.values(), *self.story.pool)
+                for stream_id in cast.lanes
+            }
+        )
+        for address in self.casts:
+            for stream_id in streams:
+                self._go_on(address, stream_id, 0.0)
+        self.network.run(until_s=self.story.until_s)
+        for witness in self.witnesses:
+            witness.ends(self)
+
+    def complaints(self) -> list[str]:
+        """Return what must not have happened, of all witnesses."""
+        return self.misread + [line for each in self.witnesses for line in each.complaints]
+
+    @property
+    def settling_ns(self) -> int:
+        """Time within which a frame may come a second time, ns."""
+        return max(settling_ns(self.network.capabilities(each)) for each in self.casts)
+
+    # What the nodes do
+
+    def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
+        """Act on a stream at a random instant, and again."""
+        story = self.story
+        longest_s = story.pause_s if now_s < story.busy_s else story.calm_pause_s
+        if longest_s is None:
+            return
+        at_s = now_s + self._rng.uniform(longest_s / 30, longest_s)
+        if at_s >= story.busy_s and story.calm_pause_s is None:
+            return
+
+        def act() -> None:
+            if self.network.is_running(address):
+                self._act(address, stream_id)
+            self._go_on(address, stream_id, self.network.now / NS_PER_S)
+
+        self.network.at(at_s, act)
+
+    def _act(self, address: int, stream_id: int) -> None:
+        """Publish or call, if the node's table has the stream for it."""
+        cast = self.casts[address]
+        lane = cast.lanes.get(stream_id)
+        if lane is None:
+            return
+        stream = cast.table.by_id(stream_id)
+        is_service = isinstance(lane.spec, ServiceSpec)
+        if isinstance(lane.spec, ServiceSpec) and lane.spec.server == address:
+            return
+        if not is_service and not stream.may_publish(address):
+            return
+        wildcards = () if is_service else stream.keys.wildcards
+        instance = tuple(self._rng.randrange(len(wildcard.values)) for wildcard in wildcards)
+        number = next(self._next)
+        value = lane.shape.write(number % lane.shape.tickets)
+
+        def command(engine: Engine, now: int) -> None:
+            # Noted before the engine acts: what it sends or commits at once is part of it.
+            if is_service:
+                result = engine.call(stream_id, value, now)
+            else:
+                result = engine.publish(stream_id, value, now, instance=instance)
+            self._note(lane, publish(result))
+
+        def publish(result: int) -> Publication:
+            return Publication(
+                number=number,
+                node=address,
+                life=self.network.life(address),
+                stream=stream,
+                instance=instance,
+                value=value,
+                at=self.network.now,
+                result=result,
+                written=self.network.journal(address).handed_out + 1,
+            )
+
+        try:
+            self.network.apply(address, command)
+        except LocalError:
+            for witness in self.witnesses:
+                witness.refused(address, stream)
+
+    def _note(self, lane: Lane, publication: Publication) -> None:
+        self._tickets[publication.number % lane.shape.tickets] = publication
+        if isinstance(lane.spec, ServiceSpec):
+            self._calls[publication.node, publication.life, publication.result] = publication, lane
+            for witness in self.witnesses:
+                witness.called(publication)
+        else:
+            for witness in self.witnesses:
+                witness.published(publication)
+
+    # What the engines say
+
+    def _live(self, address: int, is_alive: bool) -> None:
+        if not is_alive:
+            for witness in self.witnesses:
+                witness.crashed(address, self.network.now)
+        elif self.story.pool:
+            self.casts[address] = self._rng.choice(self.story.pool)
+            self.network.set_table(address, self.casts[address].table)
+
+    def _take(self, node: int, event: Event) -> None:
+        if self._early is not None:  # the network is being made
+            self._early.append((node, event))
+            return
+        for witness in self.witnesses:
+            witness.happened(node, event, self.network.now)
+        cast = self.casts[node]
+        if isinstance(event, SampleReceived):
+            stream = cast.table.by_id(event.stream_id)
+            shape = cast.lanes[event.stream_id].shape
+            found = self._find(node, stream, shape, event.source, event.instance, event)
+            if found is not None:
+                for witness in self.witnesses:
+                    witness.received(found)
+        elif isinstance(event, RequestReceived):
+            self._serve(node, cast, event)
+        elif isinstance(event, ResponseReceived):
+            self._be_answered(node, event)
+        elif isinstance(event, CallFailed):
+            call = self._calls.pop((node, self.network.life(node), event.call_id), None)
+            if event.failure in _MISUNDERSTOOD:
+                self._complain(node, f"a call was misunderstood: {event}")
+            if call is not None:
+                for witness in self.witnesses:
+                    witness.failed(self._arrived(call[0], node))
+
+    def _find(
+        self,
+        node: int,
+        stream: Stream,
+        shape: Shape,
+        source: int,
+        instance: Instance,
+        event: SampleReceived | RequestReceived,
+    ) -> Arrived | None:
+        """Return what an arrival is; None, and a complaint, if nobody has published it so."""
+        try:
+            known = self._tickets.get(shape.read(event.value))
+        except (KeyError, TypeError, ValueError) as error:
+            self._complain(node, f"{event} cannot be read: {error!r}")
+            return None
+        if (
+            known is None
+            or known.node != source
+            or known.value != event.value
+            or known.stream.digest != stream.digest
+            or known.key != stream.keys.key(source, instance)
+        ):
+            self._complain(node, f"{event} on {stream.name}; published: {known}")
+            return None
+        return self._arrived(known, node)
+
+    def _arrived(self, publication: Publication, node: int) -> Arrived:
+        network = self.network
+        return Arrived(publication=publication, node=node, life=network.life(node), at=network.now)
+
+    def _serve(self, node: int, cast: Cast, event: RequestReceived) -> None:
+        """Answer with the ticket of the request, a little later."""
+        lane = cast.lanes[event.call.stream_id]
+        stream = cast.table.by_id(event.call.stream_id)
+        found = self._find(node, stream, lane.shape, event.call.client, (), event)
+        if found is None:
+            return
+        for witness in self.witnesses:
+            witness.served(found)
+        response = lane.response
+        assert response is not None
+        value = response.write(found.publication.number % response.tickets)
+
+        def answer() -> None:
+            if self.network.is_running(node) and self.network.life(node) == found.life:
+                self.network.apply(node, lambda engine, now: engine.reply(event.call, value, now))
+
+        after_s = self._rng.uniform(0, 10)
+        self.network.at(self.network.now / NS_PER_S + after_s, answer)
+
+    def _be_answered(self, node: int, event: ResponseReceived) -> None:
+        call = self._calls.pop((node, self.network.life(node), event.call_id), None)
+        if call is None:
+            self._complain(node, f"answer to no call: {event}")
+            return
+        publication, lane = call
+        assert lane.response is not None
+        if lane.response.read(event.value) != publication.number % lane.response.tickets:
+            self._complain(node, f"{event} answers {publication}")
+            return
+        for witness in self.witnesses:
+            witness.answered(self._arrived(publication, node))
+
+    def _complain(self, node: int, what: str) -> None:
+        self.misread.append(f"{self.network.now / NS_PER_S:.3f} s: node {node}: {what}")
+
+
+def settling_ns(capabilities: LinkCapabilities) -> int:
+    """Return the time within which a link may repeat a frame, ns: four of its longest frames."""
+    airtime_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+    return 4 * (airtime_ns + round(capabilities.propagation_s * NS_PER_S))

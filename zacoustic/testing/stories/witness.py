@@ -1,0 +1,98 @@
+"""Who watches a telling: told of each publication and of what came of it.
+
+`Telling` knows by the ticket which publication an arrival belongs to, so a witness never looks into
+a payload. All instants are those of the network, ns, whatever the clocks of the nodes say.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from zacoustic.core.events import Event
+from zacoustic.core.keys import Instance
+from zacoustic.core.streams import Stream
+
+if TYPE_CHECKING:
+    from zacoustic.testing.stories.telling import Telling
+
+
+class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A sample or a request that an engine has accepted."""
+
+    number: int
+    """Counts all publications of the story, from 1."""
+    node: int
+    """Who published it."""
+    life: int
+    """Which life of that node, from 1."""
+    stream: Stream
+    """The stream, as that node's table has it."""
+    instance: Instance
+    """Which of the topic's keys."""
+    value: Any
+    """The value."""
+    at: int
+    """When."""
+    result: int
+    """What `Engine.publish` or `Engine.call` returned: delivery id or call id."""
+    written: int
+    """Number of its first journal write: `VirtualJournal.is_kept` tells whether it is safe."""
+
+    @property
+    def key(self) -> str:
+        """The key expression that it was published under."""
+        return self.stream.keys.key(self.node, self.instance)
+
+
+class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
+    """A sample, a request or a response that an engine has handed over."""
+
+    publication: Publication
+    """What it is, or what it answers."""
+    node: int
+    """Who has got it."""
+    life: int
+    """In which life."""
+    at: int
+    """When."""
+
+
+class Witness:
+    """Watches; a subclass overrides what it wants to see, and appends to `complaints`."""
+
+    def __init__(self) -> None:
+        self.complaints: list[str] = []
+        """What must not have happened, one line each."""
+
+    def begins(self, telling: "Telling") -> None:
+        """The nodes are there, and nothing has happened yet."""
+
+    def published(self, publication: Publication) -> None:
+        """An engine has accepted a sample."""
+
+    def called(self, publication: Publication) -> None:
+        """An engine has accepted a call."""
+
+    def refused(self, node: int, stream: Stream) -> None:
+        """An engine has not accepted a sample or a call."""
+
+    def received(self, arrived: Arrived) -> None:
+        """A sample was handed over, and is what was published."""
+
+    def served(self, arrived: Arrived) -> None:
+        """A request was handed over, and is what was asked."""
+
+    def answered(self, arrived: Arrived) -> None:
+        """A caller has its answer, and it is what the server said."""
+
+    def failed(self, arrived: Arrived) -> None:
+        """A caller was told that there is no answer."""
+
+    def crashed(self, node: int, at: int) -> None:
+        """A node has crashed; its journal is as it is found later."""
+
+    def happened(self, node: int, event: Event, at: int) -> None:
+        """An engine has told an event, whatever it was; before the method that is about it."""
+
+    def ends(self, telling: "Telling") -> None:
+        """The story is over."""

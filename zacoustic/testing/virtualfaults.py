@@ -1,0 +1,69 @@
+"""Puts what a scenario says of nodes (`channel.nodefaults`) on the agenda of a network."""
+
+import random
+from functools import partial
+from typing import TYPE_CHECKING
+
+from zacoustic.channel.nodefaults import CrashSpec
+from zacoustic.channel.scenario import Scenario
+from zacoustic.core.clock import NS_PER_S
+
+_CLOCK_TOLD_S = 10.0
+"""How often an engine is told of a clock whose error grows, s: as its contract asks."""
+
+if TYPE_CHECKING:
+    from zacoustic.testing.virtual import VirtualNetwork
+
+
+def schedule_faults(network: "VirtualNetwork", scenario: Scenario) -> None:
+    """Let the modems be unplugged and the nodes crash as the scenario says.
+
+    Faults of a node without an engine have no effect.
+    """
+    faults = scenario.faults
+    for span in faults.unplugged:
+        if span.node in network.addresses and _is_before(span.from_s, faults.until_s):
+            network.at(span.from_s, partial(network.set_link, span.node, up=False))
+            network.at(span.to_s, partial(network.set_link, span.node, up=True))
+    for clock in faults.clocks:
+        if clock.node in network.addresses and clock.error_s is not None:
+            tell = partial(network.tell_clock, clock.node)
+            for jump in clock.jumps:
+                network.at(jump.at_s, tell)
+            if clock.drift_ppm:
+                network.every(_CLOCK_TOLD_S, tell)
+    for index, spec in enumerate(faults.crashes):
+        if spec.node not in network.addresses:
+            continue
+        for instant_s in spec.at_s:
+            if _is_before(instant_s, faults.until_s):
+                network.at(instant_s, partial(_crash, network, spec))
+        if spec.every_s is not None:
+            limits = [end_s for end_s in (spec.to_s, faults.until_s) if end_s is not None]
+            rng = random.Random(f"{scenario.seed}/crashes/{index}")
+            _crash_sometime(network, spec, min(limits, default=None), rng)
+
+
+def _is_before(instant_s: float, end_s: float | None) -> bool:
+    return end_s is None or instant_s < end_s
+
+
+def _crash(network: "VirtualNetwork", spec: CrashSpec) -> None:
+    if not network.is_running(spec.node):
+        return
+    network.crash(spec.node, reboots=spec.reboots)
+    now_s = network.now / NS_PER_S
+    network.at(now_s + spec.restart_after_s, partial(network.start, spec.node))
+
+
+def _crash_sometime(
+    network: "VirtualNetwork", spec: CrashSpec, end_s: float | None, rng: random.Random
+) -> None:
+    """Crash a node at a random instant, and again after each restart."""
+    assert spec.every_s is not None
+    crash_s = network.now / NS_PER_S + rng.expovariate(1.0 / spec.every_s)
+    if not _is_before(crash_s, end_s):
+        return
+    network.at(crash_s, partial(_crash, network, spec))
+    again = partial(_crash_sometime, network, spec, end_s, rng)
+    network.at(crash_s + spec.restart_after_s, again)

@@ -1,0 +1,107 @@
+"""The journal of a node in a `VirtualNetwork`: a dictionary that survives its engine.
+
+It behaves as a real one: what an engine hands out while a commit is under way waits for the next
+commit, a commit takes its time, and it is there all or none. A crash before its end takes it away;
+with a chance (`JournalSpec.untold`) it had been written all the same, and nobody was told.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.channel.nodefaults import JournalSpec
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+
+Told = Callable[[list[JournalWrite]], None]
+"""Takes the writes that have been committed."""
+
+FULL: Final = "no space left on the device"
+"""What a node is told while nothing can be written."""
+
+
+class VirtualJournal:
+    """The store of one node.
+
+    Args:
+        node: Address.
+        spec: How long a commit takes, and what goes wrong.
+    """
+
+    def __init__(self, node: int, spec: JournalSpec) -> None:
+        self.entries: dict[str, bytes] = {}
+        """What has been committed."""
+        self.handed_out = 0
+        """Writes taken from engines so far, in all lives."""
+        self.committed = 0
+        """How many of them are settled: committed, or lost in a crash."""
+        self.commit_ns = seconds_to_ns(spec.commit_s)
+        self._spec = spec
+        self._fails = [
+            (seconds_to_ns(span.from_s), seconds_to_ns(span.to_s))
+            for span in spec.fails
+            if span.node == node
+        ]
+        self._lost: list[tuple[int, int]] = []
+        self._waiting: list[JournalWrite] = []
+        self._group: list[JournalWrite] = []
+
+    @property
+    def is_idle(self) -> bool:
+        """No commit is under way."""
+        return not self._group
+
+    def is_kept(self, number: int) -> bool:
+        """Tell whether the write of that number, counted by `handed_out`, has been committed."""
+        lost = any(first <= number <= last for first, last in self._lost)
+        return number <= self.committed and not lost
+
+    @property
+    def next_epoch(self) -> int:
+        """Boot epoch of the next life: the one after the last that was kept."""
+        kept = self.entries.get(EPOCH_KEY)
+        return 1 if kept is None else (int.from_bytes(kept, "big") + 1) & 0xFFFF
+
+    def add(self, write: JournalWrite) -> None:
+        """Take a write from an engine."""
+        self.handed_out += 1
+        self._waiting.append(write)
+
+    def begin(self) -> bool:
+        """Begin to commit what waits; False when nothing does."""
+        self._group, self._waiting = self._waiting, []
+        return bool(self._group)
+
+    def fails_until(self, now: int) -> int | None:
+        """Return when writing works again, ns, if it does not now."""
+        return next((end for begin, end in self._fails if begin <= now < end), None)
+
+    def finish(self) -> list[JournalWrite]:
+        """Complete the commit that is under way, and return its writes."""
+        group, self._group = self._group, []
+        self._keep(group)
+        self.committed += len(group)
+        return group
+
+    def crash(self, draw: float) -> None:
+        """Forget what is not committed.
+
+        Args:
+            draw: Decides whether a commit that is under way has been written, 0…1.
+        """
+        if self._group and draw < self._spec.untold:
+            self._keep(self._group)
+            self.committed += len(self._group)
+        self._group, self._waiting = [], []
+        if self.committed < self.handed_out:
+            self._lost.append((self.committed + 1, self.handed_out))
+        self.committed = self.handed_out
+        if self._spec.keeps is False:
+            self._lost = [(1, self.handed_out)]
+            self.entries = {key: self.entries[key] for key in self.entries if key == EPOCH_KEY}
+
+    def _keep(self, group: list[JournalWrite]) -> None:
+        for write in group:
+            if write.value is None:
+                self.entries.pop(write.key, None)
+            else:
+                self.entries[write.key] = write.value

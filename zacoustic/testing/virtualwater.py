@@ -1,0 +1,284 @@
+"""The water of a `VirtualNetwork` and the modems in it: from a transmission to what comes of it.
+
+`zacoustic.channel.Medium` knows what sound does; here is what the modems do with it. They outlive
+the engines: what a modem has begun it ends, whoever has crashed meanwhile.
+"""
+
+import random
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
+from zacoustic.channel.faults import corrupt
+from zacoustic.channel.medium import Arrival, Emission, Medium, Reception
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.engine import Engine
+from zacoustic.core.linktypes import (
+    BROADCAST,
+    LinkMetrics,
+    PeerMeasured,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.testing.agenda import Agenda
+from zacoustic.testing.virtualmodem import Modem
+from zacoustic.testing.virtualnode import VirtualNode
+
+Disturb = Callable[[int, int, int], Sequence[float]]
+"""``(source, node, now)``: what becomes of a frame that arrives: it is handed over after each of
+these times, s; ``(0.0,)`` is as it should be, ``()`` a loss, more than one a repetition."""
+
+
+class Serve(Protocol):
+    """Polls the engine of a node after an input."""
+
+    def __call__(self, node: VirtualNode) -> None:
+        """Poll it until it is dry."""
+        ...
+
+
+class VirtualWater:
+    """Medium and modems.
+
+    Args:
+        agenda: Virtual time.
+        medium: What sound does.
+        modem: What the modems do by themselves.
+        disturb: Loses, delays and repeats frames beyond what the scenario says.
+        serve: Called after each input that an engine has got.
+    """
+
+    def __init__(
+        self,
+        agenda: Agenda,
+        medium: Medium,
+        modem: Modem,
+        disturb: Disturb | None,
+        serve: Serve,
+    ) -> None:
+        self.modem = modem
+        self.nodes: dict[int, VirtualNode] = {}
+        """By address; filled by the network."""
+        self.losses: dict[str, int] = {}
+        """What became of the frames that did not arrive, by outcome."""
+        self._agenda = agenda
+        self._medium = medium
+        self._disturb = disturb
+        self._serve = serve
+        self.farthest_s = medium.scenario.farthest_s
+        """Longest propagation delay, one way, s."""
+
+    def transmit(self, node: VirtualNode, engine: Engine, transmission: Transmission) -> None:
+        """Take a frame from an engine; its report follows."""
+        now = self._agenda.now
+        if node.is_up and node.transmits_until > now:  # its modem is acknowledging
+            self._agenda.push(node.transmits_until, self._transmit_late, node, engine, transmission)
+            return
+        if not node.is_up:
+            self._agenda.push(
+                now, self._report, node, engine, transmission, TransmitOutcome.ABORTED, now
+            )
+            return
+        emission = self._emit(node, len(transmission.frame_bytes))
+        for arrival in emission.arrivals:
+            self._expect(arrival, self._take, transmission)
+        if self.modem.answers(transmission):
+            node.exchange = (transmission, now)
+            limit_ns = patience_ns(node.profile, self.farthest_s)
+            self._agenda.push(
+                emission.ends_at + limit_ns, self._end_exchange, node, engine, transmission, None
+            )
+        else:
+            self._agenda.push(
+                emission.ends_at,
+                self._report,
+                node,
+                engine,
+                transmission,
+                TransmitOutcome.SENT,
+                now,
+            )
+
+    def _transmit_late(self, node: VirtualNode, engine: Engine, transmission: Transmission) -> None:
+        # What was not given to the modem before its engine was gone is never sent.
+        if node.engine is engine:
+            self.transmit(node, engine, transmission)
+
+    def _emit(self, node: VirtualNode, size_bytes: int) -> Emission:
+        emission = self._medium.transmit(node.address, size_bytes, self._agenda.now)
+        node.transmits_until = emission.ends_at
+        if emission.unheard:
+            self._lose("blackout", len(emission.unheard))
+        return emission
+
+    def _report(
+        self,
+        node: VirtualNode,
+        engine: Engine,
+        transmission: Transmission,
+        outcome: TransmitOutcome,
+        started_at: int,
+    ) -> None:
+        if node.engine is not engine:
+            return
+        now = node.clock.local(self._agenda.now)
+        report = TransmitReport(
+            transmission_id=transmission.transmission_id,
+            outcome=outcome,
+            started_at=node.clock.local(started_at),
+            finished_at=now,
+        )
+        engine.handle_transmit_report(report, now)
+        self._serve(node)
+
+    # Arrivals
+
+    def _expect(
+        self,
+        arrival: Arrival,
+        take: Callable[[Reception, Transmission], bool],
+        transmission: Transmission,
+    ) -> None:
+        profile = self._medium.profile(arrival.node)
+        heard = (
+            self.modem.senses_carrier
+            and arrival.snr_db >= profile.detection_snr_db
+            and not profile.separates_senders
+            and arrival.node in self.nodes
+        )
+        if heard:
+            self._agenda.push(arrival.starts_at, self._begin_carrier, arrival.node)
+        self._agenda.push(arrival.ends_at, self._arrive, arrival, take, transmission, heard)
+
+    def _begin_carrier(self, address: int) -> None:
+        node = self.nodes[address]
+        node.carriers += 1
+        if node.carriers == 1 and node.engine is not None:
+            node.engine.handle_carrier(True, node.clock.local(self._agenda.now))
+            self._serve(node)
+
+    def _end_carrier(self, address: int) -> VirtualNode | None:
+        """Tell the end of a carrier; returns the node if its engine has to be served."""
+        node = self.nodes[address]
+        node.carriers -= 1
+        if node.carriers or node.engine is None:
+            return None
+        node.engine.handle_carrier(False, node.clock.local(self._agenda.now))
+        return node
+
+    def _arrive(
+        self,
+        arrival: Arrival,
+        take: Callable[[Reception, Transmission], bool],
+        transmission: Transmission,
+        heard: bool,
+    ) -> None:
+        reception = self._medium.finish(arrival)
+        # Nobody is served between the two inputs, so nobody speaks before it knows the frame.
+        silent = self._end_carrier(arrival.node) if heard else None
+        is_served = False
+        if reception.is_received:
+            is_served = take(reception, transmission)
+        else:
+            self._lose(reception.outcome.value)
+        if silent is not None and not is_served:
+            self._serve(silent)
+
+    def _lose(self, outcome: str, number: int = 1) -> None:
+        self.losses[outcome] = self.losses.get(outcome, 0) + number
+
+    def _take(self, reception: Reception, transmission: Transmission) -> bool:
+        """A frame has come to a modem; returns whether its node has been served."""
+        arrival, frame_bytes = reception.arrival, transmission.frame_bytes
+        damaged = reception.corrupt_seed is not None
+        if damaged and self.modem.checked:
+            self._lose("corrupt")
+            return False
+        if reception.corrupt_seed is not None:
+            frame_bytes = corrupt(frame_bytes, random.Random(reception.corrupt_seed))
+        delays_s: Sequence[float] = (0.0,)
+        if self._disturb is not None:
+            delays_s = self._disturb(arrival.source, arrival.node, self._agenda.now)
+        is_asked = self.modem.answers(transmission) and arrival.node == transmission.destination
+        if delays_s and is_asked and not damaged:
+            at = self._agenda.now + turnaround_ns(self._medium.profile(arrival.node))
+            self._agenda.push(at, self._acknowledge, arrival, transmission)
+        is_served = False
+        for after_s in (*delays_s, *reception.duplicates_after_s):
+            if after_s := after_s + reception.delay_s:
+                at = self._agenda.now + seconds_to_ns(after_s)
+                self._agenda.push(at, self._receive, arrival, transmission, frame_bytes)
+            else:
+                is_served |= self._receive(arrival, transmission, frame_bytes)
+        return is_served
+
+    def _receive(self, arrival: Arrival, transmission: Transmission, frame_bytes: bytes) -> bool:
+        """A modem hands over a frame; returns whether its node has been served."""
+        node = self.nodes.get(arrival.node)
+        if node is None:
+            return False
+        addressed = self.modem.addressed
+        if addressed and transmission.destination not in (arrival.node, BROADCAST):
+            return False
+        if not node.is_up or node.engine is None:
+            self._lose("unplugged" if node.engine is not None else "node_down")
+            return False
+        now = node.clock.local(self._agenda.now)
+        node.engine.handle_frame(
+            ReceivedFrame(
+                frame_bytes=frame_bytes,
+                received_at=now,
+                source=arrival.source if addressed else 0,
+                destination=transmission.destination if addressed else BROADCAST,
+                metrics=LinkMetrics(snr_db=arrival.snr_db, propagation_s=arrival.propagation_s),
+            ),
+            now,
+        )
+        self._serve(node)
+        return True
+
+    # Acknowledgements of the modems
+
+    def _acknowledge(self, arrival: Arrival, transmission: Transmission) -> None:
+        """The modem that has received a frame says so, unless it is transmitting itself."""
+        node, asker = self.nodes.get(arrival.node), self.nodes.get(arrival.source)
+        now = self._agenda.now
+        if node is None or asker is None or not node.is_up or node.transmits_until > now:
+            return
+        for answer in self._emit(node, ACKNOWLEDGEMENT_BYTES).arrivals:
+            self._expect(answer, self._be_answered, transmission)
+
+    def _be_answered(self, reception: Reception, transmission: Transmission) -> bool:
+        """An acknowledgement has come to a modem; returns whether its node has been served."""
+        answer = reception.arrival
+        asker = self.nodes.get(answer.node)
+        if asker is None or asker.exchange is None or reception.corrupt_seed is not None:
+            return False
+        if asker.exchange[0] is not transmission or asker.engine is None:
+            return False
+        if self._disturb is None or self._disturb(answer.source, answer.node, self._agenda.now):
+            self._end_exchange(asker, asker.engine, transmission, answer)
+            return True
+        return False
+
+    def _end_exchange(
+        self, node: VirtualNode, engine: Engine, transmission: Transmission, answer: Arrival | None
+    ) -> None:
+        """The acknowledgement has come, or will not come any more."""
+        if node.exchange is None or node.exchange[0] is not transmission:
+            return
+        started_at, node.exchange = node.exchange[1], None
+        outcome = TransmitOutcome.DELIVERED if answer else TransmitOutcome.NOT_DELIVERED
+        self._report(node, engine, transmission, outcome, started_at)
+        if answer is not None and node.engine is engine:
+            now = node.clock.local(self._agenda.now)
+            metrics = LinkMetrics(
+                snr_db=answer.snr_db,
+                propagation_s=answer.propagation_s,
+                range_m=answer.distance_m,
+            )
+            measured = PeerMeasured(address=answer.source, measured_at=now, metrics=metrics)
+            engine.handle_measurement(measured, now)
+            self._serve(node)
