@@ -24,15 +24,23 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias, TypeVar
 
-from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.clock import NS_PER_S, Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
 from zacoustic.core.journal import JournalWrite
-from zacoustic.core.linktypes import LinkState, Measurement, ReceivedFrame, TransmitReport
+from zacoustic.core.linktypes import (
+    LinkState,
+    Measurement,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
 from zacoustic.errors import LinkClosedError, ZacousticError
 from zacoustic.journal import Journal
 from zacoustic.journal.thread import JournalThread
 from zacoustic.link import Link
+from zacoustic.permitlog import PermitLog, emission
 
 SUBMIT_LIMIT: Final = 1024
 """Commands that other threads may have handed over and the loop not yet taken."""
@@ -42,6 +50,11 @@ SUBMIT_LIMIT: Final = 1024
 _ROUNDS_LIMIT: Final = 1000
 # Expiries in a row after which the timer is due again at once. A sound engine has none.
 _STUCK_LIMIT: Final = 1000
+
+# The engine hears of UTC at least this often while it is driven, and when it was moved by more than
+# reading two clocks one after the other may differ.
+_TELL_CLOCK_NS: Final = 10 * NS_PER_S
+_CLOCK_JITTER_NS: Final = NS_PER_S // 1000
 
 _logger = logging.getLogger(__name__)
 
@@ -62,6 +75,9 @@ class LinkRunner:
         clock: Where instants come from; the same as the link's.
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
+        wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
+        clock_error_s: How wrong that may be, s.
+        permit_log: Takes each emission, or None. Closed with the runner.
     """
 
     def __init__(
@@ -72,6 +88,9 @@ class LinkRunner:
         *,
         clock: Clock = time.monotonic_ns,
         journal: Journal | None = None,
+        wall_clock: Clock | None = None,
+        clock_error_s: float = 0.0,
+        permit_log: PermitLog | None = None,
     ) -> None:
         self.engine = engine
         self.link = link
@@ -92,6 +111,12 @@ class LinkRunner:
         self._inbox: deque[Command] = deque()
         self._inbox_guard = threading.Lock()
         self._wake_pending = False
+        self._wall_clock = wall_clock
+        self._clock_error_ns = seconds_to_ns(clock_error_s)
+        self._offset_ns = 0
+        self._clock_told_at: int | None = None
+        self._permit_log = permit_log
+        self._on_air: Transmission | None = None
         self._journal: JournalThread | None = None
         if journal is not None:
             self._journal = JournalThread(
@@ -108,6 +133,7 @@ class LinkRunner:
             LinkOpenError: The link cannot be opened; the runner is closed then.
         """
         self._loop = asyncio.get_running_loop()
+        self._guarded(self._tell_clock)
         try:
             await self.link.open(self)
         except BaseException:
@@ -131,6 +157,8 @@ class LinkRunner:
             finally:
                 if self._journal is not None:
                     await self._journal.close()
+                if self._permit_log is not None:
+                    await self._permit_log.close()
         finally:
             self._closed.set()
             self._ended.set()
@@ -191,8 +219,9 @@ class LinkRunner:
         self._guarded(lambda: self.engine.handle_frame(frame, self._instant()), self._service)
 
     def transmit_finished(self, report: TransmitReport) -> None:
-        """Give a report to the engine."""
+        """Give a report to the engine, and to the permit log."""
         self._guarded(
+            lambda: self._log_emission(report),
             lambda: self.engine.handle_transmit_report(report, self._instant()), self._service
         )
 
@@ -225,6 +254,7 @@ class LinkRunner:
             return  # an application's command from within an event: the loop below goes on
         self._is_servicing = True
         try:
+            self._tell_clock()
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
                     self._arm()
@@ -241,11 +271,45 @@ class LinkRunner:
             self._keep(write)
         transmission = None if self._is_closing else self.engine.poll_transmit(self._now)
         if transmission is not None:
+            self._on_air = transmission
             self.link.transmit(transmission)
         event = self.engine.poll_event()
         if event is not None:
             self._deliver(event)
         return not (write is None and transmission is None and event is None)
+
+    def _tell_clock(self) -> None:
+        """Tell the engine what UTC is, when it has been moved or was not told for long."""
+        if self._wall_clock is None:
+            return
+        now = self._instant()
+        self._offset_ns, before = self._wall_clock() - self._clock(), self._offset_ns
+        told_at = self._clock_told_at
+        is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
+        if is_old or abs(self._offset_ns - before) > _CLOCK_JITTER_NS:
+            self._clock_told_at = now
+            self.engine.handle_clock(self._offset_ns, self._clock_error_ns, now)
+        else:
+            self._offset_ns = before
+
+    def _log_emission(self, report: TransmitReport) -> None:
+        sent, self._on_air = self._on_air, None
+        if self._permit_log is None or sent is None or self._wall_clock is None:
+            return
+        if report.outcome is TransmitOutcome.REJECTED:
+            return
+        modem = self.engine.measurements.modem
+        self._permit_log.note(
+            emission(
+                node=self.engine.address,
+                begun_utc_ns=report.started_at + self._wall_clock() - self._clock(),
+                duration_ns=report.finished_at - report.started_at,
+                source_level_db=None if modem is None else modem.source_level_db,
+                frame_bytes=len(sent.frame_bytes),
+                destination=sent.destination,
+                outcome=report.outcome.value,
+            )
+        )
 
     def _arm(self) -> None:
         """Set the one timer to what the engine waits for."""

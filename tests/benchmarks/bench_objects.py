@@ -25,9 +25,7 @@ def main() -> int:
         for loss, promised in targets.items():
             shares, fragments, answers = [], [], []
             for seed in range(seeds):
-                took_s, run = confirmation_s(
-                    seed, loss, exclusive=exclusive, size_bytes=SIZE_BYTES
-                )
+                took_s, run = confirmation_s(seed, loss, exclusive=exclusive, size_bytes=SIZE_BYTES)
                 shares.append(100 * SIZE_BYTES * 8 / took_s / FULL_BPS)
                 fragments.append(run.frames.get(0xBA, 0))
                 answers.append(run.frames.get(0xBB, 0))

@@ -1,4 +1,5 @@
 import random
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -26,5 +27,6 @@ def test_an_empty_frame_cannot_be_damaged() -> None:
     ("key", "value"), [("corrupt", 1.5), ("duplicate", -0.1), ("duplicate_after_s", -1.0)]
 )
 def test_fault_shares_are_checked(key: str, value: float) -> None:
+    settings: dict[str, Any] = {key: value}
     with pytest.raises(ValueError, match=f"{key} is {value}"):
-        FaultSpec(**{key: value})
+        FaultSpec(**settings)

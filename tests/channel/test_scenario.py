@@ -46,7 +46,18 @@ def test_a_scenario_takes_everything_that_the_format_has() -> None:
             ],
             "loss": {"frame": 0.1, "burst_frames": 4},
             "links": [{"from": 1, "to": 254, "loss": {"frame": 0.3}}],
-            "faults": {"corrupt": 0.01, "duplicate": 0.02, "duplicate_after_s": 1},
+            "faults": {
+                "corrupt": 0.01,
+                "duplicate": 0.02,
+                "duplicate_after_s": [1, 2],
+                "jitter_s": 0.1,
+                "blackouts": [{"pair": [1, 254], "from_s": 5, "to_s": 9, "every_s": 60}],
+                "unplugged": [{"node": 1, "from_s": 5, "to_s": 9}],
+                "crashes": [{"node": 1, "at_s": [7]}, {"node": 254, "every_s": 600}],
+                "clocks": [{"node": 1, "drift_ppm": 5, "jumps": [{"at_s": 9, "by_s": -1e8}]}],
+                "journal": {"commit_s": 0.1, "fails": [{"node": 1, "from_s": 1, "to_s": 2}]},
+                "until_s": 3600,
+            },
         }
     )
     assert [scenario.profile_of(node) for node in scenario.nodes] == ["ahoi", "janus"]
@@ -61,6 +72,33 @@ def test_a_scenario_takes_everything_that_the_format_has() -> None:
         ({"wind": 5}, r"wind is no key; allowed: nodes, seed, sound_speed_m_s, .*faults"),
         ({"nodes": [{"adress": 1}]}, r"nodes\[0\].adress is no key; allowed: address, name, "),
         ({"loss": {"frames": 1}}, r"loss.frames is no key; allowed: frame, burst_frames"),
+        ({"faults": {"crash": 1}}, r"faults.crash is no key; allowed: corrupt, .*crashes"),
+        (
+            {"faults": {"crashes": [{"node": 9, "at_s": [1]}]}},
+            r"faults.crashes\[0\].node is 9; allowed: the address of a node",
+        ),
+        (
+            {"faults": {"blackouts": [{"pair": [1, 9], "from_s": 0, "to_s": 1}]}},
+            r"faults.blackouts\[0\].pair is 9; allowed: the address of a node",
+        ),
+        ({"faults": {"crashes": [{"node": 1}]}}, r"faults.crashes\[0\].at_s is missing; .* one of"),
+        (
+            {"faults": {"crashes": [{"node": 1, "at_s": [-1]}]}},
+            r"faults.crashes\[0\].at_s\[0\] is -1.0; allowed",
+        ),
+        (
+            {"faults": {"clocks": [{"node": 1}, {"node": 1}]}},
+            r"faults.clocks\[1\].node is 1; allowed: each node once",
+        ),
+        ({"faults": {"journal": {"untold": 2}}}, r"faults.journal.untold is 2.0; allowed: 0"),
+        (
+            {"traffic": [{"node": 1, "topic": "a", "every_s": 1, "size_bytes": [9, 3]}]},
+            r"traffic\[0\].size_bytes\[1\] is 3; allowed",
+        ),
+        (
+            {"traffic": [{"node": 1, "topic": "a", "every_s": 1, "pattern": "odd"}]},
+            r"traffic\[0\].pattern is 'odd'; allowed: periodic, random",
+        ),
         ({"nodes": []}, r"nodes is empty; allowed: at least one node"),
         ({"nodes": {"a": 1}}, r"nodes is {'a': 1}; allowed: array"),
         ({"nodes": [{"position": HERE}]}, r"nodes\[0\].address is missing"),

@@ -1,11 +1,19 @@
 """`zacoustic sim`: one seed, one trace; the result as a table and as JSON."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
+from zacoustic.channel.blackout import BlackoutSpec
+from zacoustic.channel.faults import FaultSpec
+from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec
+from zacoustic.channel.scenario import Scenario
+from zacoustic.channel.traffic import TrafficSpec
 from zacoustic.cli import main
 
 SCENARIO = """{ channel: "none",
@@ -92,3 +100,118 @@ def test_a_wrong_scenario_is_one_line_with_file_and_what_is_allowed(
     assert "water.json5" in error
     assert expected in error
     assert error.count("\n") == 1
+
+
+FAULTS = """{ channel: "none", seed: 3,
+  nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [1500, 0, 10] } ],
+  faults: { duplicate: 0.2, duplicate_after_s: [0, 2], jitter_s: 0.2,
+            blackouts: [ { node: 1, from_s: 100, to_s: 200, every_s: 1000 } ],
+            crashes: [ { node: 2, at_s: [900], restart_after_s: 60 },
+                       { node: 1, every_s: 600 } ] },
+  traffic: [ { node: 2, topic: "a/b", every_s: 10, size_bytes: [10, 20], late_after_s: 0.5 },
+             { node: 1, topic: "c", every_s: 60, pattern: "random", burst: 2, size_bytes: 4,
+               until_s: 1800 } ] }"""
+
+
+def test_what_goes_wrong_is_in_the_result(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "bad.json5"
+    path.write_text(FAULTS, encoding="utf-8")
+    assert main(["sim", str(path), "--until", "3600", "--json"]) == 0
+    told = result(capsys)
+    assert told["crashes"]["2"] == 1
+    assert told["crashes"]["1"] > 1
+    assert {"blackout", "node_down"} <= set(told["losses"])
+    ab, c = told["streams"]
+    # 6 of them while its node was down.
+    assert (ab["published"], ab["refused"], ab["expected"]) == (361, 6, 355)
+    assert 250 < ab["delivered"] < 345
+    assert ab["duplicate"] > 20
+    assert ab["late"] == ab["delivered"]  # 1 s under way
+    assert 1.0 < ab["p50_s"] <= ab["p95_s"] <= ab["p99_s"]
+    assert 30 < c["published"] < 100
+    by_cause = told["airtime_by_cause_s"]
+    assert sum(by_cause.values()) == pytest.approx(told["airtime_s"])
+    assert {"payload", "header", "hello"} <= set(by_cause)
+    assert main(["sim", str(path)]) == 0
+    text = capsys.readouterr().out
+    assert "sound by cause: " in text
+    assert "crashes: " in text
+
+
+def test_a_config_is_used_with_its_types_and_calls_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fleet.json5").write_text(
+        """{ plugins: { acoustic: { nodes: [ { address: 1, name: "a" }, { address: 2, name: "b" } ],
+             types: [ { name: "Nav", fields: [ { name: "depth", type: "float32", range: [0, 100],
+                                                 step: 0.1 } ] } ],
+             streams: [ { id: 1, topic: "{node}/nav", type: "Nav", lifespan_s: 60 },
+                        { id: 2, service: "arm", server: 1 } ] } } }""",
+        encoding="utf-8",
+    )
+    path = tmp_path / "water.json5"
+    path.write_text(
+        """{ channel: "none", config: "fleet.json5",
+          nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [150, 0, 10] } ],
+          traffic: [ { node: 2, topic: "b/nav", every_s: 20, value: {}, vary: { depth: [5, 90] } },
+                     { node: 2, service: "arm", every_s: 60, first_s: 10, size_bytes: 3 } ] }""",
+        encoding="utf-8",
+    )
+    assert main(["sim", str(path), "--until", "599", "--json"]) == 0
+    nav, arm = result(capsys)["streams"]
+    assert (nav["published"], nav["delivered"], nav["late"], nav["duplicate"]) == (30, 30, 0, 0)
+    assert (arm["published"], arm["expected"], arm["delivered"]) == (10, 10, 10)
+
+
+def test_a_story_is_told_again_by_its_seed(capsys: pytest.CaptureFixture[str]) -> None:
+    told = []
+    for seed in ("2", "2", "3"):
+        main(["sim", "--story", seed, "--json"])
+        told.append(result(capsys))
+    assert told[0] == told[1] != told[2]
+    assert told[0]["simulation"]["seed"] == 2
+    assert main(["sim", "--story", "2"]) == (1 if told[0]["complaints"] else 0)
+    assert "of calm" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        ([], "SCENARIO --story is required"),
+        (["--story", "1", "--seed", "2"], "--seed with --story"),
+        (["--story", "1", "--until", "2"], "--until with --story"),
+    ],
+)
+def test_a_story_has_its_own_seed_and_length(
+    arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sim", *arguments]) == 2
+    assert expected in capsys.readouterr().err
+
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_the_scenario_of_the_page_runs_with_the_config_of_its_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for page, name in (("config.md", "fleet.json5"), ("sim.md", "water.json5")):
+        text = (DOCS / page).read_text(encoding="utf-8")
+        block = text.partition("```json5\n")[2].partition("```")[0]
+        (tmp_path / name).write_text(block, encoding="utf-8")
+    assert main(["sim", str(tmp_path / "water.json5"), "--json"]) == 0
+    told = result(capsys)
+    assert [stream["name"] for stream in told["streams"]] == ["auv1/nav", "auv1/arm"]
+    assert told["crashes"]["2"] == 2
+
+
+@pytest.mark.parametrize(
+    "record",
+    [Scenario, FaultSpec, BlackoutSpec, CrashSpec, ClockSpec, JournalSpec, TrafficSpec, LossSpec],
+)
+def test_the_page_names_every_key(record: type[msgspec.Struct]) -> None:
+    text = (DOCS / "sim.md").read_text(encoding="utf-8")
+    keys = [field.encode_name for field in msgspec.structs.fields(record)]
+    assert [key for key in keys if not re.search(rf"\b{key}\b", text)] == []

@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
@@ -18,6 +19,18 @@ from zacoustic.core.events import CallFailure, CallKey, RequestReceived
 from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.objects.code import Fragments
+from zacoustic.core.objects.manifest import encode_object
+from zacoustic.core.objects.wire import (
+    WITHDRAWN,
+    Call,
+    Complete,
+    Fragment,
+    Headless,
+    Lacks,
+    Reason,
+    Refused,
+)
 from zacoustic.core.qos import Qos, Stamp
 from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
@@ -78,6 +91,8 @@ def vectors() -> Iterator[Vector]:
     for stream in table():
         name = f"digest_of_stream_{stream.stream_id}"
         yield _vector(name, stream.digest, f"digest of its stream {stream.stream_id}")
+    yield from _objects()
+    yield from _access()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -94,6 +109,46 @@ def _controls() -> Iterator[Vector]:
     yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
     row = TableRow(0x1234, 10, digest).encode()
     yield _vector("table_row", row, "TABLE: epoch 1234, stream 10, digest a1b2c3d4")
+
+
+def _access() -> Iterator[Vector]:
+    yield _vector("turn", Turn(3, NS_PER_S).encode(), "TURN: node 3 may speak for 1 s")
+    yield _vector("turn_back", Turn(NOBODY, 0).encode(), "TURN: the turn is given back")
+    pause = Turn(ANYBODY, 284 * NS_PER_S // 100).encode()
+    meaning = "TURN: a listen window begins 2.84 s after the beginning of this frame"
+    yield _vector("turn_pause", pause, meaning)
+    new_year = ClockTime(1_767_225_600 * NS_PER_S, 2 * NS_PER_S // 1000).encode()
+    yield _vector("clock", new_year, "CLOCK: 2026-01-01 00:00 UTC, wrong by 2 ms at most")
+
+
+def _objects() -> Iterator[Vector]:
+    manifest, coded = encode_object(12, (2,), "image/png", bytes(range(100)), 0x1234)
+    whole = Fragments(coded, 60)
+    for name, call, index, meaning in (
+        (
+            "fragment_first",
+            Call.NONE,
+            0,
+            "of object 5: stream 12, instance 2, image/png, 100 bytes",
+        ),
+        ("fragment_last", Call.ANSWER, 1, "the last source fragment, which calls for an answer"),
+        ("fragment_repair", Call.WINDOW, 2, "a repair fragment, seed 0; a listen window follows"),
+    ):
+        record = Fragment(5, call, index, whole.fragment(index)).encode()
+        yield _vector(name, record, f"FRAGMENT: {meaning}")
+    withdrawn = Fragment(5, Call.ANSWER, WITHDRAWN, b"").encode()
+    yield _vector("fragment_withdrawn", withdrawn, "FRAGMENT: object 5 is withdrawn")
+    for name, feedback, meaning in (
+        (
+            "feedback_lacks",
+            Lacks(5, 3, (12, 0, 255)),
+            "object 5 lacks 12 of block 3, 255 of block 5",
+        ),
+        ("feedback_complete", Complete(5, manifest.digest[:4]), "object 5 is complete"),
+        ("feedback_refused", Refused(5, Reason.TOO_LARGE), "object 5 is too large"),
+        ("feedback_headless", Headless(5, 300), "300 fragments of object 5, no manifest"),
+    ):
+        yield _vector(name, feedback.encode(), f"FEEDBACK: {meaning}")
 
 
 class _Pair:

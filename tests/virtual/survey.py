@@ -11,13 +11,14 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.channel.profiles import profile_named
-from zacoustic.channel.scenario import DEFAULT_PROFILE, scenario_from_mapping
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import TdmaSpec
 from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -146,7 +147,11 @@ def survey(hours: float, *, seed: int = 7) -> Result:
             longest = max(longest, network.now - waiting.pop(0))
 
     network = VirtualNetwork(
-        water, _TABLE, deliver=deliver, digest=False, build=partial(Engine, access=SCHEDULE)
+        water,
+        _TABLE,
+        deliver=deliver,
+        digest=False,
+        build=partial(Engine, rules=TransmitRules(access=SCHEDULE)),
     )
 
     def publish(node: int, stream_id: int) -> None:

@@ -6,12 +6,13 @@ from functools import partial
 
 import pytest
 
-from zacoustic.channel.profiles import profile_named
-from zacoustic.channel.scenario import DEFAULT_PROFILE, scenario_from_mapping
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import AccessSpec, AlohaSpec, CarrierSenseSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
@@ -51,7 +52,7 @@ class Sea:
             scenario,
             table,
             modem=Modem(senses_carrier=isinstance(access, CarrierSenseSpec)),
-            build=partial(Engine, access=access),
+            build=partial(Engine, rules=TransmitRules(access=access)),
             trace=self._trace,
         )
         for at_s, node in ((0, 1), (10, 2), (20, 1), (30, 2)):  # they know each other

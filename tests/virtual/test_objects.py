@@ -74,7 +74,7 @@ def test_a_photo_to_several(count: Any) -> None:
         water = line(0, 500, 1000, channel="none", loss={"frame": 0.2}, seed=seed)
         network = VirtualNetwork(water, table(3))
         sample = payload(4000)
-        network.at(1, lambda: network.publish(2, PHOTO, sample))
+        network.at(1, partial(network.publish, 2, PHOTO, sample))
         network.run(until_s=2000)
         for address in (1, 3):
             assert [event.value for event in network.samples(address, PHOTO)] == [sample]
@@ -103,9 +103,7 @@ def met(network: VirtualNetwork) -> None:
 
 def test_an_alarm_during_an_outgoing_object() -> None:
     sent: list[TraceRecord] = []
-    network = VirtualNetwork(
-        line(0, 1500, channel="none"), table(), trace=lambda record: sent.append(record)
-    )
+    network = VirtualNetwork(line(0, 1500, channel="none"), table(), trace=sent.append)
     met(network)
     network.at(300, lambda: network.publish(2, PHOTO, payload(10_240)))
     for number in range(20):
@@ -165,7 +163,7 @@ def test_a_photo_survives_crashes(victim: int, count: Any) -> None:
         water = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
         network = VirtualNetwork(water, table())
         sample = payload(6000, seed)
-        network.at(1, lambda network=network, sample=sample: network.publish(2, PHOTO, sample))
+        network.at(1, partial(network.publish, 2, PHOTO, sample))
         instant_s = 1.5
         for _ in range(4):
             instant_s += rng.uniform(1, 40)

@@ -9,6 +9,7 @@ from zacoustic.core.access import PollingSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
@@ -36,7 +37,11 @@ def network(seed: int, *, loss: float = 0.0, modem: Modem | None = None) -> Virt
     )
     spec = PollingSpec(poller=1, nodes=(2, 3, 4), idle_s=20.0)
     return VirtualNetwork(
-        scenario, table, modem=modem, build=partial(Engine, access=spec), digest=False
+        scenario,
+        table,
+        modem=modem,
+        build=partial(Engine, rules=TransmitRules(access=spec)),
+        digest=False,
     )
 
 

@@ -15,6 +15,7 @@ from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import VirtualNetwork
@@ -86,7 +87,7 @@ class Fleet:
         self.network = VirtualNetwork(
             scenario,
             StreamTable(topics, nodes={node: f"n{node}" for node in self.addresses}),
-            build=partial(Engine, access=self.spec),
+            build=partial(Engine, rules=TransmitRules(access=self.spec)),
             digest=False,
             trace=self._trace,
         )

@@ -12,12 +12,13 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.channel.profiles import profile_named
-from zacoustic.channel.scenario import DEFAULT_PROFILE, scenario_from_mapping
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import AccessSpec, AlohaSpec, CarrierSenseSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
@@ -138,7 +139,7 @@ def _measure(
         deliver=lambda address, event: None,
         disturb=disturb,
         digest=False,
-        build=partial(Engine, access=access),
+        build=partial(Engine, rules=TransmitRules(access=access)),
     )
 
     def message() -> None:

@@ -87,7 +87,10 @@ class JumpSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class ClockSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The clocks of a node: both drift, only the wall clock is off and jumps."""
+    """The clocks of a node: both drift, only the wall clock is off and jumps.
+
+    Nodes without such a record have clocks that are right, and know it.
+    """
 
     node: int
     """Address of the node."""

@@ -195,6 +195,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     @property
     def farthest_s(self) -> float:
         """Longest propagation delay, one way, between any two nodes, wherever they go, s."""
+        if self.delay_s is not None:
+            return self.delay_s
         routes = [node.motion().places for node in self.nodes]
         farthest_m = max(
             (

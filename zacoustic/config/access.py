@@ -44,6 +44,12 @@ def read_access(
         close = get_close_matches(str(method), METHODS, 1)
         hint = f'did you mean "{close[0]}"?' if close else ""
         place.at("method").complain(shown(method), allowed=_METHODS_SHOWN, hint=hint)
+    if method == "tdma" and written.get("clock_error_s") is None:
+        place.at("clock_error_s").complain(
+            "is missing, and slots need clocks whose error is known",
+            allowed="seconds, 0 or more",
+            hint="how wrong may the clock of a node be? NTP at the surface: 0.01",
+        )
     spec = place.convert(METHODS[method])
     match spec:
         case TdmaSpec():

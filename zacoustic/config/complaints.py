@@ -125,6 +125,8 @@ def allowed_at(path: str) -> str:
         return FIELD_TYPE_ALLOWED
     if names == ["journal"]:
         return FOLDER_ALLOWED
+    if names == ["quiet", "to"]:
+        return ALLOWED["from"]
     return ALLOWED.get(names[-1], "")
 
 
@@ -143,7 +145,7 @@ def _translate(
     if unknown:
         lists = [name for name, _ in _STEPS.findall(path) if name]
         table = RECORDS[lists[-1]] if lists else record
-        unknown_key(below, unknown[1], table.__struct_fields__)
+        unknown_key(below, unknown[1], table.__struct_encode_fields__)
     if missing:
         key = below.at(missing[1])
         key.complain("is missing", allowed=allowed_at(key.path))

@@ -21,7 +21,6 @@ LATER_KEYS: Final = {
         "result": ("actions", "topic, service"),
         "ros": ("ROS 2", "topic and service of Zenoh"),
         "deadline_s": ("deadlines", "lifespan_s"),
-        "max_airtime": ("a budget of airtime", "min_interval_s"),
     },
 }
 """Keys that are refused, what they are for and what is allowed instead, by the list that holds the

@@ -10,8 +10,10 @@ import msgspec
 from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
+    ALLOWED,
     FOLDER_ALLOWED,
     ZENOH_KEYS,
     LinkEntry,
@@ -21,8 +23,8 @@ from zacoustic.config.sections import (
     TypeEntry,
 )
 from zacoustic.config.streams import Fleet, read_streams
-from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.keys import fault_of_name
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
 from zacoustic.errors import ConfigError
@@ -47,8 +49,6 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Name of each node by address; empty when the fleet is not listed."""
     links: tuple[LinkEntry, ...]
     """The modem, at most one in this version; empty when none is given."""
-    access: AccessSpec | None
-    """Its medium access; None: as it says."""
     types: TypeTable
     """The types by name."""
     python_types: dict[str, type[msgspec.Struct]]
@@ -59,6 +59,10 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that are measured again and again, by this node and by others of the fleet."""
+    rules: TransmitRules = TransmitRules()
+    """When, and how much, this node may transmit."""
+    permit_log: Path | None = None
+    """File to which each emission is appended, or None."""
     zenoh_config: "zenoh.Config | None" = None
     """The whole file for `zenoh.open`; None when it did not come from a file."""
 
@@ -104,7 +108,10 @@ def read_config(
     zenoh_config, section = read_zenoh_config(path)
     config = config_from_mapping(section, source=str(path), address=address, locator=locator)
     journal = None if config.journal is None else Path(path).parent / config.journal
-    return msgspec.structs.replace(config, journal=journal, zenoh_config=zenoh_config)
+    permit_log = None if config.permit_log is None else Path(path).parent / config.permit_log
+    return msgspec.structs.replace(
+        config, journal=journal, permit_log=permit_log, zenoh_config=zenoh_config
+    )
 
 
 def config_from_mapping(
@@ -125,7 +132,9 @@ def config_from_mapping(
         section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
     place = Place(source, section)
     if not isinstance(section, dict):
-        place.complain(allowed="{ address, nodes, links, types, journal, streams, ranging }")
+        place.complain(
+            allowed="{ address, nodes, links, types, journal, streams, ranging }"
+        )
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
@@ -143,12 +152,13 @@ def config_from_mapping(
         address=own,
         nodes=nodes,
         links=links,
-        access=_read_accesses(place.at("links"), written.links, nodes),
         types=types,
         python_types=python_types,
         journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
+        rules=_read_rules(place, written, nodes),
+        permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
 
@@ -217,15 +227,27 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_accesses(
-    place: Place, entries: tuple[LinkEntry, ...], nodes: Mapping[int, str]
-) -> AccessSpec | None:
-    """Read the medium access of each link; that of the first counts, also beside a locator."""
-    specs = [
-        read_access(place.at(index).at("access"), entry.access, nodes)
-        for index, entry in enumerate(entries)
+def _read_rules(place: Place, written: Section, nodes: Mapping[int, str]) -> TransmitRules:
+    """Read what is said of transmitting; the first link's access counts, also with `--link`."""
+    if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
+        place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
+    accesses = [
+        read_access(place.at("links").at(index).at("access"), entry.access, nodes)
+        for index, entry in enumerate(written.links)
     ]
-    return specs[0] if specs else None
+    return TransmitRules(
+        access=accesses[0] if accesses else None,
+        quiet=read_quiet(place.at("quiet"), written.quiet),
+        max_airtime=written.max_airtime,
+    )
+
+
+def _read_permit_log(place: Place, written: str | None) -> Path | None:
+    if written is None:
+        return None
+    if not written or "\0" in written:
+        place.complain(allowed=ALLOWED["permit_log"])
+    return Path(written)
 
 
 def _read_types(

@@ -43,6 +43,10 @@ ALLOWED: Final = {
     "python": 'a text, "module:Class"',
     "type": "a text, the name of a type",
     "journal": "true, false",
+    "quiet": 'a list of { from: "22:00", to: "06:00" }',
+    "from": 'a time of day in UTC, such as "22:00"',
+    "max_airtime": "a share, above 0, at most 1",
+    "permit_log": "a text, the file to append to",
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
     "topic": "a text, a key expression",
@@ -131,6 +135,15 @@ class WildcardEntry(Entry, frozen=True, kw_only=True):
     """Key chunks; the position is what crosses the water."""
 
 
+class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end": "to"}):
+    """Hours of each day at which nothing is transmitted."""
+
+    begin: str
+    """Time of day in UTC, ``HH:MM``; `from` in the file."""
+    end: str
+    """Time of day in UTC, ``HH:MM``; `to` in the file."""
+
+
 class StreamEntry(Entry, frozen=True, kw_only=True):
     """What topics and services have in common."""
 
@@ -144,6 +157,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Zenoh encoding on the application side."""
     codec: str | None = None
     """Codec on the water."""
+    max_airtime: float | None = None
+    """Share of the time that the stream may be on the air; none: no cap."""
 
 
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
@@ -222,6 +237,12 @@ class Section(Entry, frozen=True, kw_only=True):
     """What crosses the water."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that are measured again and again."""
+    quiet: tuple[QuietEntry, ...] = ()
+    """Hours of each day at which nothing is transmitted."""
+    max_airtime: float | None = None
+    """Share of the time that this node may be on the air; none: no cap."""
+    permit_log: str | None = None
+    """File to which each emission is appended, relative to the file's; none: nowhere."""
 
 
 RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
@@ -232,5 +253,6 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "fields": FieldSpec,
     "wildcards": WildcardEntry,
     "ranging": RangingEntry,
+    "quiet": QuietEntry,
 }
 """The record of the entries of a list, by the key of the list; "" for the section itself."""

@@ -79,6 +79,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             lifespan_s=entry.lifespan_s,
             min_interval_s=entry.min_interval_s,
             linger_s=entry.linger_s,
+            max_airtime=entry.max_airtime,
             stamp=Stamp(entry.stamp),
         ),
     )
@@ -102,7 +103,12 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
     _check_codec(place, entry, is_typed=is_typed)
     check_address(place.at("server"), entry.server, fleet)
     qos = _read_qos(
-        place, lambda: Qos(priority=PRIORITY_NAMES[entry.priority], linger_s=entry.linger_s)
+        place,
+        lambda: Qos(
+            priority=PRIORITY_NAMES[entry.priority],
+            linger_s=entry.linger_s,
+            max_airtime=entry.max_airtime,
+        ),
     )
     return ServiceSpec(
         stream_id=entry.id,

@@ -4,18 +4,25 @@ A record of a service has one byte behind its stream id: two bits say request, r
 confirm, six bits are the *call number*, chosen by the client. Client address, the client's boot
 epoch, stream and number together name a call for its server (`CallKey`).
 
-At the client a call ends in exactly one of: response, error, time-out. At the server a request
-that arrives twice runs
-once: the number is remembered, and a repetition gets the answer that the first one got, or none
-while it still runs. The client in turn does not use a number again before the server must have
-forgotten it; both derive that time from the call's time-out and from the *settling time* of the
-link, within which a duplicate can still arrive.
+At the client a call ends in exactly one of: response, error, time-out. Its request is repeated
+until the server has answered, or has confirmed that it has the request; the answer is repeated
+until the client has confirmed it. At the server a request that arrives twice runs once: the number
+is remembered, and a repetition gets the answer that the first one got. With a journal that holds
+over restarts: that a request is about to run is written down before it runs, and one that was
+running when the server died is answered `UNKNOWN`.
 
-Requests are transmitted once here; repetition, journalled execution and `confirm` belong to the
-reliable transport.
+Numbers come again, so both ends must agree when one is free. The client keeps three rules:
+
+1. No call is begun before the one `WINDOW` numbers earlier has ended, a settling time ago: so all
+   requests in the water are of `WINDOW` successive numbers.
+2. A request closes at its server all calls `WINDOW` to 64 - `WINDOW` numbers earlier, since by rule
+   1 they have ended; they are forgotten there.
+3. A number is used again only when an answer has proved that its last use was closed so. If none
+   comes, and nothing is under way, the client begins a new boot epoch instead.
 """
 
 import enum
+from collections import deque
 from typing import Final
 
 import msgspec
@@ -27,11 +34,15 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
 )
+from zacoustic.core.repeating import Repetition
 from zacoustic.errors import QueueFullError
 
 CALL_NUMBERS: Final = 64
 """Calls of one client to one service that can be distinguished."""
+WINDOW: Final = 16
+"""Calls of one client to one service that can be under way at once."""
 _LIVES: Final = 2
+_NEVER: Final = 1 << 62
 LONGEST_ERROR_TEXT_BYTES: Final = 48
 """An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
 
@@ -43,6 +54,7 @@ class CallKind(enum.IntEnum):
     RESPONSE = 1
     ERROR = 2
     CONFIRM = 3
+    """From the server: it has the request. From the client: it has the answer."""
 
 
 def encode_call_byte(kind: CallKind, number: int) -> int:
@@ -72,16 +84,56 @@ def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
 class _Call:
     """An own call that has no answer yet."""
 
-    __slots__ = ("deadline_at", "number", "served_ns", "server", "stream_id")
+    __slots__ = ("deadline_at", "index", "lane", "number", "request", "server", "stream_id")
 
-    def __init__(
-        self, stream_id: int, server: int, number: int, deadline_at: int, served_ns: int
-    ) -> None:
+    def __init__(self, stream_id: int, server: int, lane: "_Numbers", deadline_at: int) -> None:
         self.stream_id = stream_id
         self.server = server
-        self.number = number
+        self.lane = lane
+        self.index, self.number = lane.take()
         self.deadline_at = deadline_at
-        self.served_ns = served_ns
+        self.request: Repetition | None = None
+
+
+class _Numbers:
+    """Which call numbers of one service are free; calls are counted by an *index* from 0."""
+
+    def __init__(self, first_number: int) -> None:
+        self._first_number = first_number
+        self._next = 0
+        self._closed_below = 0
+        self._open: set[int] = set()
+        self._ended: deque[tuple[int, int]] = deque()
+
+    def take(self) -> tuple[int, int]:
+        """Return index and number of a call that begins."""
+        index = self._next
+        self._next += 1
+        self._open.add(index)
+        return index, (self._first_number + index) % CALL_NUMBERS
+
+    def may_begin(self, now: int) -> bool:
+        """Rules 1 and 3: tell whether the next call may begin."""
+        while self._ended and self._ended[0][1] <= now:
+            self._ended.popleft()
+        unsettled = min((index for index, _ in self._ended), default=self._next)
+        oldest = min(min(self._open, default=self._next), unsettled)
+        return self._next - oldest < WINDOW and not self.is_exhausted
+
+    @property
+    def is_exhausted(self) -> bool:
+        """No answer has come for so long that the next number is not proved free."""
+        return self._next - CALL_NUMBERS >= self._closed_below
+
+    def proved(self, index: int) -> None:
+        """The server has seen the request of this index: it has closed what is far behind."""
+        if self._closed_below >= index - (CALL_NUMBERS - WINDOW):
+            self._closed_below = max(self._closed_below, index - WINDOW + 1)
+
+    def ended(self, index: int, settled_at: int) -> None:
+        """A call has ended; its last request has arrived at that instant, if at all."""
+        self._open.discard(index)
+        self._ended.append((index, settled_at))
 
 
 class ClientCalls:
@@ -96,64 +148,72 @@ class ClientCalls:
         self._first_number = first_number
         self._calls: dict[int, _Call] = {}
         self._by_number: dict[tuple[int, int, int], int] = {}
-        self._free_at: dict[tuple[int, int], list[int]] = {}
-        self._next_number: dict[tuple[int, int], int] = {}
+        self._lanes: dict[tuple[int, int], _Numbers] = {}
         self._next_call_id = 1
 
-    def begin(
-        self, stream_id: int, server: int, *, deadline_at: int, served_ns: int, now: int
-    ) -> tuple[int, int]:
+    def begin(self, stream_id: int, server: int, *, deadline_at: int, now: int) -> tuple[int, int]:
         """Reserve a number for a call; returns ``(call_id, number)``.
 
         Args:
             stream_id: The service's stream.
             server: Address of its server.
             deadline_at: Instant at which the caller gives up, ns.
-            served_ns: How long the server may take from the request's arrival on, ns.
             now: The instant.
 
         Raises:
-            QueueFullError: All numbers are in use or too fresh to be used again.
+            QueueFullError: As many calls as can be under way are, or have been just now.
         """
-        lane = (server, stream_id)
-        free_at = self._free_at.setdefault(lane, [0] * CALL_NUMBERS)
-        first = self._next_number.get(lane, self._first_number)
-        for step in range(CALL_NUMBERS):
-            number = (first + step) % CALL_NUMBERS
-            if free_at[number] <= now and (server, stream_id, number) not in self._by_number:
-                break
-        else:
+        lane = self._lane(server, stream_id)
+        if not lane.may_begin(now):
             raise QueueFullError(
-                f"stream {stream_id}: all {CALL_NUMBERS} call numbers to node {server} are in use",
+                f"stream {stream_id}: {WINDOW} calls to node {server} are under way, or no number "
+                "is proved free",
                 hint="wait for answers, or set a shorter timeout_s",
             )
-        self._next_number[lane] = (number + 1) % CALL_NUMBERS
         call_id = self._next_call_id
         self._next_call_id += 1
-        self._calls[call_id] = _Call(stream_id, server, number, deadline_at, served_ns)
-        self._by_number[(server, stream_id, number)] = call_id
-        return call_id, number
+        call = self._calls[call_id] = _Call(stream_id, server, lane, deadline_at)
+        self._by_number[(server, stream_id, call.number)] = call_id
+        return call_id, call.number
+
+    def needs_new_epoch(self, stream_id: int, server: int) -> bool:
+        """Tell whether only a new boot epoch frees numbers, and none is in use."""
+        return not self._calls and self._lane(server, stream_id).is_exhausted
+
+    def begin_epoch(self, first_number: int) -> None:
+        """Forget all numbers: those of a new epoch are others."""
+        self._first_number = first_number
+        self._lanes.clear()
+
+    def attach(self, call_id: int, request: Repetition) -> None:
+        """Remember the request, to stop it when the call ends."""
+        self._calls[call_id].request = request
+
+    def request(self, call_id: int) -> Repetition | None:
+        """Return the request of a call that has no answer yet."""
+        return self._calls[call_id].request
 
     def find(self, server: int, stream_id: int, number: int) -> int | None:
         """Return the id of the call that an answer belongs to, or None."""
         return self._by_number.get((server, stream_id, number))
 
+    def proved(self, call_id: int) -> None:
+        """The server has shown that it has the request of a call."""
+        call = self._calls[call_id]
+        call.lane.proved(call.index)
+
     def respond(
         self, call_id: int, value: object, *, now: int, settling_ns: int
     ) -> ResponseReceived:
         """End a call with its response."""
-        call = self._end(call_id, now + 2 * settling_ns)
+        call = self._end(call_id, now + settling_ns)
         return ResponseReceived(call_id=call_id, stream_id=call.stream_id, value=value)
 
     def fail(
         self, call_id: int, failure: CallFailure, text: str, *, now: int, settling_ns: int
     ) -> CallFailed:
         """End a call without one."""
-        call = self._calls[call_id]
-        answered = failure not in (CallFailure.TIMED_OUT, CallFailure.CANCELLED)
-        # The request may have left at the deadline, and the answer when the server's time was up.
-        late_at = call.deadline_at + call.served_ns
-        self._end(call_id, (now if answered else late_at) + 2 * settling_ns)
+        call = self._end(call_id, now + settling_ns)
         return CallFailed(call_id=call_id, stream_id=call.stream_id, failure=failure, text=text)
 
     def locate(self, call_id: int) -> tuple[int, int, int] | None:
@@ -177,10 +237,16 @@ class ClientCalls:
         """Return the earliest deadline, ns, or None."""
         return min((call.deadline_at for call in self._calls.values()), default=None)
 
-    def _end(self, call_id: int, reuse_at: int) -> _Call:
+    def _lane(self, server: int, stream_id: int) -> _Numbers:
+        lane = self._lanes.get((server, stream_id))
+        if lane is None:
+            lane = self._lanes[server, stream_id] = _Numbers(self._first_number)
+        return lane
+
+    def _end(self, call_id: int, settled_at: int) -> _Call:
         call = self._calls.pop(call_id)
         del self._by_number[(call.server, call.stream_id, call.number)]
-        self._free_at[(call.server, call.stream_id)][call.number] = reuse_at
+        call.lane.ended(call.index, settled_at)
         return call
 
 
@@ -191,73 +257,89 @@ class Answer(msgspec.Struct, frozen=True):
     payload: bytes
 
 
-class _Served:
+class Served:
     """A request that this node has taken."""
 
-    __slots__ = ("answer", "deadline_at", "forget_at", "is_abandoned")
+    __slots__ = ("answer", "deadline_at", "forget_at", "is_abandoned", "is_closed", "repetition")
 
-    def __init__(self, deadline_at: int) -> None:
+    def __init__(self, deadline_at: int, forget_at: int) -> None:
         self.deadline_at = deadline_at
-        self.forget_at = deadline_at
+        """Instant after which the client does not wait any more, ns."""
+        self.forget_at = forget_at
+        """Instant after which no repetition of the request can arrive, ns."""
         self.answer: Answer | None = None
+        self.repetition: Repetition | None = None
+        """The answer on its way."""
+        self.is_closed = False
+        """The client has the answer."""
         self.is_abandoned = False
+        """The client has begun a new life."""
 
 
 class ServerCalls:
     """The calls that this node serves: those of two lives of each client and service at most."""
 
     def __init__(self) -> None:
-        self._served: dict[CallKey, _Served] = {}
+        self._served: dict[CallKey, Served] = {}
 
-    def take(self, key: CallKey, *, timeout_ns: int, now: int) -> Answer | bool:
-        """Note a request.
+    def find(self, key: CallKey) -> Served | None:
+        """Return a call that is known."""
+        return self._served.get(key)
 
-        Returns:
-            True when it is new and is to be served; an `Answer` when it is a repetition of an
-            answered one, to be sent again; False when it is a repetition of one that still runs,
-            or that nobody waits for any more.
-        """
-        self._forget(now)
-        served = self._served.get(key)
-        if served is not None:
-            return (not served.is_abandoned and served.answer) or False
+    def take(self, key: CallKey, *, timeout_ns: int, settling_ns: int, now: int) -> Served | None:
+        """Note a new request; None when there are too many."""
         rivals = sum(
             (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._served
         )
         if rivals >= _LIVES * CALL_NUMBERS:
-            return False
-        self._served[key] = _Served(now + timeout_ns)
-        return True
+            return None
+        served = self._served[key] = Served(now + timeout_ns, now + timeout_ns + settling_ns)
+        return served
+
+    def closed_by(self, key: CallKey) -> list[CallKey]:
+        """Return the calls that a request shows to have ended at its client (rule 2)."""
+        return [
+            other
+            for other in self._served
+            if (other.client, other.epoch, other.stream_id)
+            == (key.client, key.epoch, key.stream_id)
+            and WINDOW <= (key.number - other.number) % CALL_NUMBERS <= CALL_NUMBERS - WINDOW
+        ]
 
     def request(self, key: CallKey, value: object) -> RequestReceived:
         """Return the event of a request that was taken."""
         deadline_at = self._served[key].deadline_at
         return RequestReceived(call=key, value=value, deadline_at=deadline_at)
 
-    def answer(self, key: CallKey, answer: Answer, *, now: int, settling_ns: int) -> int | None:
-        """Note the answer; returns the call's deadline, or None if it comes too late."""
+    def answerable(self, key: CallKey, now: int) -> Served | None:
+        """Return a call that waits for its answer, or None: it is too late."""
         served = self._served.get(key)
         if served is None or served.answer is not None or served.deadline_at <= now:
             return None
-        if served.is_abandoned:
-            return None
+        return None if served.is_abandoned else served
+
+    def of_other_lives(self, client: int, epoch: int) -> list[CallKey]:
+        """Return the calls of a client's other lives."""
+        return [key for key in self._served if key.client == client and key.epoch != epoch]
+
+    def due(self, now: int) -> list[CallKey]:
+        """Return the calls that can be forgotten."""
+        return [key for key, served in self._served.items() if served.forget_at <= now]
+
+    def next_forget_at(self) -> int | None:
+        """Return the earliest instant at which one can be forgotten, ns, or None."""
+        return min((served.forget_at for served in self._served.values()), default=None)
+
+    def forget(self, key: CallKey) -> Served | None:
+        """Forget a call."""
+        return self._served.pop(key, None)
+
+    def restore(self, key: CallKey, answer: Answer) -> Served:
+        """Go on with a call of a former life of this node; its times begin at the link's UP."""
+        served = self._served[key] = Served(_NEVER, _NEVER)
         served.answer = answer
-        served.forget_at = now + settling_ns
-        return served.deadline_at
+        return served
 
-    def abandon(self, client: int, epoch: int, *, now: int, settling_ns: int) -> list[CallKey]:
-        """Give up the calls of a client's other lives and return them.
-
-        They stay known until no repetition of their requests can arrive, so that none runs again.
-        """
-        gone = [key for key in self._served if key.client == client and key.epoch != epoch]
-        for key in gone:
-            served = self._served[key]
-            if not served.is_abandoned:
-                served.is_abandoned = True
-                served.forget_at = now + settling_ns
-        return gone
-
-    def _forget(self, now: int) -> None:
-        for key in [key for key, served in self._served.items() if served.forget_at <= now]:
-            del self._served[key]
+    def restored(self) -> list[tuple[CallKey, Served]]:
+        """Return the calls whose times have not begun."""
+        return [(key, each) for key, each in self._served.items() if each.deadline_at == _NEVER]

@@ -61,6 +61,16 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
             return (self.object_stream,)
         return tuple(record.stream_id for record in self.records)
 
+    @property
+    def stream_bytes(self) -> dict[int, int]:
+        """Bytes of the records of each stream in it."""
+        if self.object_stream is not None:
+            return {self.object_stream: len(self.frame_bytes)}
+        sizes: dict[int, int] = {}
+        for record in self.records:
+            sizes[record.stream_id] = sizes.get(record.stream_id, 0) + record.size_bytes
+        return sizes
+
 
 class Composer:
     """Makes the frames of one node on one link.
@@ -104,8 +114,9 @@ class Composer:
         earliest = min((at for at in instants if at is not None), default=None)
         if self.objects is None:
             return earliest
-        if earliest is not None and not self._queue.is_urgent:
-            earliest = max(earliest, self.objects.hold_until(now))
+        held_until = self.objects.hold_until(now)
+        if earliest is not None and held_until > now and not self._queue.is_urgent:
+            earliest = max(earliest, held_until)
         object_at = self.objects.due_at(now)
         return min((at for at in (earliest, object_at) if at is not None), default=None)
 

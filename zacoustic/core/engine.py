@@ -28,8 +28,9 @@ from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from zacoustic.core.access import AccessSpec, Wanted
+from zacoustic.core.access import Wanted
 from zacoustic.core.access.controls import AccessControl
+from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
@@ -65,11 +66,16 @@ from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import TransmitQueue
 from zacoustic.core.ranging import Ranging
 from zacoustic.core.receiver import Receiver
+from zacoustic.core.repeating import Repeater
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.services import Services
+from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.topics import Topics
 from zacoustic.core.trace import TraceRecord, TraceSink
+
+_NO_RULES = TransmitRules()
 
 
 class Engine:
@@ -81,7 +87,7 @@ class Engine:
         epoch: Boot epoch, 0…65535: another one in each life of the node.
         rng: Source of all randomness.
         stored: What the journal has kept from earlier lives.
-        access: Medium access as the config says; None: as the link says.
+        rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
     """
 
@@ -93,7 +99,7 @@ class Engine:
         epoch: int,
         rng: random.Random,
         stored: Mapping[str, bytes] = MappingProxyType({}),
-        access: AccessSpec | None = None,
+        rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
     ) -> None:
         self.address = address
@@ -143,15 +149,29 @@ class Engine:
             emit=self._hand_on,
         )
         self._topics.large = large
+        self._repeater = repeater = Repeater(queue, rng)
         self._services = Services(
-            address, table, queue=queue, handshake=handshake, stats=stats, emit=emit
+            address,
+            table,
+            queue=queue,
+            repeater=repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self._begin_epoch,
+            stats=stats,
+            emit=emit,
         )
         self._receiver = Receiver(
             table, handshake, self._topics, self._services, sending, large, stats
         )
         self._receiver.handle_access = self._handle_access
         self._receiver.handle_call = self._handle_call
-        self._access = access
+        self._rules = rules
+        self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
+        """Orders to be silent: `begin` and `resume`."""
+        self._airtime = AirtimeCaps(rules.max_airtime)
+        for stream in table:
+            self._airtime.limit(stream.stream_id, stream.qos.max_airtime)
         self._clock: tuple[int, int] | None = None
         self._port: LinkPort | None = None
         self._link_state = LinkState.OPENING
@@ -160,6 +180,7 @@ class Engine:
         self._write_epoch()
         sending.recover(stored)
         receiving.recover(stored)
+        self._services.recover(stored)
         sending.next_delivery_id(above=large.recover(stored))
 
     # Inputs
@@ -195,6 +216,7 @@ class Engine:
             self.stats.drop("stray_report")
             return
         self._sending.handle_report(report)
+        self._repeater.handle_report(report)
         self._large.objects.transmitted(report.finished_at)
         self.ranging.handle_report(report, now)
         outcome = report.outcome.value
@@ -212,7 +234,10 @@ class Engine:
         if state is not self._link_state:
             self._link_state = state
             if state is LinkState.UP:
+                self.silence.wake(now)
                 self._sending.link_up(now)
+                self._repeater.link_up()
+                self._services.link_up(now)
             self._events.append(LinkStateChanged(state=state, changed_at=now))
             self._note("link", 0, b"", (), state.value)
 
@@ -230,6 +255,7 @@ class Engine:
         """
         self._now = now
         self._clock = (offset_ns, error_ns)
+        self.silence.handle_clock(offset_ns, now)
         if self._port is not None:
             self._port.access.handle_clock(offset_ns, error_ns, now)
 
@@ -250,7 +276,9 @@ class Engine:
         """The instant that `poll_timeout` named has come."""
         self._now = now
         self._services.expire(now)
+        self.silence.expire(now)
         self._sending.expire(now)
+        self._repeater.expire(now)
         self._large.at(now).objects.expire(now)
         if self._port is not None:
             self._port.access.handle_timeout(now)
@@ -280,8 +308,8 @@ class Engine:
         """
         self._now = now
         stream = self.table.declare(spec)
-        self._handshake.table_changed()
-        self._write_epoch()
+        self._airtime.limit(stream.stream_id, stream.qos.max_airtime)
+        self._begin_epoch()
         return stream
 
     def publish(
@@ -401,10 +429,16 @@ class Engine:
         self._next_transmission_id += 1
         port.transmit(transmission, now)
         self._sending.transmitted(composed.records)
+        self._repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
         self.stats.frames_transmitted += 1
         self.stats.bytes_transmitted += len(composed.frame_bytes)
-        self.stats.airtime_ns += port.capabilities.airtime_ns(len(composed.frame_bytes))
+        airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
+        self.stats.airtime_ns += airtime_ns
+        held = self._airtime.spend(composed.stream_bytes, airtime_ns, now)
+        for stream_id, until in held.items():
+            self._queue.hold(stream_id, until)
+            self._large.objects.hold(stream_id, until)
         self._note("transmit", composed.destination, composed.frame_bytes, composed.streams)
         return transmission
 
@@ -424,8 +458,10 @@ class Engine:
         instants = (
             self._services.next_deadline_at(),
             self._sending.next_deadline_at(),
+            self._repeater.next_due_at(),
             self._large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),
+            self.silence.next_deadline_at,
             self._transmit_at(),
             self._speak_at(),
         )
@@ -480,15 +516,16 @@ class Engine:
     # Below the methods above
 
     def _use_link(self, capabilities: LinkCapabilities) -> None:
-        self._port = LinkPort(capabilities, self.address, self._rng, self._access)
+        self._port = LinkPort(capabilities, self.address, self._rng, self._rules.access)
         self._composer.port = self._port
         if self._clock is not None:
             self._port.access.handle_clock(*self._clock, self._now)
         self._handshake.use_link(capabilities)
         self.ranging.use_link(capabilities)
-        self._services.settling_ns = self._handshake.settling_ns
         times = LinkTimes(capabilities)
         self._sending.use_link(times, self._handshake.settling_ns)
+        self._services.use_link(times, self._handshake.settling_ns)
+        self._repeater.use_link(times)
         self._receiving.use_link(times)
         port = self._port
         self._large.objects.use_link(
@@ -507,13 +544,23 @@ class Engine:
         if due_at is None:
             return None
         self._port.listening.exclusive = self._large.objects.is_exclusive
-        return self._port.free_at(Wanted(due_at, self._queue.is_urgent), self._now)
+        is_urgent = self._queue.is_urgent
+        if not is_urgent:
+            even_at = self._airtime.free_at(self._now)
+            due_at = max(due_at, even_at) if even_at > self._now else due_at
+        return self._after_silence(self._port.free_at(Wanted(due_at, is_urgent), self._now))
 
     def _speak_at(self) -> int | None:
         """Return the instant at which medium access wants a frame of its own, or None."""
         if self._link_state is not LinkState.UP or self._port is None:
             return None
-        return self._port.speak_at(self._now)
+        return self._after_silence(self._port.speak_at(self._now))
+
+    def _after_silence(self, instant: int | None) -> int | None:
+        silent_until = self.silence.until(self._now)
+        if instant is None or silent_until is None:
+            return None
+        return max(instant, silent_until) if silent_until > self._now else instant
 
     def _handle_access(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
@@ -524,6 +571,10 @@ class Engine:
     def _handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
         if self._port is not None:
             self._port.handle_call(source, call, frame, now)
+
+    def _begin_epoch(self) -> None:
+        self._handshake.table_changed()
+        self._write_epoch()
 
     def _write_epoch(self) -> None:
         self._epochs_to_keep += 1

@@ -124,6 +124,8 @@ class CallFailure(enum.IntEnum):
     """No answer before the deadline. Whether the service ran is unknown."""
     CANCELLED = 7
     """Given up by the caller."""
+    UNKNOWN = 8
+    """The server died while the service ran: whether it has done its work is unknown."""
 
 
 class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
@@ -137,6 +139,19 @@ class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
     """Why."""
     text: str
     """One line for people."""
+
+
+class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Silence was ordered or has ended, and the journal has it."""
+
+    is_silent: bool
+    """Nothing is transmitted now."""
+    is_ordered: bool
+    """By an order; otherwise, if silent, by a quiet window."""
+    ends_at: int | None
+    """End as far as it is known, ns; None: there is none, or until it is resumed."""
+    changed_at: int
+    """Instant of this state, ns."""
 
 
 class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
@@ -185,6 +200,7 @@ Event = (
     | ResponseReceived
     | CallFailed
     | LinkStateChanged
+    | SilenceChanged
     | JournalStateChanged
     | PeerSeen
     | StreamsDiffer

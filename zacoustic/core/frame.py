@@ -69,7 +69,8 @@ class Control(enum.IntEnum):
     """Prefix: the record acknowledges samples of the node with this address (1); in a unicast frame
     those of the frame's destination, without the address."""
     FRAGMENT = 0xBA
-    """Transfer (1), index (2), data to the end: a fragment of an object (`zacoustic.core.objects`)."""
+    """Transfer (1), index (2), data to the end: a fragment of an object
+    (`zacoustic.core.objects`)."""
     FEEDBACK = 0xBB
     """Transfer (1) and more: what a receiver says of an object."""
     CLOCK = 0xBD

@@ -190,6 +190,4 @@ class LargeSamples:
     def _stored(self, sending: Sending) -> None:
         stream = self._table.get(sending.stream_id)
         if stream is not None and isinstance(stream.spec, TopicSpec) and stream.spec.journal:
-            self._emit(
-                DeliveryStored(delivery_id=sending.object_id, stream_id=sending.stream_id)
-            )
+            self._emit(DeliveryStored(delivery_id=sending.object_id, stream_id=sending.stream_id))

@@ -85,6 +85,9 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
     nobody else is heard meanwhile."""
 
+    max_airtime: float | None = None
+    """Share of the time that the stream may be on the air, above 0, at most 1; None: no cap."""
+
     def __post_init__(self) -> None:
         """Check the ranges.
 
@@ -99,6 +102,8 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
             value = getattr(self, name)
             if not 0 <= value < float("inf"):
                 raise ValueError(f"{name} is {value}; allowed: 0 or more")
+        if self.max_airtime is not None and not 0 < self.max_airtime <= 1:
+            raise ValueError(f"max_airtime is {self.max_airtime}; allowed: above 0, at most 1")
 
     @property
     def linger_ns(self) -> int:

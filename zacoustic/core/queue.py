@@ -138,6 +138,7 @@ class TransmitQueue:
         self._busy: dict[LaneKey, Lane] = {}
         self.largest_bytes: int | None = None
         """Largest record that fits a frame of the link; None before a link is up."""
+        self._held: dict[int, int] = {}
         self.superseded: dict[int, int] = {}
         """Payloads pushed out by newer ones, by stream."""
         self.expired: dict[int, int] = {}
@@ -178,11 +179,19 @@ class TransmitQueue:
         lane = self._lanes.get(key)
         if lane is None:
             lane = self._lanes[key] = Lane(key, qos)
+            lane.next_at = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.items.append(item)
         if len(lane.items) > qos.depth:
             lane.items.popleft()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Let nothing of a stream go before an instant, ns."""
+        self._held[stream_id] = until
+        for lane in self._lanes.values():
+            if lane.key[0] == stream_id:
+                lane.next_at = max(lane.next_at, until)
 
     def remove(self, key: LaneKey, head: bytes) -> bool:
         """Take back the payload of a lane that has this head; False when it is not waiting."""

@@ -129,6 +129,7 @@ class Receiver:
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
         self._sending.heard(source, now)
+        self._services.heard(source)
         return tuple(streams)
 
     def _handle_object(

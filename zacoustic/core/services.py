@@ -4,37 +4,51 @@
 answers get onto the queue and off the water.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import msgspec
 
+from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.calls import (
     CALL_NUMBERS,
     Answer,
     CallKind,
     ClientCalls,
+    Served,
     ServerCalls,
     decode_call_byte,
     decode_error,
     encode_call_byte,
     encode_error,
 )
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import Handshake
+from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
-from zacoustic.core.qos import Qos
+from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.queue import TransmitQueue, Waiting
-from zacoustic.core.stats import EngineStats, count
+from zacoustic.core.repeating import RepeatedRecord, Repeater
+from zacoustic.core.stats import Cause, EngineStats, count
 from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
 from zacoustic.errors import LocalError, PayloadInvalidError, UnknownStreamError
 
 _REQUEST_LANE: Final = 1
 _ANSWER_LANE: Final = 2
+_CONFIRM_LANE: Final = 5
+_JOURNAL: Final = "call"
+_UNREADABLE: Final = object()
 _HEADER_BYTES: Final = 2
 # Odd, so that 64 lives in a row begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
 _EPOCH_STRIDE: Final = 23
+
+
+class _Kept(msgspec.Struct, frozen=True, array_like=True):
+    """A call in the journal of its server."""
+
+    digest: bytes
+    answer: Answer | None
 
 
 class Services:
@@ -43,8 +57,11 @@ class Services:
     Args:
         address: Address of the node.
         table: Its streams.
-        queue: Takes requests and answers.
+        queue: Takes what confirms.
+        repeater: Takes requests and answers.
+        journal: Keeps the calls that this node serves.
         handshake: Knows which streams a peer defines in another way, and each peer's epoch.
+        begin_epoch: Begins a new boot epoch of this node.
         stats: Counts.
         emit: Takes the events.
     """
@@ -55,20 +72,55 @@ class Services:
         table: StreamTable,
         *,
         queue: TransmitQueue,
+        repeater: Repeater,
+        journal: JournalPort,
         handshake: Handshake,
+        begin_epoch: Callable[[], None],
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
         self._address = address
         self._table = table
         self._queue = queue
+        self._repeater = repeater
+        self._journal = journal
         self._handshake = handshake
+        self._begin_epoch = begin_epoch
         self._stats = stats
         self._emit = emit
         self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
         self._servers = ServerCalls()
-        self.settling_ns = 0
-        """Time within which a duplicate of a frame can still arrive, ns."""
+        self._linger_s = 0.0
+        self._settling_ns = 0
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self._linger_s = times.ack_linger_ns / NS_PER_S
+        self._settling_ns = settling_ns
+
+    def link_up(self, now: int) -> None:
+        """The link is up: the times of what a former life has left begin."""
+        for key, served in self._servers.restored():
+            spec = self._table.by_id(key.stream_id).spec
+            assert isinstance(spec, ServiceSpec)
+            served.deadline_at = now + seconds_to_ns(spec.timeout_s)
+            served.forget_at = served.deadline_at + self._settling_ns
+            self._send_answer(key, served)
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the calls that a former life has left: what ran then is answered UNKNOWN."""
+        for name, value in stored.items():
+            if not name.startswith(f"{_JOURNAL}/"):
+                continue
+            client, epoch, stream_id, number = map(int, name.split("/")[1:])
+            kept = msgspec.msgpack.decode(value, type=_Kept)
+            stream = self._table.get(stream_id)
+            if stream is None or stream.digest != kept.digest:
+                self._journal.write(name, None)
+                continue
+            lost = encode_error(CallFailure.UNKNOWN, "the server died while the service ran")
+            answer = kept.answer or Answer(CallKind.ERROR, lost)
+            self._servers.restore(CallKey(client, epoch, stream_id, number), answer)
 
     # For the application
 
@@ -79,24 +131,30 @@ class Services:
             raise LocalError(f"{stream.name} is served by this node, {self._address}")
         payload = stream.codec.encode(value)
         self._queue.check_size(stream.name, _HEADER_BYTES + len(payload))
-        served_ns = seconds_to_ns(spec.timeout_s)
-        deadline_at = now + (served_ns if timeout_s is None else seconds_to_ns(timeout_s))
+        served_at = now + seconds_to_ns(spec.timeout_s)
+        deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
+        if self._clients.needs_new_epoch(stream_id, spec.server):
+            self._begin_epoch()
+            self._clients.begin_epoch(_first_number(self._handshake.epoch))
         call_id, number = self._clients.begin(
-            stream_id, spec.server, deadline_at=deadline_at, served_ns=served_ns, now=now
+            stream_id, spec.server, deadline_at=deadline_at, now=now
         )
         if self._handshake.differs(spec.server, stream_id):
             self._mismatch(call_id, spec.server, stream_id, now)
             return call_id
-        item = Waiting(
+        request = RepeatedRecord(
             stream_id=stream_id,
             destination=spec.server,
             head=_head(CallKind.REQUEST, number),
             payload=payload,
             delimits_itself=stream.codec.delimits_itself,
             queued_at=now,
-            expires_at=deadline_at,
         )
-        self._queue.push((stream_id, _REQUEST_LANE, spec.server), item, _call_qos(stream.qos))
+        key = (stream_id, _REQUEST_LANE, spec.server)
+        # Longer than that the server does not remember the number.
+        until = min(deadline_at, served_at)
+        started = self._repeater.start(key, request, _call_qos(stream.qos), until=until)
+        self._clients.attach(call_id, started)
         count(self._stats.published, stream_id)
         return call_id
 
@@ -135,11 +193,20 @@ class Services:
                 return "not_subscriber"
             key = CallKey(source, self._handshake.epoch_of(source), stream.stream_id, number)
             return self._receive_request(key, stream, spec, payload, now)
+        if kind is CallKind.CONFIRM and spec.server == self._address:
+            self._answer_confirmed(source, stream, number, now)
+            return None
         if spec.server != source:
             return "not_publisher"
-        if kind is CallKind.CONFIRM:
-            return "reserved"
         call_id = self._clients.find(source, stream.stream_id, number)
+        if call_id is not None:
+            self._clients.proved(call_id)
+            request = self._clients.request(call_id)
+            if request is not None:
+                self._repeater.stop(request, now, answered=True)
+        if kind is CallKind.CONFIRM:
+            return None if call_id is not None else "unexpected_answer"
+        self._owe_confirm(stream, source, number, now)
         if call_id is None:
             return "unexpected_answer"
         if kind is CallKind.ERROR:
@@ -148,6 +215,10 @@ class Services:
             return None
         return self._receive_response(call_id, stream, payload, now)
 
+    def heard(self, source: int) -> None:
+        """A frame of a node arrived: what had become rare for it is due."""
+        self._repeater.heard(source)
+
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
         """Fail the calls to a service that its server defines in another way."""
         for call_id in self._clients.to(server, stream_id):
@@ -155,9 +226,12 @@ class Services:
 
     def client_restarted(self, client: int, epoch: int, now: int) -> None:
         """Give up the calls of a client's other lives: nobody there knows them any more."""
-        abandoned = self._servers.abandon(client, epoch, now=now, settling_ns=self.settling_ns)
-        for call in abandoned:
-            self._queue.drop_lane((call.stream_id, _ANSWER_LANE, client))
+        for key in self._servers.of_other_lives(client, epoch):
+            served = self._servers.find(key)
+            if served is not None and not served.is_abandoned:
+                served.is_abandoned = True
+                served.forget_at = now + self._settling_ns
+                self._stop_answer(served, now)
 
     # For the timer
 
@@ -165,10 +239,13 @@ class Services:
         """Fail the calls whose deadline has come."""
         for call_id in self._clients.due(now):
             self._fail(call_id, CallFailure.TIMED_OUT, "no answer before the deadline", now)
+        for key in self._servers.due(now):
+            self._forget(key, now)
 
     def next_deadline_at(self) -> int | None:
-        """Return the earliest deadline of a call, ns, or None."""
-        return self._clients.next_deadline_at()
+        """Return the earliest instant at which a call ends or is forgotten, ns, or None."""
+        instants = (self._clients.next_deadline_at(), self._servers.next_forget_at())
+        return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
 
@@ -181,20 +258,95 @@ class Services:
     def _receive_request(
         self, key: CallKey, stream: Stream, spec: ServiceSpec, payload: bytes, now: int
     ) -> str | None:
-        taken = self._servers.take(key, timeout_ns=seconds_to_ns(spec.timeout_s), now=now)
-        if taken is not True:
-            if isinstance(taken, Answer):
-                self._queue_answer(key, taken, now + self.settling_ns, now)
-            return "repeated_request"
+        served = self._servers.find(key)
+        if served is not None:
+            return self._receive_repetition(key, served, stream, now)
+        for closed in self._servers.closed_by(key):
+            self._forget(closed, now)
         try:
             value = stream.codec.decode(payload)
         except PayloadError:
+            value = _UNREADABLE
+        timeout_ns = seconds_to_ns(spec.timeout_s)
+        served = self._servers.take(
+            key, timeout_ns=timeout_ns, settling_ns=self._settling_ns, now=now
+        )
+        if served is None:
+            return "too_many_calls"
+        if value is _UNREADABLE:
             text = encode_error(CallFailure.BAD_REQUEST, "the request does not decode")
             self._answer(key, CallKind.ERROR, text, now)
             return "payload"
         count(self._stats.received, stream.stream_id)
-        self._emit(self._servers.request(key, value))
+        request = self._servers.request(key, value)
+
+        def kept(at: int) -> None:
+            if served.is_abandoned or served.answer is not None:
+                return
+            self._emit(request)
+            self._owe_confirm(stream, key.client, key.number, at)
+
+        self._keep(key, stream, None, kept, now)
         return None
+
+    def _receive_repetition(self, key: CallKey, served: Served, stream: Stream, now: int) -> str:
+        if served.repetition is not None and not served.is_closed:
+            self._repeater.again(served.repetition)
+        elif served.answer is None and not served.is_abandoned:
+            self._owe_confirm(stream, key.client, key.number, now)
+        return "repeated_request"
+
+    def _answer_confirmed(self, client: int, stream: Stream, number: int, now: int) -> None:
+        key = CallKey(client, self._handshake.epoch_of(client), stream.stream_id, number)
+        served = self._servers.find(key)
+        if served is None or served.answer is None:
+            return
+        self._stop_answer(served, now, answered=True)
+        served.is_closed = True
+
+    def _stop_answer(self, served: Served, now: int, *, answered: bool = False) -> None:
+        if served.repetition is not None:
+            self._repeater.stop(served.repetition, now, answered=answered)
+
+    def _forget(self, key: CallKey, now: int) -> None:
+        served = self._servers.forget(key)
+        if served is not None:
+            self._stop_answer(served, now)
+            if self._is_kept(key):
+                self._journal.write(_journal_name(key), None)
+
+    def _is_kept(self, key: CallKey) -> bool:
+        return self._table.by_id(key.stream_id).spec.journal
+
+    def _keep(
+        self,
+        key: CallKey,
+        stream: Stream,
+        answer: Answer | None,
+        then: Callable[[int], None],
+        now: int,
+    ) -> None:
+        """Write down how far a call is, then go on."""
+        if not stream.spec.journal:
+            then(now)
+            return
+        value = msgspec.msgpack.encode(_Kept(stream.digest, answer))
+        self._journal.write(_journal_name(key), value, then)
+
+    def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
+        """Tell a node that its request, or its answer, has arrived; for a moment it may wait."""
+        record = Waiting(
+            stream_id=stream.stream_id,
+            destination=peer,
+            head=_head(CallKind.CONFIRM, number),
+            payload=b"",
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.ACK,
+            queued_at=now,
+        )
+        qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
+        self._queue.replace((stream.stream_id, _CONFIRM_LANE, peer, number), record, qos)
 
     def _receive_response(
         self, call_id: int, stream: Stream, payload: bytes, now: int
@@ -206,23 +358,31 @@ class Services:
             self._fail(call_id, CallFailure.BAD_RESPONSE, text, now)
             return "payload"
         count(self._stats.received, stream.stream_id)
-        self._emit(self._clients.respond(call_id, value, now=now, settling_ns=self.settling_ns))
+        self._emit(self._clients.respond(call_id, value, now=now, settling_ns=self._settling_ns))
         return None
 
     def _answer(self, call: CallKey, kind: CallKind, payload: bytes, now: int) -> bool:
-        answer = Answer(kind, payload)
-        settling_ns = self.settling_ns
-        deadline_at = self._servers.answer(call, answer, now=now, settling_ns=settling_ns)
-        if deadline_at is None:
+        served = self._servers.answerable(call, now)
+        if served is None:
             return False
-        self._queue_answer(call, answer, deadline_at, now)
+        stream = self._table.by_id(call.stream_id)
+        served.answer = Answer(kind, payload)
+        # The answer says that the request has arrived, too.
+        self._queue.drop_lane((call.stream_id, _CONFIRM_LANE, call.client, call.number))
         count(self._stats.published, call.stream_id)
+
+        def kept(at: int) -> None:
+            if not served.is_abandoned and self._servers.find(call) is served:
+                self._send_answer(call, served, at)
+
+        self._keep(call, stream, served.answer, kept, now)
         return True
 
-    def _queue_answer(self, call: CallKey, answer: Answer, expires_at: int, now: int) -> None:
-        stream = self._table.by_id(call.stream_id)
+    def _send_answer(self, call: CallKey, served: Served, now: int = 0) -> None:
+        stream, answer = self._table.by_id(call.stream_id), served.answer
+        assert answer is not None
         is_response = answer.kind is CallKind.RESPONSE
-        item = Waiting(
+        record = RepeatedRecord(
             stream_id=call.stream_id,
             destination=call.client,
             head=_head(answer.kind, call.number),
@@ -230,9 +390,11 @@ class Services:
             delimits_itself=is_response and stream.response_codec.delimits_itself,
             for_one_node=True,
             queued_at=now,
-            expires_at=expires_at,
         )
-        self._queue.push((call.stream_id, _ANSWER_LANE, call.client), item, _call_qos(stream.qos))
+        key = (call.stream_id, _ANSWER_LANE, call.client)
+        served.repetition = self._repeater.start(
+            key, record, _call_qos(stream.qos), until=served.deadline_at
+        )
 
     def _mismatch(self, call_id: int, server: int, stream_id: int, now: int) -> None:
         text = f"node {server} defines stream {stream_id} in another way"
@@ -243,11 +405,14 @@ class Services:
 
     def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> Event:
         """End a call without an answer; its request does not leave any more."""
-        located = self._clients.locate(call_id)
-        assert located is not None
-        stream_id, server, number = located
-        self._queue.remove((stream_id, _REQUEST_LANE, server), _head(CallKind.REQUEST, number))
-        return self._clients.fail(call_id, failure, text, now=now, settling_ns=self.settling_ns)
+        request = self._clients.request(call_id)
+        if request is not None:
+            self._repeater.stop(request, now)
+        return self._clients.fail(call_id, failure, text, now=now, settling_ns=self._settling_ns)
+
+
+def _journal_name(key: CallKey) -> str:
+    return f"{_JOURNAL}/{key.client}/{key.epoch}/{key.stream_id}/{key.number}"
 
 
 def _first_number(epoch: int) -> int:

@@ -94,7 +94,7 @@ class Tally(Witness):
         self.crashes: dict[int, int] = {}
         """Crashes by node."""
         self._tables = tables
-        self._late_after_s = late_after_s or {}
+        self._late_after_s = {} if late_after_s is None else late_after_s
         self._counts: dict[int, _Counts] = {}
 
     def published(self, publication: Publication) -> None:

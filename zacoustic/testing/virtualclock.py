@@ -83,11 +83,6 @@ class NodeClock:
         """Note that the engine has heard of it."""
         self._told_at = now
 
-    @property
-    def jumps_at(self) -> list[int]:
-        """When the wall clock is set, ns."""
-        return [at for at, _ in self._jumps]
-
     def error(self, now: int) -> int:
         """Return how wrong the wall clock is believed to be, ns."""
         return (self._error_ns or 0) + abs(now * self._excess // _PARTS)

@@ -8,9 +8,6 @@ from zacoustic.channel.nodefaults import CrashSpec
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import NS_PER_S
 
-_CLOCK_TOLD_S = 10.0
-"""How often an engine is told of a clock whose error grows, s: as its contract asks."""
-
 if TYPE_CHECKING:
     from zacoustic.testing.virtual import VirtualNetwork
 
@@ -30,8 +27,6 @@ def schedule_faults(network: "VirtualNetwork", scenario: Scenario) -> None:
             tell = partial(network.tell_clock, clock.node)
             for jump in clock.jumps:
                 network.at(jump.at_s, tell)
-            if clock.drift_ppm:
-                network.every(_CLOCK_TOLD_S, tell)
     for index, spec in enumerate(faults.crashes):
         if spec.node not in network.addresses:
             continue

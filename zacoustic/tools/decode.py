@@ -9,9 +9,11 @@ from typing import assert_never
 
 import msgspec
 
+from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import CallKind, decode_call_byte, decode_error
+from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
@@ -107,6 +109,12 @@ class _Reader:
                 held = "is not in my table" if digest == ABSENT_DIGEST else f"is {digest.hex()}"
                 text = f"TABLE epoch {epoch}: stream {stream_id} {held}"
                 return DecodedItem(kind="table", text=text, stream_id=stream_id)
+            case Turn():
+                return DecodedItem(kind="turn", text=_turn_text(item))
+            case ClockTime(time_ns, error_ns):
+                off = "unknown" if error_ns is None else f"{error_ns / NS_PER_S:g} s"
+                text = f"CLOCK {time_ns / NS_PER_S:.4f} s since 1970, error {off}"
+                return DecodedItem(kind="clock", text=text)
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
@@ -157,6 +165,15 @@ class _Reader:
         if prefixes.encoding is not None:
             head += f", {prefixes.encoding}"
         return _decoded("sample", head, stream.stream_id, key, stream.codec, payload)
+
+
+def _turn_text(turn: Turn) -> str:
+    span_s = turn.span_ns / NS_PER_S
+    if turn.node == NOBODY:
+        return "TURN is given back"
+    if turn.node == ANYBODY:
+        return f"TURN for anybody: I pause {span_s:g} s after the beginning of this frame"
+    return f"TURN of node {turn.node} for {span_s:g} s"
 
 
 def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:

@@ -31,11 +31,8 @@ from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5
 from zacoustic.testing.stories.witness import Arrived, Publication
-from zacoustic.testing.tally import SimulationResult, StreamResult, Tally
+from zacoustic.testing.tally import SimulationResult, Tally
 from zacoustic.testing.virtual import VirtualNetwork
-
-# Whoever simulates reads the result.
-__all__ = ["DEFAULT_UNTIL_S", "SimulationResult", "StreamResult", "simulate"]
 
 DEFAULT_UNTIL_S: Final = 3600.0
 """How long a scenario runs unless told otherwise, s of virtual time."""

@@ -88,11 +88,12 @@ def test_random_bytes_raise_nothing(buffer: bytes, offset: int) -> None:
     st.lists(st.integers(0, 255), max_size=5).map(tuple),
     st.sampled_from([None, "image/png", "x/y"]),
     st.binary(max_size=300),
+    st.integers(0, 65535),
 )
 def test_object_survives(
-    stream_id: int, instance: tuple[int, ...], encoding: str | None, payload: bytes
+    stream_id: int, instance: tuple[int, ...], encoding: str | None, payload: bytes, salt: int
 ) -> None:
-    manifest, coded = encode_object(stream_id, instance, encoding, payload)
+    manifest, coded = encode_object(stream_id, instance, encoding, payload, salt)
     assert decode_manifest(coded + bytes(7)) == manifest
     assert manifest.coded_bytes == len(coded)
     assert open_object(manifest, coded + bytes(7)) == payload
@@ -100,7 +101,7 @@ def test_object_survives(
 
 @given(st.binary(min_size=1, max_size=100), st.randoms(use_true_random=False))
 def test_altered_object_is_not_opened(payload: bytes, rng: random.Random) -> None:
-    manifest, coded = encode_object(12, (3,), "image/png", payload)
+    manifest, coded = encode_object(12, (3,), "image/png", payload, 7)
     altered = bytearray(coded)
     altered[rng.randrange(len(altered))] ^= rng.randrange(1, 256)
     assert open_object(manifest, bytes(altered)) is None
@@ -108,7 +109,7 @@ def test_altered_object_is_not_opened(payload: bytes, rng: random.Random) -> Non
 
 @pytest.mark.parametrize("size_bytes", [0, 127, 128, 10_240, 1 << 20])
 def test_manifest_is_short(size_bytes: int) -> None:
-    manifest, coded = encode_object(12, (), None, bytes(size_bytes))
+    manifest, coded = encode_object(12, (), None, bytes(size_bytes), 7)
     assert manifest.payload_bytes == size_bytes
-    assert manifest.size_bytes <= 2 + 4 + DIGEST_BYTES
+    assert manifest.size_bytes <= 4 + 4 + DIGEST_BYTES
     assert decode_manifest(coded[: manifest.size_bytes - 1]) is None

@@ -165,6 +165,13 @@ class Water:
             action()
         return until()
 
+    def run_to(self, instant: int) -> None:
+        self.run(until=lambda: False, limit_s=instant / NS_PER_S)
+        self.now = max(self.now, instant)
+
+    def is_idle(self) -> bool:
+        return all(node.objects.is_idle for node in self.nodes.values())
+
     def service(self, node: Node) -> None:
         if not node.alive:
             return
@@ -179,7 +186,9 @@ class Water:
         deadline_at = node.objects.next_deadline_at()
         if due_at is not None:
             node.listening.exclusive = node.objects.is_exclusive
-            due_at = node.listening.ready_at(max(due_at, now, node.free_at), is_urgent=False)
+            due_at = max(due_at, now, node.free_at)
+            due_at = node.listening.pauses_until(due_at, now, is_urgent=False)
+            due_at = node.listening.invited_at(due_at) or due_at
             if due_at <= now:
                 self._transmit(node)
                 return
@@ -289,6 +298,6 @@ def confirmation_s(
     water = Water(seed, loss=loss)
     payload = random.Random(seed + 1).randbytes(size_bytes)
     water.publish(payload, exclusive=exclusive)
-    assert water.run(until=lambda: water.nodes[1].objects.is_idle, limit_s=20_000)
+    assert water.run(until=lambda: water.nodes[1].objects.is_idle, limit_s=100_000)
     assert [each.payload for each in water.nodes[2].delivered] == [payload]
     return water.now / NS_PER_S, water

@@ -1,9 +1,20 @@
 """Objects: payloads larger than a frame, to megabytes.
 
-An object is cut into fragments and erasure coded (`code`): the sender sends the source fragments, asks
-what the receivers lack, and sends as many repair fragments as that takes, until every receiver has
-confirmed (`outgoing`, `incoming`). Both ends write down what they have (`stored`), so either may be
-killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is normative.
+An object is cut into fragments and erasure coded (`code`): the sender sends the source fragments,
+asks what the receivers lack, and sends as many repair fragments as that takes, until every receiver
+has confirmed (`outgoing`, `incoming`). Both ends write down what they have (`stored`), so either
+may be killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is
+normative.
+
+What it reaches, in % of the bit rate of a modem that takes 0.951 s for a full frame of 64 bytes and
+is 1 s away, with 10 KiB (tests/benchmarks/bench_objects.py):
+
+====================  ======  ======  ======  ======
+frames lost              0 %    20 %    30 %    50 %
+====================  ======  ======  ======  ======
+with listen windows       84      65      57      40
+exclusive                 92      71      62      44
+====================  ======  ======  ======  ======
 
 ======================  ============================================================================
 `objects`               the engine's view

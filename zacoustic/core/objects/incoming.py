@@ -1,9 +1,9 @@
 """The receiver's side of one transfer: fragments become blocks, and blocks the object.
 
-Until the manifest is there, fragments are kept as they come, a bounded number of them. Then each goes
-to its block, which is solved as soon as it has enough. The object is opened when all blocks are, and
-only if its digest is right; if it is not, everything is thrown away and the sender is told so by
-what is lacking.
+Until the manifest is there, fragments are kept as they come, a bounded number of them. Then each
+goes to its block, which is solved as soon as it has enough. The object is opened when all blocks
+are, and only if its digest is right; if it is not, everything is thrown away and the sender is told
+so by what is lacking.
 """
 
 from typing import Final

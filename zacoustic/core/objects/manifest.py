@@ -6,10 +6,11 @@ it with the first fragment.
 
 ::
 
-    stream (1)  how many instance bytes follow, and 0x80 when an encoding does (1)
-    instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
+    stream (1)  flags (1)  salt (2)  instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
 
-The digest is the first eight bytes of the SHA-256 of everything before it and of the payload.
+The flags say how many instance bytes follow, and by 0x80 that an encoding does. The salt tells an
+object from the same payload published before. The digest is the first eight bytes of the SHA-256
+of everything before it and of the payload.
 """
 
 import hashlib
@@ -22,6 +23,7 @@ from zacoustic.core.keys import Instance
 
 DIGEST_BYTES: Final = 8
 _HAS_ENCODING: Final = 0x80
+_SALT_BYTES: Final = 2
 _LONGEST_LENGTH_BYTES: Final = 4
 _LENGTH_BITS: Final = 7
 
@@ -35,6 +37,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """Which of the topic's keys."""
     encoding: str | None
     """Zenoh encoding, where it is not the stream's."""
+    salt: int
+    """Any number 0…65535."""
     payload_bytes: int
     """Length of the payload."""
     digest: bytes
@@ -49,11 +53,11 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def encode_object(
-    stream_id: int, instance: Instance, encoding: str | None, payload: bytes
+    stream_id: int, instance: Instance, encoding: str | None, payload: bytes, salt: int
 ) -> tuple[Manifest, bytes]:
     """Return the manifest of a payload, and both in a row: what is cut into fragments."""
     head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
-    head += bytes(instance)
+    head += salt.to_bytes(_SALT_BYTES, "big") + bytes(instance)
     if encoding is not None:
         head += encode_prefix(encoding)
     head += _encode_length(len(payload))
@@ -62,6 +66,7 @@ def encode_object(
         stream_id=stream_id,
         instance=tuple(instance),
         encoding=encoding,
+        salt=salt,
         payload_bytes=len(payload),
         digest=digest,
         size_bytes=len(head) + DIGEST_BYTES,
@@ -71,11 +76,13 @@ def encode_object(
 
 def decode_manifest(coded: bytes) -> Manifest | None:
     """Read a manifest from the beginning of an object; None: more is needed, or it is none."""
-    if len(coded) < 2:
+    begin = 2 + _SALT_BYTES
+    if len(coded) < begin:
         return None
     stream_id, flags = coded[0], coded[1]
-    offset = 2 + (flags & ~_HAS_ENCODING)
-    instance = tuple(coded[2:offset])
+    salt = int.from_bytes(coded[2:begin], "big")
+    offset = begin + (flags & ~_HAS_ENCODING)
+    instance = tuple(coded[begin:offset])
     encoding: str | None = None
     if flags & _HAS_ENCODING:
         prefix = decode_prefix(coded, offset)
@@ -93,6 +100,7 @@ def decode_manifest(coded: bytes) -> Manifest | None:
         stream_id=stream_id,
         instance=instance,
         encoding=encoding,
+        salt=salt,
         payload_bytes=payload_bytes,
         digest=digest,
         size_bytes=offset + DIGEST_BYTES,

@@ -9,8 +9,8 @@ What the engine does with it::
     fragment, feedback                                    what arrived
     restore                                               once, with what former lives have kept
 
-A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of the
-listen windows are those of medium access, which is told when a transfer is exclusive.
+A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of
+the listen windows are those of medium access, which is told when a transfer is exclusive.
 """
 
 import random
@@ -107,6 +107,7 @@ class Objects:
         journal: JournalPort,
     ) -> None:
         self._limits = limits
+        self._rng = rng
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
@@ -217,6 +218,7 @@ class Objects:
             priority,
             exclusive,
             lifespan_s,
+            self._rng.getrandbits(16),
         )
         self._outgoing.add(order, now)
 
@@ -309,6 +311,10 @@ class Objects:
         if self._feedback_on_air:
             self._feedback_on_air = False
             self._incoming.transmitted(finished_at, timing)
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
+        self._outgoing.held[stream_id] = until
 
     def hold_until(self, now: int) -> int:
         """Return the instant until which an answer is awaited, which other frames would destroy."""

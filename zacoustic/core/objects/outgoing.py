@@ -1,9 +1,9 @@
 """The sender's side of one transfer: rounds of fragments, each of which ends with a question.
 
-A *round* is the source fragments of the next block and as many repair fragments of the blocks before as
-the receivers will probably need; its last fragment calls for an answer, and the one before it
-announces that call, so that a receiver answers when either has arrived. Then the sender listens. The
-sender always knows, for each receiver, how many fragments of each block it lacks; it never knows
+A *round* is the source fragments of the next block and as many repair fragments of the blocks
+before as the receivers will probably need; its last fragment calls for an answer, and the one
+before it announces that call, so that a receiver answers when either has arrived. Then the sender
+listens. It knows, for each receiver, how many fragments of each block it lacks; it never knows
 which, and need not.
 
 When no answer comes, the next round is short and useful: repair fragments, since the likeliest
@@ -344,9 +344,7 @@ class OutgoingObject:
         more = self.next_source < layout.fragments and len(behind) < MOST_BLOCKS
         cost = self._round_frames(timing, waiting) / max(1, len(behind))
         for block in behind:
-            needs = [
-                need for view in waiting if (need := view.need(block, typical)) is not None
-            ]
+            needs = [need for view in waiting if (need := view.need(block, typical)) is not None]
             if needs:
                 number = repairs_to_send(
                     needs, _CHEAP_ROUND_FRAMES if more else cost, _MOST_IN_ROUND

@@ -109,6 +109,7 @@ class IncomingObjects:
         self._journal = journal
         self._transfers: dict[Place, _Transfer] = {}
         self._ended: dict[Place, StoredEnd] = {}
+        self._former: dict[Place, StoredEnd] = {}
         self._refused: dict[Place, _Refusal] = {}
         self._losses: dict[int, float] = {}
         self._replies = Replies(rng, self._is_sayable)
@@ -206,8 +207,8 @@ class IncomingObjects:
             fragment.index >= len(head) or head[fragment.index] == fragment.data
         ):
             return True
-        # The number stands for another object now.
-        del self._ended[place]
+        # The number stands for another object now, or a frame was altered.
+        self._former[place] = self._ended.pop(place)
         return False
 
     def _is_refused(self, place: Place, fragment: Fragment) -> bool:
@@ -294,7 +295,10 @@ class IncomingObjects:
         assert payload is not None
         del self._transfers[place]
         self._ended[place] = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
+        former = self._former.pop(place, None)
         self._trim()
+        if former is not None and former.digest == manifest.digest:
+            return  # it was delivered before
         received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
         self._deliver(
             ObjectReceived(source=place[0], manifest=manifest, payload=payload, received=received)
@@ -306,8 +310,9 @@ class IncomingObjects:
             oldest = next(iter(self._ended))
             del self._ended[oldest]
             self._journal.write(done_key(*oldest), None)
-        while len(self._refused) > _MOST_FORMER:
-            del self._refused[next(iter(self._refused))]
+        for former in (self._former, self._refused):
+            while len(former) > _MOST_FORMER:
+                del former[next(iter(former))]
 
     def _withdrawn(self, place: Place) -> None:
         state = self._transfers.get(place)

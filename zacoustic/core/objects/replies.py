@@ -1,10 +1,10 @@
 """When a receiver speaks of the objects that it receives.
 
-It speaks when it is called: at once when the sender waits for an answer, and when it has the object and
-the sender does not know, into the sender's next listen window (when that is, medium access knows:
-`zacoustic.core.access.listening`). An answer that is asked for is repeated where fragments are being
-lost, as long as the copies leave before the sender can react to the first. Several receivers
-speak one after the other.
+It speaks when it is called: at once when the sender waits for an answer; and when it has the object
+and the sender does not know, into the sender's next listen window (when that is, medium access
+knows: `zacoustic.core.access.listening`). An answer that is asked for is repeated where fragments
+are being lost, as long as the copies leave before the sender can react to the first. Several
+receivers speak one after the other.
 """
 
 import random

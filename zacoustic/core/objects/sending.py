@@ -82,6 +82,8 @@ class OutgoingObjects:
         self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
         self._losses: dict[int, LossEstimate] = {}
         self._on_air: Sending | None = None
+        self.held: dict[int, int] = {}
+        """Instant before which no fragment of a stream goes, ns, by stream."""
 
     def __len__(self) -> int:
         return len(self._sendings)
@@ -100,7 +102,7 @@ class OutgoingObjects:
             QueueFullError: Too many objects are on their way.
         """
         manifest, coded = encode_object(
-            order.stream_id, order.instance, order.encoding, order.payload
+            order.stream_id, order.instance, order.encoding, order.payload, order.salt
         )
         fragments = Fragments(coded, order.fragment_bytes)
         if fragments.layout.fragments > MOST_FRAGMENTS:
@@ -205,7 +207,7 @@ class OutgoingObjects:
                 continue
             at = sending.outgoing.due_at
             if not sending.outgoing.listens:
-                at = max(at, quiet_until)
+                at = max(at, quiet_until, self.held.get(sending.stream_id, 0))
             place = (max(at, now), sending.rank)
             if best is None or place < best:
                 best, chosen = place, sending

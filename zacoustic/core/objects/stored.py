@@ -7,9 +7,9 @@
 ``object/done/2/7``             an object that was delivered: its digest and the fragments with it
 ==============================  ====================================================================
 
-The second is written ahead of the sending, in steps of a fortieth of the object, and the groups of the third
-have a fortieth of it: so that at most so much has to be sent again. The fourth is committed before
-the object is delivered and confirmed: it is delivered once, whatever happens.
+The second is written ahead of the sending, in steps of a fortieth of the object, and the groups of
+the third have a fortieth of it: so that at most so much has to be sent again. The fourth is
+committed before the object is delivered and confirmed: it is delivered once, whatever happens.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,6 +38,7 @@ class StoredObject(msgspec.Struct, frozen=True, array_like=True):
     priority: int
     exclusive: bool
     lifespan_s: float | None
+    salt: int
 
 
 class StoredPlace(msgspec.Struct, frozen=True, array_like=True):

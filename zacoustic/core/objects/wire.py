@@ -6,8 +6,8 @@
     0xBB  transfer (1)  …                            feedback, at most eight bytes
 
 The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
-fragment, the high two bits are the *call*: when the sender will listen (`Call`). Of a feedback, they
-say what follows:
+fragment, the high two bits are the *call*: when the sender will listen (`Call`). Of a feedback,
+they say what follows:
 
 ====  =========  ===================================================================================
 0     lacks      block (1), how many blocks (1), for each how many fragments it lacks (1 each); all
@@ -17,8 +17,8 @@ say what follows:
 3     headless   how many fragments are there (2); the manifest is not
 ====  =========  ===================================================================================
 
-A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a feedback
-does. A fragment with index 0xFFFF and no data withdraws the object.
+A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a
+feedback does. A fragment with index 0xFFFF and no data withdraws the object.
 """
 
 import enum

@@ -46,6 +46,7 @@ def test_verb_says_where_modems_are_serves_them_and_ends_cleanly(
     arguments = [
         "--scenario", str(scenario), "--listen", "127.0.0.1:0", "--pty", "--json", "--seed", "5",
         "--faults", str(faults), "--set", "ZX=1", "RI=4", "--time-scale", "20",
+        "--firmware", "1.6",
     ]  # fmt: skip
     with subprocess.Popen(
         [sys.executable, "-c", MAIN, *arguments], stdout=subprocess.PIPE, text=True
@@ -57,9 +58,10 @@ def test_verb_says_where_modems_are_serves_them_and_ends_cleanly(
         assert kinds == ["tcp", "serial"] * 2
         _, host, port = places[2]["locator"].split(":")
         with socket.create_connection((host, int(port)), timeout=10) as client:
-            client.sendall(b"AT?AL\nAT?RI\nAT!RI1\n")
+            client.sendall(b"AT?AL\nAT?RI\nAT!RI1\nATI0\n")
             with client.makefile("rb") as reader:
-                assert [reader.readline() for _ in range(3)] == [b"32\r\n", b"4\r\n", b"[*]OK\r\n"]
+                lines = [reader.readline().strip() for _ in range(4)]
+                assert lines == [b"32", b"4", b"[*]OK", b"1.6"]
         process.send_signal(number)
         assert process.wait(10) == 0
 

@@ -1,0 +1,226 @@
+"""Transmit silence: at once, until its end, over restarts and steps of the wall clock."""
+
+import random
+
+import pytest
+
+from tests.core.rig import link
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import SilenceChanged
+from zacoustic.core.linktypes import LinkState, TransmitOutcome, TransmitReport
+from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.rules import TransmitRules
+from zacoustic.core.silence import QuietWindow
+from zacoustic.core.streams import StreamTable, TopicSpec
+
+S = NS_PER_S
+HOUR = 3600 * S
+NOON = 1_767_268_800 * S  # 2026-01-01 12:00 UTC
+TABLE = StreamTable(
+    [
+        TopicSpec(stream_id=1, name="a", qos=Qos(depth=9)),
+        TopicSpec(stream_id=2, name="b", qos=Qos(priority=Priority.REAL_TIME)),
+    ]
+)
+
+
+class Life:
+    """One life of a node whose link is up; the journal is a dict."""
+
+    def __init__(
+        self,
+        stored: dict[str, bytes] | None = None,
+        *,
+        rules: TransmitRules | None = None,
+        utc: int | None = NOON,
+        now: int = 0,
+    ) -> None:
+        self.stored = {} if stored is None else stored
+        self.now = now
+        self.events: list[SilenceChanged] = []
+        self.engine = Engine(
+            address=1,
+            table=TABLE,
+            epoch=1,
+            rng=random.Random(1),
+            stored=dict(self.stored),
+            rules=rules or TransmitRules(),
+        )
+        if utc is not None:
+            self.tell(utc)
+        self.engine.handle_link_state(LinkState.UP, now, link())
+        self.settle()
+
+    def tell(self, utc: int) -> None:
+        self.engine.handle_clock(utc - self.now, 0, self.now)
+
+    def settle(self) -> None:
+        while (write := self.engine.poll_journal()) is not None:
+            if write.value is None:
+                self.stored.pop(write.key, None)
+            else:
+                self.stored[write.key] = write.value
+            self.engine.handle_journal_committed(write.write_id, self.now)
+        while (event := self.engine.poll_event()) is not None:
+            if isinstance(event, SilenceChanged):
+                self.events.append(event)
+
+    def says(self, now: int, *, urgent: bool = False) -> bool:
+        """Publish, let time come, and tell whether a frame goes."""
+        self.now = now
+        self.engine.publish(2 if urgent else 1, b"x", now)
+        due_at = self.engine.poll_timeout()
+        if due_at is not None and due_at <= now:
+            self.engine.handle_timeout(now)
+        self.settle()
+        sent = self.engine.poll_transmit(now)
+        if sent is not None:
+            report = TransmitReport(
+                transmission_id=sent.transmission_id,
+                outcome=TransmitOutcome.SENT,
+                started_at=now,
+                finished_at=now,
+            )
+            self.engine.handle_transmit_report(report, now)
+        self.settle()
+        return sent is not None
+
+    def order(self, now: int, duration_s: float | None = None) -> None:
+        self.now = now
+        self.engine.silence.begin(now, duration_s=duration_s)
+        self.settle()
+
+
+def test_nothing_goes_from_the_instant_of_the_order_to_its_end_urgent_or_not() -> None:
+    life = Life()
+    assert life.says(S)
+    life.order(2 * S, 1800)
+    assert not life.says(2 * S)
+    assert not life.says(3 * S, urgent=True)
+    assert life.engine.poll_timeout() == 1802 * S
+    assert not life.says(1801 * S)
+    assert life.says(1802 * S)
+    first, last = life.events
+    assert (first.is_silent, first.is_ordered, first.ends_at) == (True, True, 1802 * S)
+    assert (last.is_silent, last.ends_at) == (False, None)
+    assert "silence" not in life.stored
+
+
+def test_order_without_a_time_holds_until_it_is_resumed() -> None:
+    life = Life()
+    life.order(S)
+    assert not life.says(10**6 * S)
+    assert life.engine.poll_timeout() is None
+    life.engine.silence.resume(life.now)
+    assert life.says(10**6 * S)
+
+
+def test_steps_of_the_wall_clock_move_nothing_while_the_node_lives() -> None:
+    life = Life()
+    life.order(S, 100)
+    for utc in (NOON + 10**9 * S, 0, NOON):
+        life.tell(utc)
+        assert not life.says(50 * S)
+    assert life.says(101 * S)
+
+
+def test_order_outlives_a_restart_for_what_is_left_of_it() -> None:
+    life = Life()
+    life.order(S, 1800)
+    after = Life(life.stored, utc=NOON + 601 * S, now=7 * HOUR)
+    assert not after.says(7 * HOUR + 1199 * S)
+    assert after.says(7 * HOUR + 1200 * S)
+
+
+def test_order_that_is_over_at_the_restart_is_forgotten() -> None:
+    life = Life()
+    life.order(S, 1800)
+    after = Life(life.stored, utc=NOON + HOUR)
+    assert after.says(0)
+    assert "silence" not in after.stored
+
+
+def test_clock_that_went_back_does_not_prolong_it_beyond_its_duration() -> None:
+    life = Life()
+    life.order(S, 1800)
+    after = Life(life.stored, utc=0)
+    assert not after.says(1799 * S)
+    assert after.says(1800 * S)
+
+
+def test_without_any_clock_it_begins_anew_after_a_restart() -> None:
+    life = Life(utc=None)
+    life.order(S, 1800)
+    after = Life(life.stored, utc=None, now=50 * S)
+    assert not after.says(1849 * S)
+    assert after.says(1850 * S)
+
+
+def test_time_that_is_told_late_counts() -> None:
+    life = Life(utc=None)
+    life.order(S, 1800)
+    life.now = 11 * S
+    life.tell(NOON)  # it began 10 s before
+    life.settle()
+    after = Life(life.stored, utc=None, now=0)
+    assert not after.says(5 * S)
+    after.now = 10 * S
+    after.tell(NOON + 1700 * S)
+    assert not after.says(99 * S)
+    assert after.says(100 * S)
+
+
+def test_order_without_a_time_outlives_a_restart() -> None:
+    life = Life()
+    life.order(S)
+    after = Life(life.stored, utc=NOON + HOUR)
+    assert not after.says(10**6 * S)
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, float("inf"), float("nan")])
+def test_duration_that_is_none_is_refused(duration_s: float) -> None:
+    with pytest.raises(ValueError, match=r"duration_s is .*; allowed: above 0"):
+        Life().engine.silence.begin(0, duration_s=duration_s)
+
+
+def test_damaged_entry_of_the_journal_is_no_order() -> None:
+    assert Life({"silence": b"xyz"}).says(0)
+
+
+NIGHT = TransmitRules(quiet=(QuietWindow(22 * HOUR, 6 * HOUR), QuietWindow(5 * HOUR, 7 * HOUR)))
+
+
+def test_quiet_windows_hold_each_day() -> None:
+    life = Life(rules=NIGHT)  # 12:00 at 0
+    assert life.says(S)
+    assert life.says(10 * HOUR - 1)
+    for day in (0, 24 * HOUR):
+        assert not life.says(day + 10 * HOUR)
+        assert life.engine.poll_timeout() == day + 19 * HOUR  # 07:00, when the second one ends
+        assert not life.says(day + 19 * HOUR - 1)
+        assert life.says(day + 19 * HOUR)
+        assert life.says(day + 20 * HOUR)
+
+
+def test_quiet_windows_follow_the_wall_clock() -> None:
+    life = Life(rules=NIGHT)
+    assert not life.says(10 * HOUR)
+    life.tell(NOON)
+    assert life.says(10 * HOUR)
+
+
+def test_quiet_windows_without_a_clock_keep_silent() -> None:
+    life = Life(rules=NIGHT, utc=None)
+    assert not life.says(S)
+    life.tell(NOON)
+    assert life.says(S)
+
+
+def test_resuming_does_not_open_a_quiet_window() -> None:
+    life = Life(rules=NIGHT)
+    life.order(10 * HOUR)
+    life.engine.silence.resume(10 * HOUR)
+    assert not life.says(10 * HOUR)
+    state = life.engine.silence.state(10 * HOUR)
+    assert (state.is_silent, state.is_ordered, state.ends_at) == (True, False, 19 * HOUR)

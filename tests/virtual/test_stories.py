@@ -1,0 +1,108 @@
+"""Random stories: whatever goes wrong, nothing is altered, doubled, mixed up or quietly lost."""
+
+from collections.abc import Callable
+
+import msgspec
+import pytest
+
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import SampleReceived
+from zacoustic.testing.stories import INVARIANTS, Story, Witness, random_story, tell
+from zacoustic.testing.stories.invariants import InOrder, NothingLost, NothingTwice
+from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.virtual import VirtualNetwork
+
+BLOCKS = range(10)
+
+
+@pytest.mark.parametrize("number", BLOCKS)
+def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+    for seed in range(number, count(3_000), len(BLOCKS)):
+        complaints = tell(random_story(seed)).complaints
+        again = f"zacoustic sim --story {seed}"
+        assert not complaints, f"{again}: {len(complaints)} complaints, {complaints[0]}"
+
+
+def test_stories_are_repeatable_and_differ() -> None:
+    digests = [tell(random_story(seed), digest=True).digest for seed in (5, 5, 6)]
+    assert digests[0] == digests[1] != digests[2]
+
+
+def test_stories_are_as_bad_as_they_promise() -> None:
+    faults = [random_story(seed).scenario for seed in range(200)]
+    assert max(link.loss.frame for each in faults for link in each.links if link.loss) > 0.55
+    assert max(len(spec.at_s) for each in faults for spec in each.faults.crashes) == 10
+    assert max(b.to_s - b.from_s for each in faults for b in each.faults.blackouts) > 1500
+    assert max(each.faults.corrupt for each in faults) > 0.2
+    assert any(
+        abs(jump.by_s) > 3e8 for each in faults for c in each.faults.clocks for jump in c.jumps
+    )
+    assert {len(each.nodes) for each in faults} == {2, 3, 4, 5}
+
+
+class Lying(Telling):
+    """Tells witnesses of a sample twice, of no sample, or in disorder."""
+
+    way = ""
+
+    def _take(self, node: int, event: object) -> None:
+        if isinstance(event, SampleReceived) and self.way == "deaf":
+            return
+        super()._take(node, event)  # type: ignore[arg-type]
+        if isinstance(event, SampleReceived) and self.way == "twice":
+            self.network.at(
+                self.network.now / 1e9 + 100, lambda: super(Lying, self)._take(node, event)
+            )
+
+
+def reliable_story() -> Story:
+    """Return the first story with reliable streams and few nodes, and with no crash."""
+    for seed in range(1000):
+        story = random_story(seed)
+        if len(story.casts) == 2 and 30 in story.casts[1].lanes:
+            faults = msgspec.structs.replace(story.scenario.faults, crashes=())
+            scenario = msgspec.structs.replace(story.scenario, faults=faults)
+            spec = story.casts[1].lanes[30].spec
+            if spec.qos.lifespan_s is None and spec.qos.depth == 1000:
+                return msgspec.structs.replace(story, scenario=scenario)
+    raise AssertionError
+
+
+@pytest.mark.parametrize(
+    ("way", "invariant", "expected"),
+    [
+        ("deaf", NothingLost, "is delivered; [1] never got it"),
+        ("twice", NothingTwice, "a second time"),
+        ("twice", InOrder, "which is younger"),
+    ],
+)
+def test_invariants_complain(way: str, invariant: type[Witness], expected: str) -> None:
+    telling = Lying(reliable_story(), [invariant()])
+    telling.way = way
+    telling.run()
+    assert any(expected in complaint for complaint in telling.complaints()), telling.complaints()
+
+
+def test_a_sample_that_nobody_published_is_a_complaint() -> None:
+    class Altering(Telling):
+        def _take(self, node: int, event: object) -> None:
+            if isinstance(event, SampleReceived) and isinstance(event.value, bytes):
+                event = msgspec.structs.replace(event, value=event.value[:-1] + b"?")
+            super()._take(node, event)  # type: ignore[arg-type]
+
+    telling = Altering(reliable_story(), [make() for make in INVARIANTS])
+    telling.run()
+    assert any("published: Publication" in line for line in telling.misread)
+
+
+def test_a_story_takes_engines_of_ones_own() -> None:
+    built: list[int] = []
+
+    class Counted(Engine):
+        def __init__(self, **settings: object) -> None:
+            super().__init__(**settings)  # type: ignore[arg-type]
+            built.append(self.address)
+
+    tell(reliable_story(), (), build=Counted)
+    assert sorted(built) == [1, 2]
+    assert VirtualNetwork is not None

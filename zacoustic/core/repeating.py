@@ -1,0 +1,178 @@
+"""Records that are sent again and again to one node, until an answer makes that needless.
+
+Requests and answers of calls are such records: each has one node that it is for, and somebody who
+stops it. They wait in the transmit queue like everything else; what is kept here is when a record
+is due again. While an answer of a node is awaited nothing else is repeated to it, and what is due
+together goes together, a few frames at most: whoever transmits without end hears nothing.
+"""
+
+import enum
+import random
+from collections.abc import Iterable
+
+from zacoustic.core.arq.timing import LinkTimes, PeerTiming
+from zacoustic.core.linktypes import TransmitReport
+from zacoustic.core.qos import Qos
+from zacoustic.core.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.stats import Cause
+
+
+class _Stage(enum.Enum):
+    QUEUED = "queued"
+    ON_AIR = "on_air"
+    SENT = "sent"
+    OVER = "over"
+
+
+class RepeatedRecord(Waiting):
+    """A record that is repeated."""
+
+    __slots__ = ("repetition",)
+    repetition: "Repetition"
+
+
+class Repetition:
+    """One record on its way; made by `Repeater.start`."""
+
+    __slots__ = ("due_at", "key", "qos", "record", "sent_at", "stage", "tries", "until")
+
+    def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int) -> None:
+        self.key = key
+        self.record = record
+        self.qos = qos
+        self.until = until
+        self.stage = _Stage.QUEUED
+        self.tries = 0
+        self.sent_at = 0
+        self.due_at = 0
+
+
+class Repeater:
+    """Repeats the records of one engine.
+
+    Args:
+        queue: Takes them.
+        rng: Draws the pauses.
+    """
+
+    def __init__(self, queue: TransmitQueue, rng: random.Random) -> None:
+        self._queue = queue
+        self._rng = rng
+        self._times: LinkTimes | None = None
+        self._timings: dict[int, PeerTiming] = {}
+        self._repetitions: dict[Repetition, None] = {}
+
+    def use_link(self, times: LinkTimes) -> None:
+        """Take the airtimes of a link."""
+        self._times = times
+
+    def start(self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int) -> Repetition:
+        """Send a record until it is stopped, or until an instant, ns."""
+        repetition = Repetition(key, record, qos, until)
+        record.repetition = repetition
+        self._repetitions[repetition] = None
+        self._queue.push(key, record, qos)
+        return repetition
+
+    def stop(self, repetition: Repetition, now: int, *, answered: bool = False) -> None:
+        """End a repetition; `answered` when the node has just said that it has the record."""
+        timing = self._timing(repetition.record.destination)
+        if answered:
+            if repetition.tries == 1 and repetition.stage is _Stage.SENT:
+                timing.measured(now - repetition.sent_at)
+            timing.quiet_until = 0
+        self._repetitions.pop(repetition, None)
+        self._queue.discard(repetition.key, repetition.record)
+        repetition.stage = _Stage.OVER
+
+    def again(self, repetition: Repetition) -> None:
+        """Repeat at once: the node has shown that it lacks the record."""
+        if repetition.stage is _Stage.SENT:
+            self._push(repetition)
+
+    def transmitted(self, records: Iterable[Waiting]) -> None:
+        """Note which records are in the transmission that begins."""
+        for record in records:
+            if isinstance(record, RepeatedRecord):
+                record.repetition.tries += 1
+                record.repetition.stage = _Stage.ON_AIR
+
+    def handle_report(self, report: TransmitReport) -> None:
+        """A transmission has ended: from here an answer is awaited."""
+        for repetition in self._repetitions:
+            if repetition.stage is _Stage.ON_AIR:
+                timing = self._timing(repetition.record.destination)
+                assert self._times is not None
+                pause_ns = timing.pause_ns(self._times, 0, self._rng)
+                repetition.stage = _Stage.SENT
+                repetition.sent_at = report.finished_at
+                repetition.due_at = report.finished_at + pause_ns
+                timing.quiet_until = max(timing.quiet_until, repetition.due_at)
+
+    def heard(self, source: int) -> None:
+        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
+        timing = self._timings.get(source)
+        if timing is None or not timing.heard():
+            return
+        timing.quiet_until = 0
+        for repetition in self._repetitions:
+            if repetition.record.destination == source:
+                repetition.due_at = 0
+
+    def link_up(self) -> None:
+        """The link is up again: everything is due."""
+        for timing in self._timings.values():
+            timing.quiet_until = 0
+        for repetition in self._repetitions:
+            repetition.due_at = 0
+
+    def expire(self, now: int) -> None:
+        """Repeat what is due; forget what nobody wants any more."""
+        for repetition in [each for each in self._repetitions if each.until <= now]:
+            self.stop(repetition, now)
+        if self._times is None:
+            return
+        room: dict[int, int] = {}
+        due = [
+            each
+            for each in self._repetitions
+            if each.stage is _Stage.SENT and self._ready_at(each) <= now
+        ]
+        for repetition in due:
+            peer = repetition.record.destination
+            left_bytes = room.get(peer, self._times.batch_bytes)
+            if left_bytes > 0:
+                room[peer] = left_bytes - repetition.record.size_bytes
+                timing = self._timing(peer)
+                timing.unanswered(now, self._times)
+                pause_ns = timing.pause_ns(self._times, 0, self._rng)
+                timing.quiet_until = max(timing.quiet_until, now + pause_ns)
+                self._push(repetition)
+
+    def next_due_at(self) -> int | None:
+        """Return the earliest instant at which something is due or over, ns, or None."""
+        earliest: int | None = None
+        for repetition in self._repetitions:
+            at = repetition.until
+            if repetition.stage is _Stage.SENT:
+                at = min(at, self._ready_at(repetition))
+            if earliest is None or at < earliest:
+                earliest = at
+        return earliest
+
+    # Below the methods above
+
+    def _timing(self, address: int) -> PeerTiming:
+        timing = self._timings.get(address)
+        if timing is None:
+            timing = self._timings[address] = PeerTiming()
+        return timing
+
+    def _ready_at(self, repetition: Repetition) -> int:
+        timing = self._timing(repetition.record.destination)
+        return max(repetition.due_at, timing.quiet_until)
+
+    def _push(self, repetition: Repetition) -> None:
+        repetition.stage = _Stage.QUEUED
+        repetition.record.cause = Cause.REPEAT
+        self._queue.push(repetition.key, repetition.record, repetition.qos)

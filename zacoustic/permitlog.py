@@ -1,0 +1,130 @@
+"""The permit log: every emission of a node, appended to a file.
+
+Whoever transmits under a permit (a marine reserve, a range, an exercise) has to show afterwards
+when, how loud and how long. One JSON object a line::
+
+    {"utc": "2026-01-01T12:00:03.250Z", "node": 2, "duration_s": 0.86, "source_level_db": 184.0,
+     "bytes": 64, "destination": 255, "outcome": "sent"}
+
+`utc` is the beginning; `source_level_db` is dB re 1 µPa at 1 m, null where the modem does not tell.
+An `outcome` other than ``sent``, ``delivered`` and ``not_delivered`` may have been cut short:
+``aborted``; what was ``rejected`` made no sound and is not in the log.
+
+Files may block, so lines are written by a thread of its own, in their order, each flushed at once.
+A file that cannot be opened is an error at the start. One that cannot be written later is a
+warning, once, and lines are tried again with the next emission: a node at sea does not fall silent
+because a disk is full.
+"""
+
+import asyncio
+import logging
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.clock import NS_PER_S, ns_to_seconds
+from zacoustic.errors import ConfigError
+
+_WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of them
+
+_logger = logging.getLogger(__name__)
+
+
+class Emission(msgspec.Struct, frozen=True, kw_only=True):
+    """One line."""
+
+    utc: str
+    """Beginning, UTC."""
+    node: int
+    """Address of the node."""
+    duration_s: float
+    """How long it sounded, s."""
+    source_level_db: float | None
+    """Source level, dB re 1 µPa at 1 m."""
+    bytes: int
+    """Length of the frame."""
+    destination: int
+    """Address, 255: all."""
+    outcome: str
+    """How it ended."""
+
+
+class PermitLog:
+    """The file and its thread.
+
+    Args:
+        path: The file; it is made, with its folder, where it is not there.
+
+    Raises:
+        ConfigError: It cannot be appended to.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._waiting: deque[bytes] = deque(maxlen=_WAITING_LIMIT)
+        self._fails = False
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("ab"):
+                pass
+        except OSError as error:
+            raise ConfigError(
+                f"permit_log: {path}: {error.strerror}", hint="name a file that can be written"
+            ) from error
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="permit log")
+
+    def note(self, emission: Emission) -> None:
+        """Append an emission; does not block."""
+        line = msgspec.json.encode(emission) + b"\n"
+        self._thread.submit(self._append, line)
+
+    async def close(self) -> None:
+        """Write what waits, and end."""
+        await asyncio.wrap_future(self._thread.submit(lambda: None))  # the last of its thread
+        self._thread.shutdown()
+
+    def _append(self, line: bytes) -> None:
+        self._waiting.append(line)
+        try:
+            with self._path.open("ab") as file:
+                file.write(b"".join(self._waiting))
+        except OSError as error:
+            if not self._fails:
+                _logger.warning("permit log %s: %s; trying again", self._path, error.strerror)
+            self._fails = True
+            return
+        self._waiting.clear()
+        self._fails = False
+
+
+def utc_text(utc_ns: int) -> str:
+    """Return a time as ISO 8601 with milliseconds, such as ``2026-01-01T12:00:03.250Z``."""
+    moment = datetime.fromtimestamp(utc_ns // NS_PER_S, UTC)
+    milliseconds = utc_ns % NS_PER_S * 1000 // NS_PER_S
+    return f"{moment:%Y-%m-%dT%H:%M:%S}.{milliseconds:03d}Z"
+
+
+def emission(
+    *,
+    node: int,
+    begun_utc_ns: int,
+    duration_ns: int,
+    source_level_db: float | None,
+    frame_bytes: int,
+    destination: int,
+    outcome: str,
+) -> Emission:
+    """Make the line of an emission that began at a UTC, ns since 1970."""
+    return Emission(
+        utc=utc_text(begun_utc_ns),
+        node=node,
+        duration_s=round(ns_to_seconds(duration_ns), 6),
+        source_level_db=source_level_db,
+        bytes=frame_bytes,
+        destination=destination,
+        outcome=outcome,
+    )
