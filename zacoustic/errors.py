@@ -8,7 +8,8 @@
      │   ├─ PayloadTooLargeError       a payload that fits no frame of this link
      │   ├─ PayloadInvalidError (ValueError)    a value that its type does not allow
      │   ├─ UnknownStreamError         a name or id that the stream table does not have
-     │   └─ QueueFullError             a bounded queue whose policy is to refuse
+     │   ├─ QueueFullError             a bounded queue whose policy is to refuse
+     │   └─ JournalUnavailableError    what is to survive a restart, and cannot be written down
      ├─ DeliveryError                  it did not get there: link down, rejected, expired
      │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
      ├─ ServiceError                   the remote handler failed; carries its text
@@ -66,6 +67,10 @@ class UnknownStreamError(LocalError):
 
 class QueueFullError(LocalError):
     """A bounded queue is full and its policy is to refuse."""
+
+
+class JournalUnavailableError(LocalError):
+    """The journal cannot be written now, so what is to survive a restart is not accepted."""
 
 
 class DeliveryError(ZacousticError):

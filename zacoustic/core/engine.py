@@ -30,6 +30,7 @@ from types import MappingProxyType
 
 from zacoustic.core.access import Wanted
 from zacoustic.core.access.controls import AccessControl
+from zacoustic.core.actions.actions import Actions
 from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
@@ -126,7 +127,7 @@ class Engine:
             address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
         )
         self._receiving = receiving = ReliableReceiving(
-            address, table, queue=queue, journal=journal, emit=self._hand_on
+            address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
         )
         self._large = large = LargeSamples(
             address,
@@ -161,8 +162,20 @@ class Engine:
             stats=stats,
             emit=emit,
         )
+        self.actions = Actions(
+            address,
+            table,
+            queue=queue,
+            repeater=repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self._renew_epoch,
+            stats=stats,
+            emit=emit,
+        )
+        """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
         self._receiver = Receiver(
-            table, handshake, self._topics, self._services, sending, large, stats
+            table, handshake, self._topics, self._services, self.actions, sending, large, stats
         )
         self._receiver.handle_access = self._handle_access
         self._receiver.handle_call = self._handle_call
@@ -181,6 +194,7 @@ class Engine:
         sending.recover(stored)
         receiving.recover(stored)
         self._services.recover(stored)
+        self.actions.recover(stored)
         sending.next_delivery_id(above=large.recover(stored))
 
     # Inputs
@@ -236,8 +250,9 @@ class Engine:
             if state is LinkState.UP:
                 self.silence.wake(now)
                 self._sending.link_up(now)
-                self._repeater.link_up()
+                self._repeater.link_up(now)
                 self._services.link_up(now)
+                self.actions.link_up(now)
             self._events.append(LinkStateChanged(state=state, changed_at=now))
             self._note("link", 0, b"", (), state.value)
 
@@ -276,6 +291,7 @@ class Engine:
         """The instant that `poll_timeout` named has come."""
         self._now = now
         self._services.expire(now)
+        self.actions.expire(now)
         self.silence.expire(now)
         self._sending.expire(now)
         self._repeater.expire(now)
@@ -294,7 +310,7 @@ class Engine:
         """The journal cannot be written, for this reason; empty: it can be again."""
         self._now = now
         if failure != self.journal_failure:
-            self.journal_failure = failure
+            self.journal_failure = self._journal.failure = failure
             self._events.append(JournalStateChanged(failure=failure, changed_at=now))
             self._note("journal", 0, b"", (), "fails" if failure else "works")
 
@@ -457,6 +473,7 @@ class Engine:
         """
         instants = (
             self._services.next_deadline_at(),
+            self.actions.next_due_at(),
             self._sending.next_deadline_at(),
             self._repeater.next_due_at(),
             self._large.objects.next_deadline_at(),
@@ -525,7 +542,8 @@ class Engine:
         times = LinkTimes(capabilities)
         self._sending.use_link(times, self._handshake.settling_ns)
         self._services.use_link(times, self._handshake.settling_ns)
-        self._repeater.use_link(times)
+        self.actions.use_link(times, self._handshake.settling_ns)
+        self._repeater.use_link(times, self._now)
         self._receiving.use_link(times)
         port = self._port
         self._large.objects.use_link(
@@ -575,6 +593,14 @@ class Engine:
     def _begin_epoch(self) -> None:
         self._handshake.table_changed()
         self._write_epoch()
+        self.actions.epoch_changed(self._now)
+
+    def _renew_epoch(self) -> bool:
+        """Begin a new epoch unless a call is under way, which would not survive it."""
+        if self._services.is_calling:
+            return False
+        self._begin_epoch()
+        return True
 
     def _write_epoch(self) -> None:
         self._epochs_to_keep += 1

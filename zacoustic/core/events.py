@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
@@ -211,4 +212,5 @@ Event = (
     | RangeMeasured
     | RangeFailed
     | ObjectProgress
+    | ActionEvent
 )

@@ -9,7 +9,7 @@ from typing import Final
 
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
-from zacoustic.core.arq.receiving import ReliableReceiving
+from zacoustic.core.arq.receiving import Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.encoding import encode_prefix
@@ -94,6 +94,8 @@ class Topics:
         stamped = stream.qos.stamp is Stamp.AGE and not delete
         reliable = stream.qos.reliability is Reliability.RELIABLE
         record_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
+        if reliable:
+            self._sending.check(stream)
         largest_bytes = self._queue.largest_bytes
         if reliable and not delete and largest_bytes is not None:
             overhead_bytes = SYNC_BYTES + NUMBER_BYTES
@@ -171,7 +173,14 @@ class Topics:
             metrics=received.metrics,
         )
         if low_number is not None:
-            return self._receiving.receive(stream, low_number, prefixes.sync, sample, now)
+            arrival = Arrival(
+                sync=prefixes.sync,
+                low_number=low_number,
+                sample=sample,
+                is_alone=received.destination == self._address,
+                spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
+            )
+            return self._receiving.receive(stream, arrival, now)
         self._emit(sample)
         return None
 

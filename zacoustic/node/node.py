@@ -8,6 +8,7 @@ from typing import Final, Self
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.errors import ConfigError, LocalError
@@ -196,6 +197,7 @@ class Node(EndpointMaker):
             return ZenohCarrier(config, self._connect, report=self._events.add)
         from zacoustic import registry
         from zacoustic.node.onlink import LinkCarrier
+        from zacoustic.permitlog import open_permit_log
 
         if self._connect is not None:
             raise ConfigError("connect is given beside link; allowed: one of the two")
@@ -218,6 +220,8 @@ class Node(EndpointMaker):
                 journal=journal,
                 state=state,
                 ranges={} if config is None else config.ranges_to(),
+                rules=TransmitRules() if config is None else config.rules,
+                permit_log=None if config is None else open_permit_log(config.permit_log),
                 report=self._events.add,
                 fail=self._fail,
             )

@@ -27,6 +27,7 @@ from zacoustic.core.events import (
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.trace import TraceRecord
@@ -42,6 +43,7 @@ from zacoustic.node.carrier import (
     range_error,
 )
 from zacoustic.node.routes import ServiceRoute, TopicRoute
+from zacoustic.permitlog import PermitLog
 from zacoustic.runtime import LinkRunner
 
 _logger = logging.getLogger(__name__)
@@ -57,6 +59,8 @@ class LinkCarrier:
         journal: Where it keeps what its next life has to know; None: nowhere.
         state: What was kept for this life.
         ranges: Nodes to which the range is measured again and again, each with its period, s.
+        rules: When, and how much, the node may transmit.
+        permit_log: Takes each emission, or None; closed with the carrier.
         report: Takes the events that concern no stream of the application.
         fail: Takes the error that has stopped the engine.
     """
@@ -72,6 +76,8 @@ class LinkCarrier:
         journal: Journal | None,
         state: JournalState,
         ranges: Mapping[int, float],
+        rules: TransmitRules,
+        permit_log: PermitLog | None,
         report: Callable[[NodeEvent], None],
         fail: Callable[[Exception], None],
     ) -> None:
@@ -84,9 +90,18 @@ class LinkCarrier:
             epoch=state.boot_epoch,
             rng=random.Random(random.SystemRandom().getrandbits(64)),
             stored=state.entries,
+            rules=rules,
             trace=self._trace,
         )
-        self._runner = LinkRunner(self._engine, link, self._deliver, journal=journal)
+        self._runner = LinkRunner(
+            self._engine,
+            link,
+            self._deliver,
+            journal=journal,
+            wall_clock=time.time_ns,
+            clock_error_s=rules.clock_error_s,
+            permit_log=permit_log,
+        )
         self._thread = threading.get_ident()
         self._progress = asyncio.Event()
         self._watch: asyncio.Task[None] | None = None

@@ -7,6 +7,7 @@ link) is docs/wire.md's matter.
 """
 
 import os
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,12 +16,13 @@ import msgspec
 from zacoustic import registry
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.config import Config
+from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec
 from zacoustic.core.qos import Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
-from zacoustic.errors import ZacousticError
+from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
 
@@ -239,6 +241,32 @@ def _notes(
         yield "no streams: nothing crosses the water"
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
+    yield from _access_notes(config, profile)
+
+
+def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
+    access = config.rules.access
+    if access is None:
+        return
+    capabilities = LinkCapabilities(
+        mtu_bytes=profile.mtu_bytes,
+        bit_rate_bps=profile.bit_rate_bps,
+        preamble_s=profile.preamble_s,
+        gap_s=profile.gap_s,
+        controls_access=isinstance(access, DelegatedSpec),
+        senses_carrier=True,
+    )
+    try:
+        choose(access, capabilities, config.address, random.Random(1))
+    except ConfigError as error:
+        yield f"with a modem like {profile.name}: {error}"
+    speakers = None
+    if isinstance(access, TdmaSpec):
+        speakers = set(access.slots)
+    elif isinstance(access, PollingSpec):
+        speakers = {access.poller, *access.nodes}
+    if speakers is not None and config.address not in speakers:
+        yield f"access: node {config.address} has no turn in it, so it never transmits"
 
 
 def _is_writable(folder: Path) -> bool:

@@ -29,6 +29,15 @@ from zacoustic.core.frame import (
     Tag,
     parse_frame,
 )
+from zacoustic.core.objects.wire import (
+    WITHDRAWN,
+    Call,
+    Complete,
+    Fragment,
+    Headless,
+    Lacks,
+    Refused,
+)
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
@@ -41,12 +50,20 @@ _WHY_STRAY = {
 }
 
 
+_CALL_TEXTS = {
+    Call.ANSWER: "; its sender listens now, until it is answered",
+    Call.ANSWER_NEXT: "; its sender listens after the next, until it is answered",
+    Call.WINDOW: "; a listen window begins now",
+    Call.NONE: "",
+}
+
+
 class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One control or record of a frame."""
 
     kind: str
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
-    `error`, `call_confirm`, `record` (not decoded) or `stray`."""
+    `error`, `call_confirm`, `fragment`, `feedback`, `record` (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
@@ -87,7 +104,7 @@ class _Reader:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
-        return measure_content(stream, buffer, offset, prefixes)
+        return measure_content(stream, buffer, offset, prefixes, self._source)
 
     def explain(self, item: Item) -> DecodedItem:
         match item:
@@ -115,6 +132,25 @@ class _Reader:
                 off = "unknown" if error_ns is None else f"{error_ns / NS_PER_S:g} s"
                 text = f"CLOCK {time_ns / NS_PER_S:.4f} s since 1970, error {off}"
                 return DecodedItem(kind="clock", text=text)
+            case Fragment(transfer, call, index, fragment_bytes):
+                listens = _CALL_TEXTS[call]
+                size = len(fragment_bytes)
+                text = f"FRAGMENT {index} of object {transfer}, {size} bytes{listens}"
+                if index == WITHDRAWN:
+                    text = f"FRAGMENT object {transfer} is withdrawn"
+                return DecodedItem(kind="fragment", text=text)
+            case Lacks(transfer, block, lacking):
+                several = ", ".join(str(each) for each in lacking)
+                text = f"FEEDBACK object {transfer} lacks {several} from block {block} on"
+                return DecodedItem(kind="feedback", text=text)
+            case Complete(transfer):
+                return DecodedItem(kind="feedback", text=f"FEEDBACK object {transfer} is complete")
+            case Refused(transfer, reason):
+                text = f"FEEDBACK object {transfer} is refused, reason {reason}"
+                return DecodedItem(kind="feedback", text=text)
+            case Headless(transfer, held):
+                text = f"FEEDBACK object {transfer}: {held} fragments, no manifest"
+                return DecodedItem(kind="feedback", text=text)
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"

@@ -32,6 +32,15 @@ class LinkTimes:
         gap_ns = seconds_to_ns(capabilities.gap_s)
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
         """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        self.mtu_bytes = capabilities.mtu_bytes
+        self.next_frame_ns = 0
+        """How long the next frame of a publisher has to be awaited that goes on, ns."""
+        if not capabilities.senses_carrier:
+            self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+        self.ack_patience_ns = _BATCH_FRAMES * (
+            capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
+        )
+        """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
         self.doubt_ns = short_ns
@@ -40,10 +49,18 @@ class LinkTimes:
         self.first_round_trip_ns: int = (
             2 * seconds_to_ns(capabilities.propagation_s)
             + self.ack_linger_ns
+            + self.next_frame_ns
             + self.ack_slot_ns
             + short_ns
         )
         """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+    def ack_spread_ns(self, receivers: int) -> int:
+        """Return within which time that many receivers acknowledge a repetition, each at random.
+
+        Most have acknowledged before and say it again, and one that is not known yet says more.
+        """
+        return 2 * receivers * self.ack_slot_ns
 
 
 class PeerTiming:
@@ -56,6 +73,7 @@ class PeerTiming:
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
         self._unanswered = 0
+        self._unheard = 0
 
     def measured(self, round_trip_ns: int) -> None:
         """Take a round trip, from the end of a frame to the ACK for it."""
@@ -71,24 +89,39 @@ class PeerTiming:
         if now >= self._counts_at:
             self._counts_at = now + times.first_round_trip_ns
             self._unanswered = min(self._unanswered + 1, len(_FACTORS) - 1)
+            self._unheard = min(self._unheard + 1, len(_FACTORS) - 1)
 
     def heard(self) -> bool:
-        """Anything was heard of the node; True when repetitions had become rare."""
-        was_rare = _FACTORS[self._unanswered] > 1
-        self._unanswered = 0
-        return was_rare
+        """Anything was heard of the node; True when it had been silent, and repetitions rare."""
+        was_silent = _FACTORS[self._unheard] > 1
+        self._unheard = 0
+        if was_silent:
+            self._unanswered //= 2
+        return was_silent
 
-    def pause_ns(self, times: LinkTimes, rank: int, rng: random.Random) -> int:
+    def answered(self) -> None:
+        """The node has told that it has something of what it lacked."""
+        self._unanswered //= 2
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Repetitions to it are unanswered again and again: more than one would be wasted."""
+        return _FACTORS[self._unanswered] > 1
+
+    def pause_ns(
+        self, times: LinkTimes, rank: int, rng: random.Random, *, spread_ns: int = 0
+    ) -> int:
         """Return how long to wait for an answer before the next repetition, ns.
 
         Args:
             times: Of the link.
-            rank: How many receivers acknowledge before this one.
+            rank: How many receivers acknowledge before this one; what was measured has it in it.
             rng: Draws up to a short frame more, so that two ends do not repeat in step.
+            spread_ns: Within which time they acknowledge, each at random.
         """
         if self._smooth_ns is None:
             round_trip_ns = times.first_round_trip_ns + rank * times.ack_slot_ns
         else:
             round_trip_ns = self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
-        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered])
+        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered]) + spread_ns
         return pause_ns + rng.randrange(times.doubt_ns + 1)
