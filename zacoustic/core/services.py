@@ -62,7 +62,7 @@ class Services:
         repeater: Repeater,
         journal: JournalPort,
         handshake: Handshake,
-        begin_epoch: Callable[[], None],
+        begin_epoch: Callable[[int], None],
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
@@ -114,7 +114,7 @@ class Services:
         served_at = now + seconds_to_ns(spec.timeout_s)
         deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
         if self._clients.needs_new_epoch(stream_id, spec.server):
-            self._begin_epoch()
+            self._begin_epoch(now)
             self._clients.begin_epoch(_first_number(self._handshake.epoch))
         call_id, number = self._clients.begin(
             stream_id, spec.server, deadline_at=deadline_at, now=now

@@ -44,7 +44,7 @@ class Actions:
         repeater: Repeater,
         journal: JournalPort,
         handshake: Handshake,
-        begin_epoch: Callable[[], bool],
+        begin_epoch: Callable[[int], bool],
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:

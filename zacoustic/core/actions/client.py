@@ -70,7 +70,7 @@ class GoalClient:
         post: GoalPost,
         journal: JournalPort,
         handshake: Handshake,
-        begin_epoch: Callable[[], bool],
+        begin_epoch: Callable[[int], bool],
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -273,7 +273,7 @@ class GoalClient:
         if len(taken) < WINDOW:
             if numbers.may_begin(now, self.settling_ns):
                 return numbers
-            if numbers.is_stuck and self._begin_epoch():
+            if numbers.is_stuck and self._begin_epoch(now):
                 numbers = self._first_numbers(stream.stream_id, taken)
                 if numbers.may_begin(now, self.settling_ns):
                     return numbers
