@@ -198,7 +198,7 @@ WRONG = [
     ("streams.0.topic", "/auv1/nav", ["streams[0].topic", "/auv1/nav"]),
     ("streams.0.depth", 0, ["streams[0].depth", "0", "1..65535"]),
     ("streams.0.lifespan_s", -1, ["streams[0].lifespan_s", "-1", "above 0"]),
-    ("streams.0.reliability", "reliable", ["streams[0].reliability", "reliable", "best_effort"]),
+    ("streams.0.reliability", "relible", ["streams[0].reliability", "relible", "reliable"]),
     ("streams.2.server", 9, ["streams[2].server", "9", "1 (shore)"]),
     ("links.0.wire", "morse", ["links[0].wire", "morse", "native"]),
 ]  # fmt: skip

@@ -1,7 +1,7 @@
 """Words of the configuration's format that this version does not have yet.
 
-They are refused by name, never ignored: who writes `reliability: "reliable"` must not get less in
-silence. A later version takes its word out of these tables.
+They are refused by name, never ignored: who writes `durability: "transient_local"` must not get
+less in silence. A later version takes its word out of these tables.
 """
 
 from typing import Final
@@ -28,7 +28,6 @@ table; "" for the section."""
 
 LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
-    "reliability": {"reliable": "best_effort"},
     "durability": {"transient_local": "volatile"},
     "codec": {"packed": "cbor", "dense": "cbor"},
     "forward": {"on_demand": "always"},

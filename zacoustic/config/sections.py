@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.encoding import TYPED_ENCODINGS
-from zacoustic.core.qos import PRIORITY_NAMES, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Reliability, Stamp
 from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
 
@@ -62,7 +62,7 @@ ALLOWED: Final = {
     "timeout_s": "seconds, above 0",
     "stamp": ", ".join(stamp.value for stamp in Stamp),
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
-    "reliability": '"best_effort"',
+    "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile"',
     "codec": '"cbor" for typed streams',
     "forward": '"always"',

@@ -11,7 +11,7 @@ from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.qos import PRIORITY_NAMES, Qos, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Qos, Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
@@ -59,7 +59,9 @@ def _read_stream(place: Place, fleet: Fleet) -> StreamSpec:
 
 
 def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
-    check_word(place.at("reliability"), entry.reliability, ("best_effort",))
+    check_word(
+        place.at("reliability"), entry.reliability, tuple(each.value for each in Reliability)
+    )
     check_word(place.at("durability"), entry.durability, ("volatile",))
     check_word(place.at("forward"), entry.forward, ("always",))
     check_word(place.at("stamp"), entry.stamp, tuple(stamp.value for stamp in Stamp))
@@ -75,6 +77,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         place,
         lambda: Qos(
             priority=PRIORITY_NAMES[entry.priority],
+            reliability=Reliability(entry.reliability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
             min_interval_s=entry.min_interval_s,
@@ -83,6 +86,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             stamp=Stamp(entry.stamp),
         ),
     )
+    _check_reliability(place, entry, fleet)
     return TopicSpec(
         stream_id=entry.id,
         name=entry.topic,
@@ -121,6 +125,28 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         qos=qos,
         journal=entry.journal,
     )
+
+
+def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
+    """Check that somebody acknowledges, and that a journal has something to keep."""
+    if entry.reliability == Reliability.RELIABLE.value:
+        if entry.subscribers is None and not fleet.nodes:
+            place.at("subscribers").complain(
+                "is missing, and so is nodes: nobody is known to acknowledge a reliable topic",
+                allowed=ALLOWED["subscribers"],
+                hint="list the subscribers here, or the fleet under nodes",
+            )
+        others = set(fleet.nodes if entry.subscribers is None else entry.subscribers)
+        if entry.publishers is not None and others == set(entry.publishers) and len(others) == 1:
+            place.at("subscribers").complain(
+                "nobody but the publisher", allowed="at least one node that does not publish"
+            )
+    elif entry.journal:
+        place.at("journal").complain(
+            "true for a best-effort topic, of which nothing is promised",
+            allowed="with reliability: reliable",
+            hint="say reliability, or leave journal out",
+        )
 
 
 def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:

@@ -360,7 +360,8 @@ class Engine:
             self.silence.next_deadline_at,
             self._transmitter.next_at(self._now),
         )
-        return min((at for at in instants if at is not None), default=None)
+        earliest = min((at for at in instants if at is not None), default=None)
+        return None if earliest is None else max(earliest, self._now)
 
     # Getters
 
