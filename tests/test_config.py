@@ -255,9 +255,13 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.topic",
         ...,
-        ".streams[0]: neither topic nor service; allowed: one of topic, service",
+        ".streams[0]: none of topic, service, action; allowed: one of topic, service, action",
     ),
-    ("streams.2.topic", "a", ".streams[2]: both topic and service; allowed: one of topic, service"),
+    (
+        "streams.2.topic",
+        "a",
+        ".streams[2]: topic and service; allowed: one of topic, service, action",
+    ),
     ("streams.2.server", ..., ".streams[2].server: is missing; allowed: the address of a node"),
     (
         "address",
@@ -283,8 +287,12 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     ("types.0.fields.0.step", "x", '.types[0].fields[0].step: "x"; allowed: a number above 0'),
     ("types.0.fields.1.values", "a", '.types[0].fields[1].values: "a"; allowed: a list of texts'),
-    ("streams", {}, ".streams: {}; allowed: a list of { id, topic, … } or { id, service, … }"),
-    ("streams.0", 3, ".streams[0]: 3; allowed: a list of { id, topic, … } or"),
+    (
+        "streams",
+        {},
+        ".streams: {}; allowed: a list of { id, topic, … }, { id, service, … } or { id, action",
+    ),
+    ("streams.0", 3, ".streams[0]: 3; allowed: a list of { id, topic, … }, {"),
     ("streams.0.id", "10", '.streams[0].id: "10"; allowed: a number, 1..175'),
     ("streams.0.publishers", 2, ".streams[0].publishers: 2; allowed: a list of addresses of nodes"),
     ("streams.0.publishers", ["x"], '.streams[0].publishers[0]: "x"; allowed: a list of addresses'),
@@ -504,7 +512,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.ros",
         {},
-        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic and service of",
+        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic, service and action of",
     ),
     (
         "streams.0.deadline_s",
@@ -513,8 +521,38 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     (
         "streams.3",
-        {"id": 30, "action": "auv1/goto", "goal": "Nav", "server": 2},
-        '.streams[3].action: "auv1/goto" is not available yet: actions; allowed: topic, service',
+        {"id": 30, "action": "auv1/goto", "goal": "Nav"},
+        ".streams[3].server: is missing; allowed: the address of a node",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "goal": "Nov", "server": 2},
+        '.streams[3].goal: "Nov" is not known; allowed: ',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "feedback": "Nov", "server": 2},
+        '.streams[3].feedback: "Nov" is not known; allowed: ',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 9},
+        ".streams[3].server: 9 is no node; allowed: 1",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/{node}", "server": 2},
+        '.streams[3].action: "auv1/{node}" has a placeholder; allowed in topics only',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 2, "result_timeout_s": 0},
+        ".streams[3].result_timeout_s: 0",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 2, "depth": 3},
+        ".streams[3].depth: unknown key; allowed: id, priority",
     ),
 ]
 

@@ -11,7 +11,8 @@
      │   ├─ QueueFullError             a bounded queue whose policy is to refuse
      │   └─ JournalUnavailableError    what is to survive a restart, and cannot be written down
      ├─ DeliveryError                  it did not get there: link down, rejected, expired
-     │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
+     │   ├─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
+     │   └─ OutcomeUnknownError        the server ended without an answer; it may have run
      ├─ ServiceError                   the remote handler failed; carries its text
      ├─ SessionError                   Zenoh: router unreachable, port in use
      └─ LinkError
@@ -79,6 +80,10 @@ class DeliveryError(ZacousticError):
 
 class CallTimeoutError(DeliveryError, TimeoutError):
     """No answer arrived before the deadline of the call, or of the range that was asked for."""
+
+
+class OutcomeUnknownError(DeliveryError):
+    """The server ended without an answer: whether it has done its work is unknown."""
 
 
 class ServiceError(ZacousticError):

@@ -12,6 +12,13 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.calls import (
+    NAMED,
+    CallKind,
+    encode_call_byte,
+    encode_error,
+    encode_name,
+)
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
@@ -234,6 +241,23 @@ def _calls() -> Iterator[Vector]:
         2, lambda engine, now: engine.reply_error(_call(pair), failure, "no arm", now)
     )
     yield _vector("error", error, "call 1 of stream 20 failed: the handler says 'no arm'")
+    pair = _Pair()
+    pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    has_request = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("call_confirm_request", has_request, "the server has the request of call 0")
+    pair = _Pair()
+    pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    pair.frame(2, lambda engine, now: engine.reply(_call(pair), b"ok", now))
+    has_answer = bytes.fromhex(pair.frames[1][-1])
+    yield _vector("call_confirm_answer", has_answer, "the client has the answer to call 0")
+    for kind, payload, what in (
+        (CallKind.CONFIRM, b"", "confirm"),
+        (CallKind.RESPONSE, b"ok", "response"),
+        (CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""), "error"),
+    ):
+        head = bytes((20, encode_call_byte(NAMED, 5))) + encode_name(kind, 0x1234)
+        meaning = f"from the server: named {what}, call 5 of epoch 1234, of stream 20"
+        yield _vector(f"named_{what}", head + payload, meaning)
 
 
 def _call(pair: _Pair) -> CallKey:

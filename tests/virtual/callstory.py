@@ -94,12 +94,12 @@ class CallStory:
     def run(self) -> list[str]:
         """Tell the story; returns what must not have happened."""
         rng, network = self._rng, self.network
-        period_s = rng.choice((2.0, 10.0, 60.0))
+        period_s = rng.choice((3.0, 15.0, 60.0))
         calm_s = self._busy_s + 2 * self._timeout_s + 120
         for client in self._addresses[1:]:
             at_s = rng.uniform(0, 20)
             while at_s < self._busy_s:
-                for _ in range(rng.choice((1, 1, 1, 1, 5, 30))):
+                for _ in range(rng.choice((1,) * 20 + (5, 30))):
                     network.at(at_s, partial(self._call, client))
                 at_s += rng.expovariate(1 / period_s)
             for number in range(_CALM_CALLS):

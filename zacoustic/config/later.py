@@ -10,16 +10,12 @@ from zacoustic.config.complaints import Place, shown
 
 LATER_KEYS: Final = {
     "": {
-        "ros": ("ROS 2", "types, topic and service of Zenoh"),
+        "ros": ("ROS 2", "types, topic, service and action of Zenoh"),
         "overlays": ("bounds for ROS 2 types", "bounds in types"),
     },
     "links": {},
     "streams": {
-        "action": ("actions", "topic, service"),
-        "goal": ("actions", "topic, service"),
-        "feedback": ("actions", "topic, service"),
-        "result": ("actions", "topic, service"),
-        "ros": ("ROS 2", "topic and service of Zenoh"),
+        "ros": ("ROS 2", "topic, service and action of Zenoh"),
         "deadline_s": ("deadlines", "lifespan_s"),
     },
 }

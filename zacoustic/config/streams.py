@@ -8,15 +8,15 @@ import msgspec
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.later import check_word, refuse_later_keys
-from zacoustic.config.sections import ALLOWED, ServiceEntry, StreamEntry, TopicEntry
+from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.qos import PRIORITY_NAMES, Qos, Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
 
-_KINDS: Final = ("topic", "service")
+_KINDS: Final = ("topic", "service", "action")
 # How `Qos` words its refusals: the key, the value, what is allowed.
 _QOS_REFUSAL: Final = re.compile(r"(\w+) is .*; allowed: (.*)")
 
@@ -51,11 +51,13 @@ def _read_stream(place: Place, fleet: Fleet) -> StreamSpec:
     refuse_later_keys(place, "streams")
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:
-        what = "both topic and service" if kinds else "neither topic nor service"
-        place.complain(what, allowed="one of topic, service")
+        what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
+        place.complain(what, allowed=f"one of {', '.join(_KINDS)}")
     if kinds[0] == "topic":
         return _read_topic(place, place.convert(TopicEntry), fleet)
-    return _read_service(place, place.convert(ServiceEntry), fleet)
+    if kinds[0] == "service":
+        return _read_service(place, place.convert(ServiceEntry), fleet)
+    return _read_action(place, place.convert(ActionEntry), fleet)
 
 
 def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
@@ -121,6 +123,36 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         request_type=entry.request,
         response_type=entry.response,
         timeout_s=entry.timeout_s,
+        encoding=entry.encoding,
+        qos=qos,
+        journal=entry.journal,
+    )
+
+
+def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
+    names = {"goal": entry.goal, "feedback": entry.feedback, "result": entry.result}
+    for key, name in names.items():
+        _check_type(place.at(key), name, fleet)
+    _check_codec(place, entry, is_typed=any(name is not None for name in names.values()))
+    check_address(place.at("server"), entry.server, fleet)
+    qos = _read_qos(
+        place,
+        lambda: Qos(
+            priority=PRIORITY_NAMES[entry.priority],
+            linger_s=entry.linger_s,
+            max_airtime=entry.max_airtime,
+        ),
+    )
+    return ActionSpec(
+        stream_id=entry.id,
+        name=entry.action,
+        server=entry.server,
+        goal_type=entry.goal,
+        feedback_type=entry.feedback,
+        result_type=entry.result,
+        timeout_s=entry.timeout_s,
+        result_timeout_s=entry.result_timeout_s,
+        feedback_interval_s=entry.feedback_interval_s,
         encoding=entry.encoding,
         qos=qos,
         journal=entry.journal,
@@ -212,7 +244,9 @@ def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
 
 def _in_written_keys(error: ConfigError, spec: StreamSpec) -> ConfigError:
     """The error with the key of the file in place of `name`, which the core says."""
-    kind = "service" if isinstance(spec, ServiceSpec) else "topic"
+    kind = "topic"
+    if not isinstance(spec, TopicSpec):
+        kind = "service" if isinstance(spec, ServiceSpec) else "action"
     message = str(error.args[0])
     if message.startswith("name: "):
         message = kind + message.removeprefix("name")

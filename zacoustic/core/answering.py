@@ -103,8 +103,7 @@ class Answering:
             if stream is None or stream.digest != kept.digest:
                 self._journal.write(name, None)
                 continue
-            lost = encode_error(CallFailure.UNKNOWN, "the server died while the service ran")
-            answer = kept.answer or Answer(CallKind.ERROR, lost)
+            answer = kept.answer or Answer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
             self._calls.restore(CallKey(client, epoch, stream_id, number), answer)
 
     # For the application
@@ -321,7 +320,7 @@ def confirm_qos(linger_s: float) -> Qos:
 
 
 def _journal_name(key: CallKey) -> str:
-    return f"{_JOURNAL}/{key.client}/{key.epoch}/{key.stream_id}/{key.number}"
+    return f"{_JOURNAL}/{key}"
 
 
 def _head(kind: CallKind, key: CallKey, served: Served) -> bytes:

@@ -45,7 +45,7 @@ CALL_NUMBERS: Final = 64
 """Calls of one client to one service that can be distinguished."""
 WINDOW: Final = 16
 """Calls of one client to one service that can be under way at once."""
-NAME_BYTES: Final = 2
+NAME_BYTES: Final = 1
 """What a named answer is longer than another one."""
 _LIVES: Final = 2
 _NEVER: Final = 1 << 62
@@ -64,8 +64,8 @@ class CallKind(enum.IntEnum):
 
 
 NAMED: Final = CallKind.REQUEST
-"""From the server: a response, an error or a confirm that names the client's life. Two bytes come
-before its payload: two bits kind, and the lower 14 bits of the epoch."""
+"""From the server: a response, an error or a confirm that names the client's life. A byte comes
+before its payload: two bits kind, and the lower six bits of the epoch."""
 
 
 def encode_call_byte(kind: CallKind, number: int) -> int:
@@ -80,7 +80,7 @@ def decode_call_byte(byte: int) -> tuple[CallKind, int]:
 
 def encode_name(kind: CallKind, epoch: int) -> bytes:
     """Return what a named answer has behind its call byte."""
-    return (kind << 14 | epoch & 0x3FFF).to_bytes(NAME_BYTES, "big")
+    return bytes((kind << 6 | epoch & 0x3F,))
 
 
 def decode_name(content: bytes, epoch: int) -> CallKind | None:
@@ -90,9 +90,9 @@ def decode_name(content: bytes, epoch: int) -> CallKind | None:
         content: Begins behind the call byte.
         epoch: Of this node.
     """
-    name = int.from_bytes(content[:NAME_BYTES], "big")
-    is_ours = len(content) >= NAME_BYTES and name & 0x3FFF == epoch & 0x3FFF
-    return CallKind(name >> 14) if is_ours else None
+    if not content or (content[0] ^ epoch) & 0x3F:
+        return None
+    return CallKind(content[0] >> 6)
 
 
 def encode_error(

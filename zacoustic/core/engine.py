@@ -296,7 +296,7 @@ class Engine:
             LocalError: This node is the server.
             PayloadInvalidError: The request's type does not allow the value.
             PayloadTooLargeError: It fits no frame of this link.
-            QueueFullError: 64 calls to this service are under way.
+            QueueFullError: 16 calls to this service are under way, or have been just now.
         """
         self._now = now
         return self._protocols.services.call(stream_id, value, now, timeout_s=timeout_s)
@@ -388,9 +388,10 @@ class Engine:
         is_busy = port is not None and port.is_busy
         return not is_busy and self._protocols.is_idle and self.poll_timeout() is None
 
-    def delivering(self) -> int:
-        """Count the reliable samples that not all subscribers have acknowledged."""
-        return self._protocols.sending.delivering()
+    def delivering(self, stream_id: int) -> int:
+        """Count the reliable samples of a stream that have not ended."""
+        objects = self._protocols.large.objects
+        return self._protocols.sending.delivering(stream_id) + objects.pending(stream_id)
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""

@@ -246,11 +246,18 @@ class Handshake:
         if peer.epoch == epoch:
             self._answer_introduction(peer, now)
 
-    def heard_confirm(self, source: int, confirm: Confirm) -> None:
+    def heard_confirm(self, source: int, confirm: Confirm, now: int) -> None:
         """A peer says that it knows and shares our table."""
-        if confirm.address == self._address and confirm.epoch == self.epoch:
-            peer = self._peer(source)
+        if confirm.address != self._address:
+            return
+        peer = self._peer(source)
+        if confirm.epoch == self.epoch:
             peer.confirmed_us = peer.knows_us = True
+        else:
+            # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
+            peer.confirmed_us = False
+            peer.owes_hello = True
+            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""

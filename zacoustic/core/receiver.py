@@ -189,7 +189,7 @@ class Receiver:
 
     def _handle_table_talk(self, source: int, item: Confirm | Ask | TableRow, now: int) -> None:
         if isinstance(item, Confirm):
-            self._handshake.heard_confirm(source, item)
+            self._handshake.heard_confirm(source, item, now)
         elif isinstance(item, Ask):
             if self._handshake.heard_ask(source, item, now):
                 self._sending.lost_sync(source, now)

@@ -93,6 +93,10 @@ class Repeater:
 
     def start(self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int) -> Repetition:
         """Send a record until it is stopped, or until an instant, ns."""
+        peer = record.destination
+        if not any(each.record.destination == peer for each in self._repetitions):
+            # Repetitions may have become rare long ago, and the node be back since.
+            self._timing(peer).begin_anew()
         repetition = Repetition(key, record, qos, until)
         record.repetition = repetition
         self._repetitions[repetition] = None
@@ -117,7 +121,7 @@ class Repeater:
                 round_trip_ns = now - repetition.sent_at
                 if prompt or round_trip_ns < 2 * self._times.first_round_trip_ns:
                     timing.measured(round_trip_ns)
-            timing.answered()
+            timing.answered(in_crowd=len(self._timings) > 1)
             timing.quiet_until = 0
         self._repetitions.pop(repetition, None)
         self._queue.discard(repetition.key, repetition.record)

@@ -109,7 +109,9 @@ class Exchange:
                 self._notify(RangingFailed(address=event.address, text=event.text))
             case PeerMeasured() | ModemRead() | RangeMeasured():
                 pass  # the engine keeps it, and the health report asks there
-            case DeliveryStored() | DeliveryEnded() | ObjectProgress():
+            case DeliveryEnded():
+                self._health.note_delivery(event)
+            case DeliveryStored() | ObjectProgress():
                 pass  # for who publishes in this process
             case _:
                 assert_never(event)

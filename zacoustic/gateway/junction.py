@@ -262,6 +262,7 @@ class Junction:
         return found
 
     def _declare_own(self) -> None:
+        self._services.watch(self.runner.engine.address)
         for expression, serve in (
             (self._health.expression, self._health.answer),
             (self._silence.key, self._silence.serve),

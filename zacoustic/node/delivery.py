@@ -7,7 +7,7 @@ awaited, on the loop.
 import asyncio
 from collections.abc import Generator
 
-from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored
 from zacoustic.errors import DeliveryError, LocalError
 
 
@@ -79,9 +79,9 @@ class Delivery:
         self._is_stored = True
         self._wake()
 
-    def end(self, outcome: DeliveryOutcome, missing: tuple[int, ...], detail: str) -> None:
+    def end(self, event: DeliveryEnded) -> None:
         """It has ended."""
-        self.outcome, self.missing, self.detail = outcome, missing, detail
+        self.outcome, self.missing, self.detail = event.outcome, event.missing, event.detail
         self._wake()
 
     def fail(self, error: Exception) -> None:
@@ -112,3 +112,33 @@ class Delivery:
         for waiter in tuple(self._waiters):
             if not waiter.done():
                 waiter.set_result(None)
+
+
+class Deliveries:
+    """The deliveries of one engine that have not ended; for the loop."""
+
+    def __init__(self) -> None:
+        self._deliveries: dict[int, Delivery] = {}
+
+    def add(self, delivery_id: int, delivery: Delivery) -> None:
+        """Note which one the engine means by an id."""
+        self._deliveries[delivery_id] = delivery
+
+    def stored(self, event: DeliveryStored) -> None:
+        """Tell the delivery that it is in the journal."""
+        delivery = self._deliveries.get(event.delivery_id)
+        if delivery is not None:
+            delivery.note_stored()
+
+    def ended(self, event: DeliveryEnded) -> bool:
+        """Tell the delivery its end; False when it is none of this life."""
+        delivery = self._deliveries.pop(event.delivery_id, None)
+        if delivery is not None:
+            delivery.end(event)
+        return delivery is not None
+
+    def fail(self, error: Exception) -> None:
+        """Tell all that their end will not be known here."""
+        for delivery in self._deliveries.values():
+            delivery.fail(error)
+        self._deliveries.clear()

@@ -158,8 +158,9 @@ class Node(EndpointMaker):
 
         The link goes up or down; the journal cannot be written, or can be again; a peer is seen,
         or restarts; a peer defines a stream in another way; the modem has measured something of a
-        peer (`PeerMeasured`), or says something of itself (`ModemRead`). On Zenoh only the first:
-        the connection to the router. Ends with the node.
+        peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample that this node
+        has published in a former life has ended (`DeliveryEnded`). On Zenoh only the first: the
+        connection to the router. Ends with the node.
         """
         return self._events.read()
 

@@ -42,12 +42,16 @@ class ServiceType(Protocol[RequestType, ResponseType]):
 
 
 class CallContext(msgspec.Struct, frozen=True, kw_only=True):
-    """Who calls, and how long an answer is worth anything."""
+    """Who calls, which call it is, and how long an answer is worth anything."""
 
     service: str
     """Name of the service."""
     client: int | None
     """Acoustic address of the caller; None: on this Zenoh network."""
+    call_id: str | None
+    """The same when a call comes again, which it does only where the server has no journal and has
+    restarted. Another call has it after 64 calls of that client at the earliest, so to remember it
+    for twice the service's timeout is enough. None: the caller is on this Zenoh network."""
     deadline_at: int
     """Instant after which an answer is dropped, ns on `time.monotonic_ns`."""
 
@@ -84,6 +88,7 @@ class Client(Generic[Request, Response]):
         Raises:
             ServiceError: The handler failed; the text is its own.
             CallTimeoutError: No answer in time; whether the service ran is unknown.
+            OutcomeUnknownError: The server ended without an answer, perhaps after its work.
             DeliveryError: Nobody serves it, or the two ends do not understand each other.
             PayloadInvalidError: The type does not allow the request.
             PayloadTooLargeError: The request fits no frame of this link.
@@ -155,7 +160,12 @@ class Service(Generic[Request, Response]):
         except (ValueError, TypeError) as error:  # from a check of the application's class
             call.fail(CallFailure.BAD_REQUEST, str(error))
             return
-        context = CallContext(service=self.name, client=call.client, deadline_at=call.deadline_at)
+        context = CallContext(
+            service=self.name,
+            client=call.client,
+            call_id=call.call_id,
+            deadline_at=call.deadline_at,
+        )
         try:
             response = self._handler(request, context)
             if inspect.isawaitable(response):

@@ -21,7 +21,7 @@ from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec
 from zacoustic.core.qos import Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
@@ -36,7 +36,7 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """1…175."""
     kind: str
-    """`topic`, `request` or `response`."""
+    """`topic`, `request`, `response`, `goal`, `feedback` or `result`."""
     name: str
     """Key expression."""
     type: str | None
@@ -50,7 +50,8 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     depth: int | None
     """Samples kept per key; None: does not apply."""
     lifespan_s: float | None
-    """Age beyond which it is not sent, s; of a service its timeout; None: never too old."""
+    """Age beyond which it is not sent, s; of services and actions their timeout; None: never too
+    old."""
     smallest_bytes: int
     """Smallest record, id included."""
     largest_bytes: int | None
@@ -101,7 +102,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mtu_bytes: int
     """Largest frame of that modem."""
     streams: tuple[StreamRow, ...]
-    """One row for a topic, two for a service."""
+    """One row for a topic, two for a service, three for an action."""
     types: tuple[TypeRow, ...]
     """The types."""
     journal: str
@@ -144,6 +145,18 @@ def _rows(stream: Stream, profile: ModemProfile) -> Iterator[StreamRow]:
         return
     head_bytes = _ID_BYTES + _CALL_BYTES
     server = (spec.server,)
+    if isinstance(spec, ActionSpec):
+        for kind, type_name, codec, audience in (
+            ("goal", spec.goal_type, stream.codec, (None, server)),
+            ("feedback", spec.feedback_type, stream.feedback_codec, (server, None)),
+            ("result", spec.result_type, stream.response_codec, (server, None)),
+        ):
+            status_bytes = 1 if kind == "result" else 0
+            yield _row(
+                stream, kind, type_name, audience,
+                sizes=_sizes(codec, head_bytes + status_bytes), profile=profile,
+            )  # fmt: skip
+        return
     yield _row(
         stream, "request", spec.request_type, (None, server),
         sizes=_sizes(stream.codec, head_bytes), profile=profile,
@@ -164,7 +177,11 @@ def _row(
     profile: ModemProfile,
 ) -> StreamRow:
     spec, (smallest, largest) = stream.spec, sizes
-    is_service = isinstance(spec, ServiceSpec)
+    lifespan_s = stream.qos.lifespan_s
+    if isinstance(spec, ServiceSpec):
+        lifespan_s = spec.timeout_s
+    elif isinstance(spec, ActionSpec):
+        lifespan_s = {"goal": spec.timeout_s, "result": spec.result_timeout_s}.get(kind)
     frame_bytes = profile.mtu_bytes if largest is None else min(largest, profile.mtu_bytes)
     return StreamRow(
         stream_id=stream.stream_id,
@@ -174,8 +191,8 @@ def _row(
         sources=audience[0],
         targets=audience[1],
         priority=stream.qos.priority.name.lower(),
-        depth=None if is_service else stream.qos.depth,
-        lifespan_s=spec.timeout_s if isinstance(spec, ServiceSpec) else stream.qos.lifespan_s,
+        depth=stream.qos.depth if isinstance(spec, TopicSpec) else None,
+        lifespan_s=lifespan_s,
         smallest_bytes=smallest,
         largest_bytes=largest,
         airtime_s=profile.airtime_s(frame_bytes),

@@ -10,9 +10,15 @@ from typing import assert_never
 import msgspec
 
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.actions.wire import (
+    Operation,
+    decode_message,
+    decode_refusal,
+    decode_result,
+)
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
-from zacoustic.core.calls import CallKind, decode_call_byte, decode_error
+from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
 from zacoustic.core.frame import (
@@ -40,7 +46,7 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import UnknownStreamError
 
 _WHY_STRAY = {
@@ -63,13 +69,15 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 
     kind: str
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
-    `error`, `call_confirm`, `fragment`, `feedback`, `record` (not decoded) or `stray`."""
+    `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
+    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`, `record`
+    (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
     """The stream, 0 where there is none."""
     name: str = ""
-    """The key of a sample or the name of a service; empty without a configuration."""
+    """The key of a sample or the name of a service or action; empty without a configuration."""
     value: object = None
     """The value, bytes in hexadecimal; None when there is none or it does not decode."""
     fault: str = ""
@@ -172,7 +180,9 @@ class _Reader:
         if stream is None:
             return _unread(record)
         if isinstance(stream.spec, ServiceSpec):
-            return _call(stream, record)
+            return _call(stream, record, self._source)
+        if isinstance(stream.spec, ActionSpec):
+            return _goal(stream, stream.spec, record, self._source)
         return self._sample(stream, record)
 
     def _sample(self, stream: Stream, record: Record) -> DecodedItem:
@@ -229,12 +239,18 @@ def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) ->
     return DecodedItem(kind="ack", text=text, stream_id=stream.stream_id, name=key)
 
 
-def _call(stream: Stream, record: Record) -> DecodedItem:
+def _call(stream: Stream, record: Record, source: int) -> DecodedItem:
     if not record.content:
         return _unread(record)
     kind, number = decode_call_byte(record.content[0])
     payload = record.content[1:]
-    head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}"
+    life = ""
+    if isinstance(stream.spec, ServiceSpec) and stream.spec.server == source and kind is NAMED:
+        if not payload:
+            return _unread(record)
+        kind, life = CallKind(payload[0] >> 6), f" of a life {payload[0] & 0x3F} mod 64"
+        payload = payload[NAME_BYTES:]
+    head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}{life}"
     if kind is CallKind.CONFIRM:
         return DecodedItem(
             kind="call_confirm", text=head, stream_id=stream.stream_id, name=stream.name
@@ -248,6 +264,37 @@ def _call(stream: Stream, record: Record) -> DecodedItem:
         )  # fmt: skip
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
     return _decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
+
+
+def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> DecodedItem:
+    message = decode_message(record.content)
+    if message is None:
+        return _unread(record)
+    operation, payload = message.operation, message.payload
+    word = "" if operation is Operation.GOAL else f"_{operation.name.lower()}"
+    if operation is Operation.ACCEPTED and source not in (0, spec.server):
+        word = "_claim"
+    kind = f"goal{word}"
+    of_epoch = "" if message.epoch is None else f" of epoch {message.epoch}"
+    said = word.removeprefix("_") or "sent"
+    text = f"stream {stream.stream_id} {stream.name}, goal {message.number}{of_epoch}: {said}"
+    found = (stream.stream_id, stream.name)
+    match operation:
+        case Operation.GOAL:
+            return _decoded(kind, text, *found, stream.codec, payload)
+        case Operation.FEEDBACK:
+            return _decoded(kind, text, *found, stream.feedback_codec, payload)
+        case Operation.RESULT:
+            status, result = decode_result(payload) or (None, payload or None)
+            text += f" {'unreadable' if status is None else status.name.lower()}"
+            if result is not None:
+                return _decoded(kind, text, *found, stream.response_codec, result)
+        case Operation.REFUSED:
+            failure, reason = decode_refusal(payload) or (None, payload.hex())
+            text += f" {failure.name.lower() if failure else 'unreadable'}: {reason}"
+        case _:
+            pass
+    return DecodedItem(kind=kind, text=text, stream_id=stream.stream_id, name=stream.name)
 
 
 def _decoded(

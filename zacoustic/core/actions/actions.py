@@ -142,7 +142,7 @@ class Actions:
 
         Args:
             goal: Names it.
-            status: How it ended.
+            status: How it ended; UNKNOWN: whoever pursued it is gone.
             value: The result; None: there is none.
             now: The instant.
 

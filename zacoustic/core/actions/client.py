@@ -15,6 +15,7 @@ from zacoustic.core.actions.news import (
     GoalFailure,
     GoalKey,
     GoalRecovered,
+    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.actions.numbers import WINDOW, GoalNumbers
@@ -399,8 +400,8 @@ class GoalClient:
     ) -> str | None:
         self._prove(goal, now)
         decoded = decode_result(payload)
-        if decoded is not None and decoded[0] is None:
-            text = "the server died while it ran"
+        if decoded is not None and decoded[0] is GoalStatus.UNKNOWN:
+            text = "the server died while it ran, or has lost it"
             self._fail(goal, GoalFailure.UNKNOWN, text, now, confirms=True)
             return None
         value: Any = None
@@ -408,7 +409,6 @@ class GoalClient:
             if decoded is None:
                 raise PayloadError("status")
             status, result = decoded
-            assert status is not None
             value = None if result is None else stream.response_codec.decode(result)
         except PayloadError:
             text = "the result does not decode"

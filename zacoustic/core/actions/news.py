@@ -22,6 +22,8 @@ class GoalKey(msgspec.Struct, frozen=True):
 class GoalStatus(enum.IntEnum):
     """How a goal ended; the numbers are those of ROS 2, and on the wire."""
 
+    UNKNOWN = 0
+    """Its server died while it ran, or lost it: what became of it is not known. No result."""
     SUCCEEDED = 4
     """It was reached."""
     CANCELED = 5

@@ -143,10 +143,8 @@ def encode_result(status: GoalStatus, result: bytes | None) -> bytes:
     return bytes((status | _NO_RESULT,)) if result is None else bytes((status,)) + result
 
 
-def decode_result(payload: bytes) -> tuple[GoalStatus | None, bytes | None] | None:
-    """Return status (None: unknown) and result of RESULT, or None when it is none."""
-    if payload[:1] == UNKNOWN_RESULT:
-        return None, None
+def decode_result(payload: bytes) -> tuple[GoalStatus, bytes | None] | None:
+    """Return status and result of RESULT, or None when it is none."""
     try:
         status = GoalStatus(payload[0] & ~_NO_RESULT)
     except (IndexError, ValueError):

@@ -13,6 +13,8 @@ _URGENT_COPIES: Final = 4
 """A REAL_TIME sample is sent so often before an answer is awaited: at 40 % loss one of four arrives
 in 97 of 100 cases, and a round trip lasts longer than four short frames."""
 _URGENT_AT_ONCE: Final = 2
+_CROWD_ROUND_TRIPS: Final = 20
+"""Whoever was heard within so many round trips may be speaking."""
 
 
 class Pacing:
@@ -29,6 +31,7 @@ class Pacing:
         self._table = table
         self._rng = rng
         self._timings: dict[int, PeerTiming] = {}
+        self._heard_at: dict[int, int] = {}
 
     def timing(self, address: int) -> PeerTiming:
         """Return what is known of one node."""
@@ -37,16 +40,27 @@ class Pacing:
             timing = self._timings[address] = PeerTiming()
         return timing
 
-    def heard(self, source: int) -> bool:
+    def heard(self, source: int, now: int) -> bool:
         """Anything was heard of a node; True when repetitions to it had become rare."""
+        self._heard_at[source] = now
         timing = self._timings.get(source)
         if timing is None or not timing.heard():
             return False
         timing.quiet_until = 0
         return True
 
+    def answered(self, source: int, now: int) -> None:
+        """A node has told that it has something of what it lacked."""
+        # Where two speak, silence is loss. Where more do, it may be that all speak at once: then
+        # one answer does not mean that the channel is free.
+        lately = now - _CROWD_ROUND_TRIPS * self.times.first_round_trip_ns if self.times else now
+        others = any(at > lately for each, at in self._heard_at.items() if each != source)
+        self.timing(source).answered(in_crowd=others)
+
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when a sample may be repeated: an answer to what was sent later is waited for."""
+        if self._copies_wait(lane, sample):
+            return sample.due_at
         # Of several receivers the first: one that is out of range does not hold back the others.
         quiet = (self.timing(address).quiet_until for address in lane.lacking(sample))
         return max(sample.due_at, min(quiet, default=0))

@@ -9,7 +9,7 @@ import msgspec
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.events import SampleReceived
-from zacoustic.core.frame import Control, Sync
+from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Priority, Qos
@@ -18,6 +18,10 @@ from zacoustic.core.stats import Cause
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 
 ACK_LANE: Final = 4
+ACK_HEAD_BYTES: Final = 3
+"""Prefix, address and stream id."""
+LEAST_ACK_BYTES: Final = ACK_HEAD_BYTES + SYNC_BYTES + 1
+"""What a frame has to have room for where a topic is reliable, wildcards excepted."""
 _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 _JOURNAL: Final = "in"
 
@@ -213,6 +217,9 @@ class ReliableReceiving:
         assert self._times is not None
         source, stream_id, instance = key
         lane_key = (stream_id, ACK_LANE, source, *instance)
+        largest_bytes = self._queue.largest_bytes
+        assert largest_bytes is not None
+        head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
         before = self._queue.first(lane_key)
         owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
         item = _AckWaiting(
@@ -221,7 +228,7 @@ class ReliableReceiving:
             prefix=bytes((Control.ACK,)),
             address=bytes((source,)),
             head=bytes(instance),
-            payload=ack.encode(),
+            payload=ack.encode(max(1, largest_bytes - head_bytes)),
             delimits_itself=True,
             cause=Cause.ACK,
             queued_at=max(now, min(now + turn_ns, owed_at + self._times.ack_patience_ns)),
@@ -234,17 +241,17 @@ class ReliableReceiving:
     def _turn_ns(self, stream: Stream, arrival: Arrival, *, is_first: bool = False) -> int:
         """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
 
-        Receivers answer in the order of their addresses. Where that has failed, since they are not
-        equally far away or one had more to say, the same would fail again: a repetition is answered
-        at a random instant.
+        Receivers answer in the order of their addresses. Where an answer was lost, since they are
+        not equally far away, or one had more to say, the same might be lost in the same way again:
+        a repetition is answered at a random instant.
         """
         times = self._times
         assert times is not None
         assert isinstance(stream.spec, TopicSpec)
         linger_ns = times.ack_linger_ns
-        if stream.qos.priority is Priority.REAL_TIME:
-            linger_ns = 0
-        elif arrival.spare_bytes + times.mtu_bytes < 0:
+        # A publisher goes on when its frame is full, and with further copies of what is urgent.
+        is_full = arrival.spare_bytes + times.mtu_bytes < 0
+        if is_full or stream.qos.priority is Priority.REAL_TIME:
             linger_ns += times.next_frame_ns
         listed = stream.spec.subscribers
         source = arrival.sample.source

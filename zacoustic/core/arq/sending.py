@@ -127,9 +127,9 @@ class ReliableSending:
         self._next_delivery_id = delivery_id + 1
         return delivery_id
 
-    def delivering(self) -> int:
-        """Count the samples that not all receivers have acknowledged."""
-        return sum(len(lane.samples) for lane in self._lanes)
+    def delivering(self, stream_id: int) -> int:
+        """Count the samples of a topic that not all receivers have acknowledged."""
+        return sum(len(lane.samples) for lane in self._lanes if lane.key[0] == stream_id)
 
     # For the link
 
@@ -180,7 +180,7 @@ class ReliableSending:
 
     def heard(self, source: int, now: int) -> None:
         """A frame of a node arrived: if repetitions to it had become rare, they are due."""
-        if self._pacing.heard(source):
+        if self._pacing.heard(source, now):
             for lane in self._lanes:
                 if source in lane.receptions:
                     lane.due_soon(source)
@@ -370,7 +370,7 @@ class ReliableSending:
             else:
                 sample.held.discard(source)  # it has restarted, and lost what it held
         if latest:
-            self._pacing.timing(source).answered()
+            self._pacing.answered(source, now)
             lane.due_soon(source, before=latest)
         self._refresh(lane)
 

@@ -15,7 +15,10 @@ from zacoustic.core.linktypes import LinkCapabilities
 _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
-_FACTORS: Final = (1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+_FACTORS: Final = (
+    *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
+    *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
+)
 """Round trips between two repetitions, by how many in a row have been without any sign of the
 node."""
 
@@ -99,9 +102,13 @@ class PeerTiming:
             self._unanswered //= 2
         return was_silent
 
-    def answered(self) -> None:
-        """The node has told that it has something of what it lacked."""
-        self._unanswered //= 2
+    def begin_anew(self) -> None:
+        """Repeat as often as to a node that was just heard."""
+        self._unanswered = self._unheard = 0
+
+    def answered(self, *, in_crowd: bool = True) -> None:
+        """The node has told that it has something of what it lacked; others may speak as well."""
+        self._unanswered = self._unanswered // 2 if in_crowd else 0
 
     @property
     def is_doubtful(self) -> bool:
