@@ -192,7 +192,7 @@ def test_frame_before_the_link_is_up_and_stray_report_are_counted() -> None:
         (lambda e: e.declare(TopicSpec(stream_id=1, name="b"), 0), ConfigError, "id: 1 is taken"),
         (lambda e: e.reply(CallKey(2, 1, 9, 0), b"", 0), UnknownStreamError, "no stream has id"),
         (lambda e: e.reply(CallKey(2, 1, 21, 0), 5, 0), PayloadInvalidError, "allowed: bytes"),
-        (lambda e: e.reply(CallKey(2, 1, 21, 0), bytes(99), 0), PayloadTooLargeError, "101 bytes"),
+        (lambda e: e.reply(CallKey(2, 1, 21, 0), bytes(99), 0), PayloadTooLargeError, "102 bytes"),
     ],
 )
 def test_misused_command_raises_and_queues_nothing(

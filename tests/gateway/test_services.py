@@ -205,7 +205,7 @@ def test_call_that_waits_when_the_gateway_stops_gets_an_error() -> None:
                     while not water.sent_by(1):
                         water.changed.clear()
                         await water.changed.wait()
-            assert (await waiting).errors == ["auv1/arm: NO_SERVER: the gateway is stopping"]
+            assert (await waiting).errors == ["auv1/arm: UNKNOWN: the gateway is stopping"]
 
     run(main())
 

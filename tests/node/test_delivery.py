@@ -36,10 +36,10 @@ RELIABLE = {"reliability": "reliable", "publishers": [1], "subscribers": [2]}
 
 def reliable_config(address: int = 1) -> Config:
     streams: list[dict[str, Any]] = [
-        {"id": 30, "topic": "orders", "depth": 8, **RELIABLE},
-        {"id": 31, "topic": "target", **RELIABLE},
-        {"id": 32, "topic": "brief", "depth": 8, "lifespan_s": 0.05, **RELIABLE},
-        {"id": 33, "topic": "log", "depth": 8, "journal": True, **RELIABLE},
+        {"id": 130, "topic": "orders", "depth": 8, **RELIABLE},
+        {"id": 131, "topic": "target", **RELIABLE},
+        {"id": 132, "topic": "brief", "depth": 8, "lifespan_s": 0.05, **RELIABLE},
+        {"id": 133, "topic": "log", "depth": 8, "journal": True, **RELIABLE},
     ]
     section = SECTION | {"streams": SECTION["streams"] + streams}
     return config_from_mapping(section, source="fleet.json5", address=address)
@@ -188,10 +188,11 @@ def test_stored_when_the_journal_has_it(tmp_path: Path) -> None:
 
 def test_what_was_stored_is_delivered_by_the_next_life(tmp_path: Path) -> None:
     async def main() -> None:
-        with water() as medium:
-            node = Node(1, config=reliable_config(), link=medium.link(1), journal=tmp_path)
+        with water() as empty:
+            node = Node(1, config=reliable_config(), link=empty.link(1), journal=tmp_path)
             async with node:
                 await publish(node.create_publisher(bytes, "log"), b"of a former life").stored()
+        with water() as medium:
             auv = Node(2, config=reliable_config(2), link=medium.link(2))
             async with auv:
                 subscription = auv.subscribe(bytes, "log")

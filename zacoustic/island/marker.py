@@ -10,8 +10,8 @@ map::
 `acoustic` is always there and comes first: the acoustic address of the node that published the
 sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: how old
 the sample was when its frame was composed, and for an answer to a `get` also how long it has been
-kept; infinity means over an hour. `call` is there on calls: the call id. Everything with this mark stays on its island. An attachment
-that an application sets does not cross the water.
+kept; infinity means over an hour. `call` is there on calls: the call id. Everything with this mark
+stays on its island. An attachment that an application sets does not cross the water.
 """
 
 from typing import Final

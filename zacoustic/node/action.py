@@ -360,6 +360,8 @@ class ActionServer(Generic[Goal, Feedback, Result]):
 
     def close(self) -> None:
         """Serve no more; goals that run are aborted. May be called again."""
+        for handle in self._running.values():
+            handle.finish(GoalStatus.ABORTED, None)
         self._stop()
         for task in tuple(self._tasks):
             task.cancel()

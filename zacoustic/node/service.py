@@ -136,6 +136,7 @@ class Service(Generic[Request, Response]):
         self._handler = _with_context(handler)
         self._spawn = spawn
         self._tasks: set[asyncio.Task[None]] = set()
+        self._at_work: set[IncomingCall] = set()
         self._stop = carrier.serve(route, self._take)
 
     def close(self) -> None:
@@ -151,8 +152,11 @@ class Service(Generic[Request, Response]):
 
     def _finish(self, call: IncomingCall, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
+        had_begun = call in self._at_work
+        self._at_work.discard(call)
         if task.cancelled():  # perhaps before it had begun: nobody else tells the caller
-            call.fail(CallFailure.NO_SERVER, CLOSED_TEXT)
+            failure = CallFailure.UNKNOWN if had_begun else CallFailure.NO_SERVER
+            call.fail(failure, CLOSED_TEXT)
 
     async def _answer(self, call: IncomingCall) -> None:
         try:
@@ -166,6 +170,7 @@ class Service(Generic[Request, Response]):
             call_id=call.call_id,
             deadline_at=call.deadline_at,
         )
+        self._at_work.add(call)
         try:
             response = self._handler(request, context)
             if inspect.isawaitable(response):
