@@ -73,20 +73,21 @@ def _nothing_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("break_it", "expected"),
+    ("break_it", "expected", "first"),
     [
-        (_answers_of_any_life, "is answered with"),
-        (_forgotten_at_once, "is executed again"),
-        (_nothing_recovered, "is executed again"),
+        (_answers_of_any_life, "is answered with", 42),
+        (_forgotten_at_once, "is executed again", 4),
+        (_nothing_recovered, "is executed again", 11),
     ],
 )
 def test_stories_find_what_is_wrong(
     monkeypatch: pytest.MonkeyPatch,
     break_it: Callable[[pytest.MonkeyPatch], None],
     expected: str,
+    first: int,
 ) -> None:
     break_it(monkeypatch)
-    for seed in range(100):
+    for seed in range(first, first + 100):
         if any(expected in line for line in CallStory(seed).run()):
             return
     raise AssertionError(f'no story complains that something "{expected}"')

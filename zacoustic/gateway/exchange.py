@@ -1,7 +1,5 @@
 """The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
 
-from typing import assert_never
-
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
@@ -114,7 +112,8 @@ class Exchange:
             case DeliveryStored() | ObjectProgress():
                 pass  # for who publishes in this process
             case _:
-                assert_never(event)
+                # Actions remain, and the gateway refuses a table that has one.
+                raise AssertionError(event)
         self._health.touch()
 
     def drain(self, engine: Engine, now: int) -> None:

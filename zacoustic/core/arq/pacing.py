@@ -93,10 +93,10 @@ class Pacing:
         """Draw how long the receivers that lack a sample are given, ns."""
         assert self.times is not None
         times, lacking, rank, spread_ns = self.times, lane.lacking(sample), 0, 0
-        if len(lacking) > 1 and sample.tries < 2 and not sample.waiting.sync:
-            rank = len(lane.receptions) - 1
-        elif len(lacking) > 1:
+        if sample.tries > 1 or sample.waiting.sync:
             spread_ns = times.ack_spread_ns(len(lane.receptions))
+        elif len(lacking) > 1:
+            rank = len(lane.receptions) - 1
         pauses_ns = (
             self.timing(each).pause_ns(times, rank, self._rng, spread_ns=spread_ns)
             for each in lacking

@@ -256,8 +256,8 @@ class ReliableReceiving:
         listed = stream.spec.subscribers
         source = arrival.sample.source
         others = sorted(set(self._table.nodes if listed is None else listed) - {source})
-        if arrival.is_alone or len(others) < 2 or self._address not in others:
-            return linger_ns
-        if is_first:
-            return linger_ns + others.index(self._address) * times.ack_slot_ns
-        return linger_ns + self._rng.randrange(times.ack_spread_ns(len(others)))
+        if not is_first:
+            return linger_ns + self._rng.randrange(times.ack_spread_ns(len(others)) + 1)
+        is_alone = arrival.is_alone or self._address not in others
+        rank = 0 if is_alone else others.index(self._address)
+        return linger_ns + rank * times.ack_slot_ns

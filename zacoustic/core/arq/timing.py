@@ -61,9 +61,10 @@ class LinkTimes:
     def ack_spread_ns(self, receivers: int) -> int:
         """Return within which time that many receivers acknowledge a repetition, each at random.
 
-        Most have acknowledged before and say it again, and one that is not known yet says more.
+        Most have acknowledged before and say it again, and one that is not known yet says more. A
+        single one may collide as well, with the answer to a repetition of another topic.
         """
-        return 2 * receivers * self.ack_slot_ns
+        return self.doubt_ns if receivers < 2 else 2 * receivers * self.ack_slot_ns
 
 
 class PeerTiming:
