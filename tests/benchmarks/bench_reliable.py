@@ -10,6 +10,7 @@ import random
 import statistics
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -88,7 +89,7 @@ class Sea:
             water, table, deliver=self._take, disturb=self._disturb, digest=False
         )
         for at_s in (1, 20, 40):  # until both know each other, and the count
-            self.network.at(at_s, lambda at_s=at_s: self.publish(_ORDERS, b"%d" % at_s))
+            self.network.at(at_s, partial(self.publish, _ORDERS, b"%d" % at_s))
         self.network.at(_WARM_UP_S - 1, lambda: setattr(self, "loss", loss))
 
     def publish(self, stream_id: int, payload: bytes) -> None:
@@ -123,7 +124,7 @@ def periodic(seed: int, loss: float) -> Cost:
     payloads = [number.to_bytes(_PAYLOAD_BYTES, "big") for number in range(MESSAGES)]
     for number, payload in enumerate(payloads):
         at_s = _WARM_UP_S + number * _PERIOD_S
-        sea.network.at(at_s, lambda payload=payload: sea.publish(_ORDERS, payload))
+        sea.network.at(at_s, partial(sea.publish, _ORDERS, payload))
     sea.network.run(until_s=_WARM_UP_S - 1)
     before = _spent(sea)
     sea.network.run(until_s=_WARM_UP_S + MESSAGES * _PERIOD_S + 600)

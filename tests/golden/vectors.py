@@ -6,12 +6,14 @@ changed wire version. After adding one: ``python -m tests.golden.vectors`` from 
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.arq.numbers import Ack
 from zacoustic.core.calls import (
     NAMED,
     CallKind,
@@ -23,7 +25,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.events import CallFailure, CallKey, RequestReceived
-from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.frame import Ask, Confirm, Control, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
@@ -38,7 +40,7 @@ from zacoustic.core.objects.wire import (
     Reason,
     Refused,
 )
-from zacoustic.core.qos import Qos, Stamp
+from zacoustic.core.qos import Qos, Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
@@ -100,6 +102,7 @@ def vectors() -> Iterator[Vector]:
         yield _vector(name, stream.digest, f"digest of its stream {stream.stream_id}")
     yield from _objects()
     yield from _access()
+    yield from _reliable()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -161,11 +164,11 @@ def _objects() -> Iterator[Vector]:
 class _Pair:
     """Two nodes that have confirmed each other, and the frames that they send."""
 
-    def __init__(self, *, confirmed: bool = True) -> None:
+    def __init__(self, *, confirmed: bool = True, streams: StreamTable | None = None) -> None:
         self.frames: dict[int, list[str]] = {1: [], 2: []}
         nodes = tuple(NodeSpec(address=each, position=(0.0, 0.0, 0.0)) for each in (1, 2))
         scenario = Scenario(nodes=nodes, profile="ideal", channel="none")
-        self.network = VirtualNetwork(scenario, table(), trace=self._note)
+        self.network = VirtualNetwork(scenario, streams or table(), trace=self._note)
         if confirmed:
             for address in (1, 2, 1, 2):
                 self.network.publish(address, 11, b"")
@@ -181,6 +184,57 @@ class _Pair:
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
         self.network.run(until_s=self.network.now / NS_PER_S + 1)
         return bytes.fromhex(self.frames[node][0])
+
+
+def reliable_table() -> StreamTable:
+    """Return the table of `table` with a reliable topic for each of the two."""
+    known = table()
+    reliable = Qos(reliability=Reliability.RELIABLE, depth=8)
+    specs = [stream.spec for stream in known]
+    specs += [
+        TopicSpec(stream_id=30, name="auv1/orders", subscribers=(2,), qos=reliable),
+        TopicSpec(
+            stream_id=31,
+            name="fleet/{node}/log/{sensor}",
+            wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
+            qos=reliable,
+        ),
+    ]
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _reliable() -> Iterator[Vector]:
+    pair = _Pair(streams=reliable_table())
+    order = partial(_publish, 30, b"dive")
+    first = pair.frame(1, order)
+    yield _vector("reliable_first", first, "SYNC: lineage 1, floor 0; sample 0 of stream 30: dive")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("ack_sync", answer, "SYNC: lineage 1, expected 1; ACK: expected 1")
+    pair.network.run(until_s=pair.network.now / NS_PER_S + 60)
+    pair.frame(1, order)
+    second = pair.frame(1, order)
+    yield _vector("reliable_sample", second, "sample 2 of stream 30: dive")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("ack", answer, "ACK to the destination: of stream 30, number 3 is expected")
+    gone = pair.frame(
+        1, lambda engine, now: engine.publish(31, None, now, instance=(2,), delete=True)
+    )
+    yield _vector("reliable_delete", gone, "SYNC; fleet/shore/log/sonar is deleted, number 0")
+    head = bytes((Control.ACK, 30))
+    held = head + Ack(200, 0b1000_0000_0101).encode()
+    yield _vector("ack_holding", held, "ACK: 200 is expected (48), and 201, 203 and 212 are held")
+    asks = head + Ack(0, knows=False).encode()
+    yield _vector("ack_asking", asks, "ACK: the lineage is not known")
+    broadcast = bytes((Control.ACK, 1, 31, 2)) + Ack(5).encode()
+    yield _vector("ack_broadcast", broadcast, "ACK to node 1, in a broadcast frame: sonar, 5")
+    for stream_id in (30, 31):
+        name = f"digest_of_stream_{stream_id}"
+        digest = reliable_table().by_id(stream_id).digest
+        yield _vector(name, digest, f"digest of the reliable stream {stream_id}")
+
+
+def _publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
+    return engine.publish(stream_id, value, now)
 
 
 def _topics() -> Iterator[Vector]:

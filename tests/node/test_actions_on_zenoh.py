@@ -38,11 +38,9 @@ async def pursue(handle: Handle) -> Goto.Result:
 def test_goals_of_one_island(configured: bool) -> None:
     async def main() -> None:
         with router() as (endpoint, _):
-            known = {"config": config()} if configured else {}
-            own = {"config": config(2)} if configured else {}
             async with (
-                Node("shore", connect=endpoint, **known) as shore,
-                Node("auv1", connect=endpoint, **own) as auv,
+                Node("shore", config=config() if configured else None, connect=endpoint) as shore,
+                Node("auv1", config=config(2) if configured else None, connect=endpoint) as auv,
             ):
                 server = auv.create_action_server(
                     Goto, "auv1/goto", pursue, goal_callback=lambda goal: goal.depth < 1000
@@ -92,7 +90,7 @@ def test_nobody_who_serves_nobody_who_answers_and_a_node_that_closes() -> None:
                         await client.send_goal(b"x", timeout_s=0.5)
                     mute.undeclare()  # type: ignore[no-untyped-call]
                     for query in held:
-                        query.drop()
+                        query.drop()  # type: ignore[no-untyped-call]
 
                     async def wait(handle: ServerGoalHandle[bytes, bytes, bytes]) -> None:
                         await handle.cancel_requested()

@@ -1,5 +1,8 @@
 """The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
 
+from typing import assert_never
+
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
@@ -19,6 +22,7 @@ from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams import StreamTable
+from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
     JournalChanged,
@@ -41,6 +45,7 @@ class Exchange:
         table: All streams.
         topics: Takes samples.
         services: Takes requests and answers.
+        actions: Takes what is said about goals.
         health: Takes note of the rest.
         silence: Answers orders to be silent.
         notify: Told what people want to know.
@@ -52,6 +57,7 @@ class Exchange:
         *,
         topics: Topics,
         services: Services,
+        actions: Actions,
         health: Health,
         silence: SilenceDesk,
         notify: Notify,
@@ -59,12 +65,17 @@ class Exchange:
         self._table = table
         self._topics = topics
         self._services = services
+        self._actions = actions
         self._health = health
         self._silence = silence
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
         """Take an event of the engine."""
+        if isinstance(event, ActionEvent):
+            self._actions.deliver(event)
+            self._health.touch()
+            return
         match event:
             case SampleReceived():
                 self._topics.deliver(event)
@@ -112,8 +123,7 @@ class Exchange:
             case DeliveryStored() | ObjectProgress():
                 pass  # for who publishes in this process
             case _:
-                # Actions remain, and the gateway refuses a table that has one.
-                raise AssertionError(event)
+                assert_never(event)
         self._health.touch()
 
     def drain(self, engine: Engine, now: int) -> None:

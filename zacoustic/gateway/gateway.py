@@ -24,7 +24,6 @@ import zenoh
 from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
-from zacoustic.core.streams import ActionSpec
 from zacoustic.errors import ConfigError
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
@@ -67,7 +66,6 @@ class Gateway:
     ) -> None:
         self.config = config
         self._zenoh_config = _zenoh_config(config)
-        _refuse_actions(config)
         self._link = link or registry.create(_locator(config), config.address)
         journal = journal or config.journal or MemoryJournal()
         if isinstance(journal, str | Path):
@@ -212,17 +210,6 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
-
-
-def _refuse_actions(config: Config) -> None:
-    """Nobody on the island could send a goal, or answer one."""
-    for stream in config.table:
-        if isinstance(stream.spec, ActionSpec):
-            raise ConfigError(
-                f"{config.source}: plugins.acoustic.streams: action: "
-                f'"{stream.name}": a gateway does not carry actions yet',
-                hint="serve and call it by a Node on the modem, or leave it out of this file",
-            )
 
 
 def _locator(config: Config) -> str:

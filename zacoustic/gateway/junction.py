@@ -23,6 +23,7 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError
+from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
@@ -124,12 +125,16 @@ class Junction:
             table, island, self.siblings, self._complaints, clock=clock, ring=ring
         )
         self._services = Services(table, island, self._complaints, clock=clock, ring=ring)
+        self._actions = Actions(
+            address, table, island, self._complaints, runner=self.runner, clock=clock
+        )
         self._routes = Routes(
             table,
             island,
             self.siblings,
             topics=self._topics,
             services=self._services,
+            actions=self._actions,
             desk=self._desk,
             runner=self.runner,
         )
@@ -147,6 +152,7 @@ class Junction:
             table,
             topics=self._topics,
             services=self._services,
+            actions=self._actions,
             health=self._health,
             silence=self._silence,
             notify=self._tell,
@@ -177,6 +183,7 @@ class Junction:
         self._is_closing = True
         self._desk.close()
         self._services.close()
+        self._actions.close()
         self._health.close()
         try:
             await self._in_worker(lambda: None)  # all replies are out

@@ -6,6 +6,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.actions.clientgoal import ClientGoal, ClientStage
+from zacoustic.core.actions.clientletters import ClientLetters
 from zacoustic.core.actions.news import (
     ActionEvent,
     CancelAnswered,
@@ -30,8 +31,7 @@ from zacoustic.core.actions.wire import (
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
-from zacoustic.core.payload import PayloadCodec, PayloadError
-from zacoustic.core.repeating import Repetition
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import ActionSpec, Stream, StreamTable
 from zacoustic.errors import JournalUnavailableError, QueueFullError
@@ -78,6 +78,7 @@ class GoalClient:
         self._address = address
         self._table = table
         self._post = post
+        self._letters = ClientLetters(table, post)
         self._journal = journal
         self._handshake = handshake
         self._begin_epoch = begin_epoch
@@ -110,7 +111,7 @@ class GoalClient:
         for goal in self._goals.values():
             if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
                 goal.deadline_at = now + self._patience_ns(goal)
-                self._claim(goal, now)
+                self._letters.claim(goal, now)
 
     # For the application
 
@@ -150,7 +151,7 @@ class GoalClient:
         def kept(at: int) -> None:
             if goal.stage is not ClientStage.OFFERED:
                 return
-            self._offer(goal, payload, at)
+            self._letters.offer(goal, payload, at)
 
         self._keep(key, stream, msgspec.msgpack.encode(_Kept(stream.digest, tag)), kept, now)
         return key
@@ -167,8 +168,8 @@ class GoalClient:
         goal.cancel_wanted = True
         if goal.cancel is None:
             # Whatever of it is in the water: it shall not begin any more.
-            self._stop_offer(goal, now)
-            self._send_cancel(goal, now)
+            self._letters.stop_offer(goal, now)
+            self._letters.cancel(goal, now)
         return True
 
     # For the water
@@ -196,9 +197,9 @@ class GoalClient:
                 return self._receive_result(goal, stream, message.payload, now)
             case Operation.CONFIRM:
                 self._prove(goal, now)
-                self._stop_offer(goal, now, answered=True)
+                self._letters.stop_offer(goal, now, answered=True)
                 if goal.stage is ClientStage.OFFERED and goal.claim is None:
-                    self._claim(goal, now)
+                    self._letters.claim(goal, now)
             case Operation.ACCEPTED:
                 self._runs(goal, now)
             case Operation.CANCEL:
@@ -220,7 +221,7 @@ class GoalClient:
         """Ask what became of the goals that a node had accepted."""
         for goal in self._goals.values():
             if goal.server == server and goal.stage is ClientStage.RUNS:
-                self._claim(goal, now)
+                self._letters.claim(goal, now)
 
     def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch: its goals are of a former one now."""
@@ -231,13 +232,13 @@ class GoalClient:
             if goal.offer is not None:
                 payload = goal.offer.record.payload
                 self._post.stop(goal.offer, now)
-                self._offer(goal, payload, now)
+                self._letters.offer(goal, payload, now)
             elif goal.stage is ClientStage.RUNS or goal.claim is not None:
                 self._post.stop(goal.claim, now)
-                self._claim(goal, now)
+                self._letters.claim(goal, now)
             if goal.cancel is not None:
                 self._post.stop(goal.cancel, now)
-                self._send_cancel(goal, now)
+                self._letters.cancel(goal, now)
 
     # For the timer
 
@@ -252,7 +253,7 @@ class GoalClient:
                     text = "no answer before the deadline"
                 self._fail(goal, GoalFailure.TIMED_OUT, text, now)
             else:
-                self._claim(goal, now)
+                self._letters.claim(goal, now)
 
     def next_due_at(self) -> int | None:
         """Return the earliest instant at which something is to be done, ns, or None."""
@@ -297,48 +298,6 @@ class GoalClient:
         assert isinstance(spec, ActionSpec)
         return seconds_to_ns(spec.result_timeout_s)
 
-    def _offer(self, goal: ClientGoal, payload: bytes, now: int) -> None:
-        codec = self._stream(goal).codec
-        goal.offer = self._repeat(goal, Operation.GOAL, GoalLane.GOAL, now, payload, codec)
-
-    def _claim(self, goal: ClientGoal, now: int) -> None:
-        """Ask what became of a goal, until it is answered."""
-        goal.claim_at = None
-        self._post.stop(goal.claim, now)
-        goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
-
-    def _send_cancel(self, goal: ClientGoal, now: int) -> None:
-        goal.cancel = self._repeat(goal, Operation.CANCEL, GoalLane.CANCEL, now)
-
-    def _repeat(
-        self,
-        goal: ClientGoal,
-        operation: Operation,
-        lane: GoalLane,
-        now: int,
-        payload: bytes = b"",
-        codec: PayloadCodec | None = None,
-    ) -> Repetition:
-        until = _NEVER if operation is Operation.CANCEL else goal.deadline_at
-        repetition = self._post.repeat(
-            goal.key,
-            self._stream(goal),
-            goal.server,
-            operation,
-            lane,
-            now,
-            payload=payload,
-            codec=codec,
-            until=until,
-        )
-        goal.repetitions = [each for each in goal.repetitions if each.tries] + [repetition]
-        return repetition
-
-    def _stop_offer(self, goal: ClientGoal, now: int, *, answered: bool = False) -> None:
-        if goal.offer is not None:
-            self._post.stop(goal.offer, now, answered=answered)
-            goal.offer = None
-
     def _prove(self, goal: ClientGoal, now: int) -> None:
         """The server has shown that it has a goal."""
         if goal.numbers is not None:
@@ -347,7 +306,7 @@ class GoalClient:
     def _runs(self, goal: ClientGoal, now: int) -> None:
         """The server has shown that it has accepted a goal."""
         self._prove(goal, now)
-        self._stop_offer(goal, now, answered=True)
+        self._letters.stop_offer(goal, now, answered=True)
         if goal.claim is not None:
             self._post.stop(goal.claim, now, answered=True)
             goal.claim = None
