@@ -53,14 +53,14 @@ STREAMS: Final[list[dict[str, Any]]] = [
     {"id": 21, "service": "auv1/echo", "server": 2, "timeout_s": 10},
     {"id": 22, "service": "auv1/hasty", "server": 2, "timeout_s": 0.2},
     {
-        "id": 30,
+        "id": 50,
         "action": "auv1/goto",
         "goal": "Goto",
         "feedback": "Progress",
         "result": "Arrived",
         "server": 2,
     },
-    {"id": 31, "action": "auv1/raw", "server": 2, "encoding": JSON, "timeout_s": 5},
+    {"id": 51, "action": "auv1/raw", "server": 2, "encoding": JSON, "timeout_s": 5},
 ]
 SECTION: Final[dict[str, Any]] = {
     "address": 1,

@@ -13,6 +13,14 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.actions.wire import (
+    UNKNOWN_RESULT,
+    Operation,
+    encode_head,
+    encode_refusal,
+    encode_result,
+)
 from zacoustic.core.arq.numbers import Ack
 from zacoustic.core.calls import (
     NAMED,
@@ -41,7 +49,7 @@ from zacoustic.core.objects.wire import (
     Refused,
 )
 from zacoustic.core.qos import Qos, Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -103,6 +111,7 @@ def vectors() -> Iterator[Vector]:
     yield from _objects()
     yield from _access()
     yield from _reliable()
+    yield from _goals()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -312,6 +321,77 @@ def _calls() -> Iterator[Vector]:
         head = bytes((20, encode_call_byte(NAMED, 5))) + encode_name(kind, 0x1234)
         meaning = f"from the server: named {what}, call 5 of epoch 1234, of stream 20"
         yield _vector(f"named_{what}", head + payload, meaning)
+
+
+def action_table() -> StreamTable:
+    """Return the table of the vectors of actions."""
+    known = table()
+    specs = [
+        *(stream.spec for stream in known),
+        ActionSpec(stream_id=40, name="auv1/goto", goal_type="Nav", server=2),
+    ]
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _goals() -> Iterator[Vector]:
+    pair = _Pair(streams=action_table())
+    goal = pair.frame(1, lambda engine, now: engine.actions.send_goal(40, NAV_VALUE, now))
+    yield _vector("goal", goal, "GOAL 0 of stream 40: Nav 45.4, 12.3, 271.5, survey")
+    key = GoalKey(1, 1, 40, 0)
+    accepted = pair.frame(2, lambda engine, now: engine.actions.accept(key, now))
+    yield _vector("goal_accepted", accepted, "from the server: goal 0 is ACCEPTED")
+    near = pair.frame(2, lambda engine, now: engine.actions.publish_feedback(key, b"near", now))
+    yield _vector("goal_feedback", near, "FEEDBACK of goal 0: near")
+    cancel = pair.frame(1, lambda engine, now: engine.actions.cancel_goal(key, now))
+    yield _vector("goal_cancel", cancel, "CANCEL goal 0")
+    ends = pair.frame(2, lambda engine, now: engine.actions.answer_cancel(key, now, accepted=True))
+    yield _vector("goal_cancel_accepted", ends, "from the server: goal 0 will end")
+    status = GoalStatus.CANCELED
+    result = pair.frame(2, lambda engine, now: engine.actions.finish(key, status, b"up", now))
+    yield _vector("goal_result", result, "RESULT of goal 0: canceled, with up")
+    confirm = bytes.fromhex(pair.frames[1][-1])
+    yield _vector("goal_confirm", confirm, "from the client: it has the result of goal 0")
+    for name, operation, epoch, payload, meaning in (
+        (
+            "goal_refused",
+            Operation.REFUSED,
+            None,
+            encode_refusal(GoalFailure.REJECTED, "too deep"),
+            "goal 5 is REFUSED: rejected: too deep",
+        ),
+        (
+            "goal_cancel_refused",
+            Operation.REFUSED,
+            None,
+            encode_refusal(GoalFailure.CANCEL_REFUSED, ""),
+            "the cancel of goal 5 is REFUSED",
+        ),
+        (
+            "goal_without_result",
+            Operation.RESULT,
+            None,
+            encode_result(GoalStatus.ABORTED, None),
+            "RESULT of goal 5: aborted, without a result",
+        ),
+        ("goal_unknown", Operation.RESULT, None, UNKNOWN_RESULT, "RESULT of goal 5: unknown"),
+        (
+            "goal_claim",
+            Operation.CLAIM,
+            0x1234,
+            b"",
+            "FORMER: from the client: CLAIM of goal 5 of epoch 1234",
+        ),
+        (
+            "goal_former_result",
+            Operation.RESULT,
+            0x1234,
+            encode_result(GoalStatus.SUCCEEDED, b"up"),
+            "FORMER: RESULT of goal 5 of epoch 1234: succeeded, with up",
+        ),
+    ):
+        yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)
+    digest = action_table().by_id(40).digest
+    yield _vector("digest_of_stream_40", digest, "digest of the action, stream 40")
 
 
 def _call(pair: _Pair) -> CallKey:

@@ -107,9 +107,7 @@ class Receiver:
         epoch: int | None = None
         streams: list[int] = []
         measure = partial(self._measure, source)
-        for item in parse_frame(
-            opened.records, measure, unicast=opened.destination != BROADCAST
-        ):
+        for item in parse_frame(opened.records, measure, unicast=opened.destination != BROADCAST):
             if isinstance(item, Record):
                 streams.append(item.stream_id)
                 reason = self._handle_record(source, epoch, item, received, now)
