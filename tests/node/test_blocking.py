@@ -163,12 +163,13 @@ def test_actions_without_asyncio(mode: str) -> None:
         handle: blocking.ServerGoalHandle[Goto.Goal, Goto.Feedback, Goto.Result],
     ) -> Goto.Result:
         assert threading.current_thread() is not threading.main_thread()
+        # Before the feedback: the client cancels as soon as it has that.
+        assert not handle.wait_cancel(timeout_s=0.001)
         assert handle.publish_feedback(Goto.Feedback(left=handle.request.depth))
         if handle.request.depth < 100:
             handle.succeed()
         else:
             assert handle.is_active
-            assert not handle.wait_cancel(timeout_s=0.001)
             assert handle.wait_cancel(timeout_s=LIMIT_S)
             assert handle.is_cancel_requested
             handle.canceled()
