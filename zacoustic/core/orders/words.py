@@ -155,11 +155,12 @@ class OrderState(msgspec.Struct, frozen=True, kw_only=True):
             response: The response.
             age_s: How old it is, s.
         """
-        left_s = response["left_s"]
-        if left_s is not None:
-            left_s = max(0.0, left_s - age_s)
-        fields = response | {"left_s": left_s, "priority": _priority(response["priority"])}
-        return cls(**fields)
+        state = cls(**response | {"priority": _priority(response["priority"])})
+        if state.left_s is None:
+            return state
+        if state.left_s > age_s:
+            return msgspec.structs.replace(state, left_s=state.left_s - age_s)
+        return msgspec.structs.replace(state, silent=False, ordered=False, left_s=None)
 
 
 def order_types() -> TypeTable:
