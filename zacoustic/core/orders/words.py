@@ -123,9 +123,9 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
 class OrderState(msgspec.Struct, frozen=True, kw_only=True):
     """What holds at a node after an order."""
 
-    silent: bool
+    silent: bool = False
     """It transmits nothing."""
-    ordered: bool
+    ordered: bool = False
     """By an order; otherwise, if silent, by a quiet window."""
     left_s: float | None = None
     """How long the silence lasts, as far as that is known, s; None: no end is known, or none."""
