@@ -45,6 +45,27 @@ def test_each_access_is_read() -> None:
     assert _rules().access is None
 
 
+def test_who_gives_orders_is_read() -> None:
+    assert _rules().orders_from is None
+    assert _rules(orders_from=[]).orders_from == frozenset()
+    assert _rules(orders_from=[1]).orders_from == frozenset({1})
+    strangers = config_from_mapping({"address": 1, "orders_from": [7]}, source="test")
+    assert strangers.rules.orders_from == frozenset({7})
+
+
+@pytest.mark.parametrize(
+    ("written", "complaint"),
+    [
+        ([9], r"orders_from\[0\]: 9 is no node; allowed: 1 \(shore\), 2 \(auv1\)"),
+        (["shore"], r'orders_from\[0\]: "shore"'),
+        ("all", r'orders_from: "all"; allowed: a list of addresses; \[\] for nobody'),
+    ],
+)
+def test_orders_from_nowhere_are_an_error(written: object, complaint: str) -> None:
+    with pytest.raises(ConfigError, match=complaint):
+        _rules(orders_from=written)
+
+
 def test_access_of_the_file_counts_beside_a_locator() -> None:
     section = {"address": 1, "links": [{"locator": "sim/h:1", "access": {"method": "aloha"}}]}
     config = config_from_mapping(section, source="test", locator="desert/h:2")

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from zacoustic.core.actions.news import GoalStatus
     from zacoustic.core.events import DeliveryOutcome
     from zacoustic.core.measurements import Range
+    from zacoustic.core.orders.words import Order, OrderKind, OrderState
     from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
@@ -74,6 +75,9 @@ __all__ = [
     "LinkUnavailableError",
     "LocalError",
     "Node",
+    "Order",
+    "OrderKind",
+    "OrderState",
     "OutcomeUnknownError",
     "PayloadInvalidError",
     "PayloadTooLargeError",
@@ -102,6 +106,7 @@ _HOMES: Final = {
     "zacoustic.core.actions.news": ("GoalStatus",),
     "zacoustic.core.events": ("DeliveryOutcome",),
     "zacoustic.core.measurements": ("Range",),
+    "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
     "zacoustic.core.qos": ("Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (

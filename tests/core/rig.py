@@ -17,7 +17,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
+
+NO_RULES = TransmitRules()
 
 E = TypeVar("E", bound=Event)
 
@@ -40,6 +43,7 @@ class End:
         capabilities: LinkCapabilities | None = None,
         commits: bool = True,
         journal: Mapping[str, bytes] = MappingProxyType({}),
+        rules: TransmitRules = NO_RULES,
         now: int = 0,
     ) -> None:
         self.address = address
@@ -51,6 +55,7 @@ class End:
             epoch=epoch,
             rng=random.Random(f"{address}/{epoch}"),
             stored=dict(journal),
+            rules=rules,
         )
         self.capabilities = capabilities or link()
         self.events: list[Event] = []
@@ -135,11 +140,13 @@ class Rig:
         tables: Mapping[int, StreamTable],
         *,
         capabilities: LinkCapabilities | None = None,
+        rules: TransmitRules = NO_RULES,
     ) -> None:
         self.now = 0
         self.capabilities = capabilities or link()
+        self.rules = rules
         self.ends = {
-            address: End(address, table, capabilities=self.capabilities)
+            address: End(address, table, capabilities=self.capabilities, rules=rules)
             for address, table in tables.items()
         }
         self.frames: list[tuple[int, Transmission]] = []
@@ -157,6 +164,7 @@ class Rig:
             epoch=last.engine.epoch + 1,
             capabilities=self.capabilities,
             journal=last.journal if keeps else {},
+            rules=self.rules,
             now=self.now,
         )
 

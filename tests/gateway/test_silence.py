@@ -103,7 +103,7 @@ def test_verb_orders_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> Non
     assert json.loads(as_json)["silent"] is True
     assert resumed == "node 1: transmits"
     assert endless == "node 1: silent, ordered, until it is resumed"
-    assert "no gateway with address 9 is on this island (orders over the water" in captured.err
+    assert "no gateway that knows node 9 is on this island" in captured.err
 
 
 @pytest.mark.parametrize(

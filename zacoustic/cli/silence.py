@@ -1,9 +1,9 @@
-"""The verb `zacoustic silence`: orders a gateway to transmit nothing, and ends that."""
+"""The verb `zacoustic silence`: orders nodes to transmit nothing; and what all orders share."""
 
 import argparse
 import asyncio
 import re
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
@@ -12,19 +12,26 @@ from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
-    from zacoustic.gateway.silence import SilenceState
+    from collections.abc import Callable
+
+    from zacoustic.core.orders.words import Order
 
 _EXAMPLE: Final = """what waits goes on waiting; a frame that the modem has begun is not cut off
 
 examples:
   zacoustic silence --for 30m --connect tcp/127.0.0.1:7447    half an hour, all gateways here
-  zacoustic silence --for 2h --node 2 --config router.json5   two hours, node 2
+  zacoustic silence --for 2h --node 2 --config router.json5   two hours, node 2, wherever it is
   zacoustic silence until-resumed --config router.json5       no end
   zacoustic silence resume --config router.json5              the end of it
   zacoustic silence --config router.json5                     what holds now
+
+A node beyond the water is silent when the order has arrived, and its answer is its last frame. If
+none comes in time (exit code 3), it may be silent all the same.
 """
 _UNITS_S: Final = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
 _DURATION: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([smhd]?)")
+_HERE_S: Final = 10.0
+_BEYOND_S: Final = 60.0
 
 
 class SilenceCommand(Command):
@@ -43,56 +50,89 @@ class SilenceCommand(Command):
         parser.add_argument(
             "--for", dest="duration", metavar="TIME", help="be silent so long: 90s, 30m, 2h, 1d"
         )
-        parser.add_argument(
-            "--node", type=int, metavar="N",
-            help="acoustic address of the gateway (default: all on this island)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-        )
-        parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
-        parser.add_argument("--json", action="store_true", help="one JSON object per line")
-        parser.add_argument(
-            "--timeout", type=float, default=10.0, metavar="S",
-            help="how long to wait for the answer, s (default: %(default)g)",
-        )  # fmt: skip
+        add_order_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Order it, and print what holds then; exit code 3 when nobody answers in time.
 
         Raises:
             ConfigError: The arguments contradict each other.
-            DeliveryError: There is no such gateway, or it refuses.
+            DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        check_positive(arguments, "timeout")
+        from zacoustic.core.orders.words import OrderKind
+
         for_s = None if arguments.duration is None else _seconds(arguments.duration)
         if arguments.order is not None and for_s is not None:
             raise ConfigError(f"--for {arguments.duration}; allowed: not with {arguments.order}")
-        if arguments.node is not None and not 1 <= arguments.node <= 254:
-            raise ConfigError(f"--node {arguments.node}; allowed: 1..254")
-        order = {"resume": "resume", "until-resumed": "begin"}.get(arguments.order)
-        if for_s is not None:
-            order = "begin"
-        for state in asyncio.run(_ask(arguments, order, for_s)):
-            print_line(msgspec.to_builtins(state), _text(state), as_json=arguments.json)
-        return EXIT_OK
+        kind = {"resume": OrderKind.RESUME, "until-resumed": OrderKind.SILENCE}.get(
+            arguments.order, OrderKind.ASK if for_s is None else OrderKind.SILENCE
+        )
+        return give(arguments, make_order(kind=kind, for_s=for_s), silence_text)
 
 
-async def _ask(
-    arguments: argparse.Namespace, order: str | None, for_s: float | None
-) -> "list[SilenceState]":
-    from zacoustic.config import read_config
-    from zacoustic.tools.silence import ask_silence
-
-    config = None if arguments.config is None else read_config(arguments.config)
-    return await ask_silence(
-        config,
-        arguments.connect,
-        address=arguments.node,
-        order=order,
-        for_s=for_s,
-        timeout_s=arguments.timeout,
+def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bool = False) -> None:
+    """Declare which node an order is for, and where to ask."""
+    default = "" if is_node_required else " (default: those of all gateways here)"
+    parser.add_argument(
+        "--node", type=int, metavar="N", required=is_node_required,
+        help=f"acoustic address of the node, on this island or beyond the water{default}",
+    )  # fmt: skip
+    parser.add_argument(
+        "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
     )
+    parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
+    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    parser.add_argument(
+        "--timeout", type=float, metavar="S",
+        help=f"how long to try, s (default: {_BEYOND_S:g} for one node, else {_HERE_S:g})",
+    )  # fmt: skip
+
+
+def make_order(**fields: Any) -> "Order":  # noqa: ANN401 (of an order)
+    """Make an order.
+
+    Raises:
+        ConfigError: Its fields do not fit.
+    """
+    from zacoustic.core.orders.words import Order
+
+    try:
+        return Order(**fields)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], str]") -> int:
+    """Give an order, and print what holds then.
+
+    Args:
+        arguments: Those of `add_order_arguments`.
+        order: The order.
+        text: Puts an answer into words.
+
+    Raises:
+        ConfigError: An argument is wrong.
+        DeliveryError, ServiceError: There is no such node, or it refuses.
+    """
+    from zacoustic.config import read_config
+    from zacoustic.core.orders.words import ORDERS_TIMEOUT_S
+    from zacoustic.tools.orders import give_order
+
+    check_positive(arguments, "timeout")
+    if arguments.node is not None and not 1 <= arguments.node <= 254:
+        raise ConfigError(f"--node {arguments.node}; allowed: 1..254")
+    timeout_s = arguments.timeout
+    if timeout_s is None:
+        timeout_s = _HERE_S if arguments.node is None else _BEYOND_S
+    if timeout_s > ORDERS_TIMEOUT_S:
+        raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {ORDERS_TIMEOUT_S:g}")
+    config = None if arguments.config is None else read_config(arguments.config)
+    answers = asyncio.run(
+        give_order(config, arguments.connect, order, node=arguments.node, timeout_s=timeout_s)
+    )
+    for state in answers:
+        print_line(msgspec.to_builtins(state), text(state), as_json=arguments.json)
+    return EXIT_OK
 
 
 def _seconds(written: str) -> float:
@@ -108,7 +148,8 @@ def _seconds(written: str) -> float:
     return seconds
 
 
-def _text(state: "SilenceState") -> str:
+def silence_text(state: Any) -> str:  # noqa: ANN401 (a `SilenceState`, which is imported late)
+    """Put a `SilenceState` into words."""
     if not state.silent:
         return f"node {state.address}: transmits"
     why = "ordered" if state.ordered else "a quiet window"

@@ -22,7 +22,7 @@ from zacoustic.config.sections import (
     Section,
     TypeEntry,
 )
-from zacoustic.config.streams import Fleet, read_streams
+from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.keys import fault_of_name
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -155,7 +155,7 @@ def config_from_mapping(
         journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
-        rules=_read_rules(place, written, nodes),
+        rules=_read_rules(place, written, fleet),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -225,18 +225,22 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_rules(place: Place, written: Section, nodes: Mapping[int, str]) -> TransmitRules:
+def _read_rules(place: Place, written: Section, fleet: Fleet) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
     accesses = [
-        read_access(place.at("links").at(index).at("access"), entry.access, nodes)
+        read_access(place.at("links").at(index).at("access"), entry.access, fleet.nodes)
         for index, entry in enumerate(written.links)
     ]
+    for index, address in enumerate(written.orders_from or ()):
+        check_address(place.at("orders_from").at(index), address, fleet)
+    orders_from = None if written.orders_from is None else frozenset(written.orders_from)
     return TransmitRules(
         access=accesses[0] if accesses else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=written.max_airtime,
+        orders_from=orders_from,
     )
 
 

@@ -46,6 +46,7 @@ ALLOWED: Final = {
     "quiet": 'a list of { from: "22:00", to: "06:00" }',
     "from": 'a time of day in UTC, such as "22:00"',
     "max_airtime": "a share, above 0, at most 1",
+    "orders_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
@@ -270,6 +271,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Hours of each day at which nothing is transmitted."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air; none: no cap."""
+    orders_from: tuple[int, ...] | None = None
+    """Addresses of the nodes whose orders over the water are obeyed; none: those of `nodes`."""
     permit_log: str | None = None
     """File to which each emission is appended, relative to the file's; none: nowhere."""
 

@@ -1,7 +1,8 @@
 """The calls that this node serves: each runs once, and is answered until its client confirms.
 
 `zacoustic.core.calls` keeps which calls there are; here they get off the water, into the journal,
-to the application, and their answers onto the queue.
+to the application, and their answers onto the queue. A service that the engine itself serves has
+a handler here in place of the application.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.calls import (
     CALL_NUMBERS,
@@ -26,14 +28,15 @@ from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
-from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.qos import Priority, Qos, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import EVERY_NODE, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import LocalError, PayloadInvalidError
 
-_ANSWER_LANE: Final = 2
+ANSWER_LANE: Final = 2
+"""Second part of the key of a lane with answers; the client follows."""
 _CONFIRM_LANE: Final = 5
 _JOURNAL: Final = "call"
 _UNREADABLE: Final = object()
@@ -51,7 +54,8 @@ class Answering:
     """The server's side of calls.
 
     Args:
-        table: The streams of this node.
+        address: Address of this node.
+        table: Its streams.
         queue: Takes what confirms.
         repeater: Takes answers.
         journal: Keeps the calls.
@@ -61,6 +65,7 @@ class Answering:
 
     def __init__(
         self,
+        address: int,
         table: StreamTable,
         *,
         queue: TransmitQueue,
@@ -69,6 +74,7 @@ class Answering:
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
+        self._address = address
         self._table = table
         self._queue = queue
         self._repeater = repeater
@@ -76,8 +82,13 @@ class Answering:
         self._stats = stats
         self._emit = emit
         self._calls = ServerCalls()
+        self._handlers: dict[int, Callable[[RequestReceived, int], None]] = {}
         self._linger_s = 0.0
         self._settling_ns = 0
+
+    def serve_here(self, stream_id: int, handler: Callable[[RequestReceived, int], None]) -> None:
+        """Give the requests of a service to a handler that answers soon, not to the application."""
+        self._handlers[stream_id] = handler
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time all of a request has arrived."""
@@ -143,6 +154,7 @@ class Answering:
             return "repeated_request"
         for closed in self._calls.closed_by(key, settling_ns=self._settling_ns, now=now):
             self._forget(closed, now)
+        age_s, payload = split_age(stream, payload)
         try:
             value = stream.codec.decode(payload)
         except PayloadError:
@@ -157,13 +169,20 @@ class Answering:
             self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
             return "payload"
         count(self._stats.received, stream.stream_id)
-        request = RequestReceived(call=key, value=value, deadline_at=served.deadline_at)
+        request = RequestReceived(
+            call=key, value=value, deadline_at=served.deadline_at, age_s=age_s
+        )
 
         def kept(at: int) -> None:
             # Whom nobody waits for any more need not run.
-            if served.abandoned_at is None and at < served.deadline_at:
-                self._emit(request)
-                self._owe_confirm(key, served, stream, at)
+            if served.abandoned_at is not None or at >= served.deadline_at:
+                return
+            handler = self._handlers.get(key.stream_id)
+            if handler is not None:
+                handler(request, at)
+                return
+            self._emit(request)
+            self._owe_confirm(key, served, stream, at)
 
         self._keep(key, served, stream, kept, now)
         return None
@@ -258,7 +277,7 @@ class Answering:
         record = Waiting(
             stream_id=stream.stream_id,
             destination=key.client,
-            head=_head(CallKind.CONFIRM, key, served),
+            head=self._head(CallKind.CONFIRM, key, served),
             payload=b"",
             delimits_itself=True,
             for_one_node=True,
@@ -298,15 +317,25 @@ class Answering:
         record = RepeatedRecord(
             stream_id=call.stream_id,
             destination=call.client,
-            head=_head(answer.kind, call, served),
+            head=self._head(answer.kind, call, served),
             payload=answer.payload,
+            stamped=is_response and stream.qos.stamp is Stamp.AGE,
             delimits_itself=is_response and stream.response_codec.delimits_itself,
             for_one_node=True,
             queued_at=now,
         )
-        key = (call.stream_id, _ANSWER_LANE, call.client)
+        key = (call.stream_id, ANSWER_LANE, call.client)
         qos = call_qos(stream.qos)
-        served.repetition = self._repeater.start(key, record, qos, until=served.deadline_at)
+        served.repetition = self._repeater.start(
+            key, record, qos, until=served.deadline_at, introduces=stream.is_built_in
+        )
+
+    def _head(self, kind: CallKind, key: CallKey, served: Served) -> bytes:
+        head = server_bytes(self._table.by_id(key.stream_id), self._address)
+        if served.is_named:
+            named = bytes((encode_call_byte(NAMED, key.number),)) + encode_name(kind, key.epoch)
+            return head + named
+        return head + bytes((encode_call_byte(kind, key.number),))
 
 
 def call_qos(qos: Qos) -> Qos:
@@ -323,7 +352,14 @@ def _journal_name(key: CallKey) -> str:
     return f"{_JOURNAL}/{key}"
 
 
-def _head(kind: CallKind, key: CallKey, served: Served) -> bytes:
-    if served.is_named:
-        return bytes((encode_call_byte(NAMED, key.number),)) + encode_name(kind, key.epoch)
-    return bytes((encode_call_byte(kind, key.number),))
+def server_bytes(stream: Stream, server: int) -> bytes:
+    """Return what names the server in front of a call byte, where each node serves."""
+    is_named = isinstance(stream.spec, ServiceSpec) and stream.spec.server == EVERY_NODE
+    return bytes((server,)) if is_named else b""
+
+
+def split_age(stream: Stream, payload: bytes) -> tuple[float | None, bytes]:
+    """Take the age from before a payload, s; None: the service has no stamp, or it is cut off."""
+    if stream.qos.stamp is not Stamp.AGE or not payload:
+        return None, payload
+    return decode_age_s(payload[0]), payload[1:]

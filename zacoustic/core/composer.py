@@ -37,7 +37,7 @@ from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.objects import Objects, Offer
 from zacoustic.core.port import LinkPort
 from zacoustic.core.qos import Priority
-from zacoustic.core.queue import Lane, TransmitQueue, Waiting
+from zacoustic.core.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.ranging import Ranging
 from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
 
@@ -119,6 +119,13 @@ class Composer:
             earliest = max(earliest, held_until)
         object_at = self.objects.due_at(now)
         return min((at for at in (earliest, object_at) if at is not None), default=None)
+
+    def compose_only(self, envelope: Envelope, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, with what its hearer needs beside it."""
+        first = next(self._queue.candidates(now, lane), None)
+        if first is None:
+            return None
+        return self._fill(envelope, first[1].destination, now, owed_first=False, only=lane)
 
     def compose(self, envelope: Envelope, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None when nothing is to be said."""
@@ -209,6 +216,7 @@ class Composer:
         owed_first: bool,
         must_go: bool = False,
         answer: bool = False,
+        only: LaneKey = (),
     ) -> Composed | None:
         room_bytes = envelope.room_bytes
         answers: list[tuple[Cause, bytes]] = []
@@ -218,7 +226,7 @@ class Composer:
                 answers = [(Cause.REPAIR, said_of_objects.record)]
                 room_bytes -= _size(answers)
         # Who waits for an answer listens for as long as a short frame takes.
-        first = None if answer else next(self._concerning(destination, now), None)
+        first = None if answer else next(self._concerning(destination, now, only), None)
         first_bytes = first[1].size_bytes if first else 0
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
@@ -254,7 +262,7 @@ class Composer:
                 spent_bytes = envelope.room_bytes - room_bytes
                 room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
-            items = self._choose(destination, room_bytes, now, introduced=bool(introduction))
+            items = self._choose(destination, room_bytes, now, only, introduced=bool(introduction))
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
         if not introduction and not owed and not items:
@@ -276,22 +284,24 @@ class Composer:
             records=tuple(items),
         )
 
-    def _concerning(self, destination: int, now: int) -> Iterator[tuple[Lane, Waiting]]:
+    def _concerning(
+        self, destination: int, now: int, only: LaneKey
+    ) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that a frame to `destination` may carry."""
-        for lane, item in self._queue.candidates(now):
+        for lane, item in self._queue.candidates(now, only):
             if item.destination == destination or (
                 destination == BROADCAST and not item.for_one_node
             ):
                 yield lane, item
 
     def _choose(
-        self, destination: int, room_bytes: int, now: int, *, introduced: bool
+        self, destination: int, room_bytes: int, now: int, only: LaneKey, *, introduced: bool
     ) -> list[Waiting]:
         """Take payloads until no more fits, in an order in which the last needs no LEN."""
         chosen: list[Waiting] = []
         used_bytes = open_ended = 0
         last: Waiting | None = None
-        for lane, item in self._concerning(destination, now):
+        for lane, item in self._concerning(destination, now, only):
             needs_end = introduced or not item.delimits_itself
             must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
             ends = open_ended + needs_end

@@ -5,17 +5,22 @@ best-effort sample      wildcards, age where stamped, payload
 reliable sample         wildcards, number, age where stamped, payload
 delete                  as a sample, without age and payload
 ACK                     wildcards, then `zacoustic.core.arq.numbers.Ack`
-call                    call byte, payload
+call                    server where each node is one, call byte, age where stamped, payload
 action                  operation and goal, payload (`zacoustic.core.actions.wire`)
 ======================  ==========================================================================
 """
+
+from typing import Final
 
 from zacoustic.core.actions.wire import measure_message
 from zacoustic.core.arq.numbers import NUMBER_BYTES, measure_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
 from zacoustic.core.frame import Prefixes
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream
+from zacoustic.core.streams import EVERY_NODE, ActionSpec, ServiceSpec, Stream
+
+SERVER_BYTES: Final = 1
+"""What a record names its server in, where each node is one."""
 
 
 def measure_content(
@@ -31,7 +36,8 @@ def measure_content(
         source: Address of the sender of the frame: a server's records are answers.
     """
     if isinstance(stream.spec, ServiceSpec):
-        return _measure_call(stream, buffer, offset, answers=source == stream.spec.server)
+        server, offset = server_of(stream.spec, buffer, offset)
+        return _measure_call(stream, buffer, offset, answers=source == server)
     if isinstance(stream.spec, ActionSpec):
         return measure_message(stream, buffer, offset)
     offset += len(stream.keys.wildcards)
@@ -44,6 +50,22 @@ def measure_content(
     if not stream.codec.delimits_itself:
         return None
     return stream.codec.measure(buffer, offset + (stream.qos.stamp is Stamp.AGE))
+
+
+def server_of(spec: ServiceSpec, buffer: bytes, offset: int) -> tuple[int | None, int]:
+    """Return the server that a record of a service concerns, and where the rest begins.
+
+    Args:
+        spec: The service.
+        buffer: Where the content stands.
+        offset: Where it begins.
+
+    Returns:
+        The address, None where the record is cut off; and the position of the call byte.
+    """
+    if spec.server != EVERY_NODE:
+        return spec.server, offset
+    return (buffer[offset] if offset < len(buffer) else None), offset + SERVER_BYTES
 
 
 def _measure_call(stream: Stream, buffer: bytes, offset: int, *, answers: bool) -> int | None:
@@ -59,5 +81,6 @@ def _measure_call(stream: Stream, buffer: bytes, offset: int, *, answers: bool) 
         return None
     if kind is CallKind.CONFIRM:
         return offset
+    offset += stream.qos.stamp is Stamp.AGE
     codec = stream.response_codec if kind is CallKind.RESPONSE else stream.codec
     return codec.measure(buffer, offset) if codec.delimits_itself else None

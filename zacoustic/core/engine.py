@@ -48,6 +48,7 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.measurements import Measurements
+from zacoustic.core.orders.orders import Orders
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
@@ -105,6 +106,10 @@ class Engine:
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
         self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
+        self.orders = Orders(
+            address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
+        )
+        """Orders to other nodes, and to this one: `send`, `obey`."""
         self._transmitter = Transmitter(address, protocols, self.silence, rules, self.stats, rng)
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)

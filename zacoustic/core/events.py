@@ -9,6 +9,7 @@ from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
+from zacoustic.core.qos import Priority
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 
 
@@ -101,6 +102,8 @@ class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
     """The request."""
     deadline_at: int
     """Instant after which an answer is worthless, ns."""
+    age_s: float | None = None
+    """How old the request was when its frame was composed, s; None: the service has no stamp."""
 
 
 class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,6 +115,8 @@ class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
     """The service's stream."""
     value: Any
     """The response."""
+    age_s: float | None = None
+    """How old it was when its frame was composed, s; None: the service has no stamp."""
 
 
 class CallFailure(enum.IntEnum):
@@ -161,6 +166,23 @@ class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of this state, ns."""
 
 
+class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
+    """It was ordered how a topic of this node is sent, and the journal has it."""
+
+    stream_id: int
+    """The topic's stream."""
+    on: bool
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float
+    """Least time between two samples of one key on the water, s."""
+    priority: Priority
+    """Zenoh's priority."""
+    ordered_by: int
+    """Address of the node that has ordered it; 0: it was ordered here."""
+    changed_at: int
+    """Instant, ns."""
+
+
 class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The link went up or down."""
 
@@ -208,6 +230,7 @@ Event = (
     | CallFailed
     | LinkStateChanged
     | SilenceChanged
+    | StreamTuned
     | JournalStateChanged
     | PeerSeen
     | StreamsDiffer

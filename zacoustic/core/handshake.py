@@ -66,8 +66,6 @@ from zacoustic.core.streams import StreamTable
 HELLO_EVERY: Final = 8
 """On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
 on average."""
-
-
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
 do; four is generous."""
@@ -94,7 +92,8 @@ class Handshake:
         self._peers: dict[int, Peer] = {}
         self._since_hello: dict[int, int] = {}
         self._unit_ns = seconds_to_ns(1)
-        self._patience_ns = PATIENCE_UNITS * self._unit_ns
+        self.patience_ns = PATIENCE_UNITS * self._unit_ns
+        """How long the next frame of a peer is awaited, ns."""
         self.settling_ns = SETTLING_UNITS * self._unit_ns
         """Time within which a duplicate of a frame can still arrive, ns."""
         self.epoch = epoch
@@ -106,7 +105,7 @@ class Handshake:
         """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
-        self._patience_ns = PATIENCE_UNITS * self._unit_ns
+        self.patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
 
     def table_changed(self) -> None:
@@ -160,6 +159,13 @@ class Handshake:
                 peer.answer_pause.use(now, self._unit_ns)
         return Hello(WIRE_VERSION, self.epoch, self._digest).encode()
 
+    def introduce(self, address: int, stream_id: int) -> None:
+        """Make a record in the next frame to a node readable, whatever the node has forgotten."""
+        peer = self._peer(address)
+        peer.owes_hello = True
+        if peer.digest != self._digest:
+            peer.owed_rows[stream_id] = None
+
     def introduces(self, destination: int) -> bool:
         """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
         if destination == BROADCAST:
@@ -203,7 +209,7 @@ class Handshake:
             peer.speak_at = now
         elif peer.speak_at is None or peer.speak_at <= now:
             # The instant was that of something that has been said.
-            confirm_at = peer.confirm_at + self._patience_ns
+            confirm_at = peer.confirm_at + self.patience_ns
             peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
     # What this node hears
@@ -397,7 +403,7 @@ class Handshake:
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
             peer.owes_confirm = True
-            earliest = now if peer.confirm_at <= now else peer.confirm_at + self._patience_ns
+            earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
             self._speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
             # It will never confirm us, so nothing tells that it has heard; a few times are enough.

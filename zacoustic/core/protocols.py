@@ -86,7 +86,7 @@ class Protocols:
             emit=self._hand_on,
         )
         self.topics.large = self.large
-        self.repeater = Repeater(queue, rng)
+        self.repeater = Repeater(queue, rng, handshake.introduce)
         self.services = Services(
             address,
             table,

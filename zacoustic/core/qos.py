@@ -109,3 +109,24 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     def linger_ns(self) -> int:
         """How long a sample may wait for company, ns; 0 for REAL_TIME."""
         return 0 if self.priority is Priority.REAL_TIME else seconds_to_ns(self.linger_s)
+
+
+class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+    """What was ordered of a topic while the node runs, over its QoS; None: as the QoS says."""
+
+    on: bool = True
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float | None = None
+    """Least time between two samples of one key on the water, s, ≥ 0."""
+    priority: Priority | None = None
+    """Zenoh's priority."""
+
+    def over(self, qos: Qos) -> Qos:
+        """Return what holds of a QoS then."""
+        interval_s = qos.min_interval_s if self.min_interval_s is None else self.min_interval_s
+        priority = qos.priority if self.priority is None else self.priority
+        return msgspec.structs.replace(qos, min_interval_s=interval_s, priority=priority)
+
+
+UNTUNED: Final = Tuning()
+"""Everything as the QoS says."""

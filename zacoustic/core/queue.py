@@ -8,7 +8,8 @@ instant of queueing and the patience of its priority.
 
 A payload is *due* when it alone is a reason to send a frame: its linger is over and its lane's
 minimum interval has passed. A payload that only lingers may ride in a frame that goes anyway; one
-whose minimum interval has not passed may not.
+whose minimum interval has not passed may not. What was ordered of a topic (`Tuning`) is laid over
+the QoS of its lanes; a lane that is off waits, and is no reason for anything.
 
 Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
 """
@@ -19,12 +20,17 @@ from collections.abc import Iterator
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.core.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
 
 LaneKey = tuple[int, ...]
 """Identifies a lane: stream id first, then whatever tells its lanes apart."""
+
+SAMPLE_LANE: Final = 0
+RELIABLE_LANE: Final = 3
+SAMPLE_LANES: Final = (SAMPLE_LANE, RELIABLE_LANE)
+"""Second part of the keys of lanes with samples; other lanes answer, confirm, call."""
 
 _BEFORE_ALL: Final = -(1 << 62)
 
@@ -106,18 +112,46 @@ class Waiting:
 class Lane:
     """Payloads of one key in the order of publication."""
 
-    __slots__ = ("items", "key", "linger_ns", "min_interval_ns", "next_at", "patience_ns", "qos")
+    __slots__ = (
+        "_min_interval_ns",
+        "_untuned",
+        "held_until",
+        "is_on",
+        "items",
+        "key",
+        "linger_ns",
+        "patience_ns",
+        "qos",
+        "taken_at",
+    )
 
-    def __init__(self, key: LaneKey, qos: Qos) -> None:
+    def __init__(self, key: LaneKey, qos: Qos, tuning: Tuning) -> None:
         self.key = key
-        self.qos = qos
         self.items: deque[Waiting] = deque()
-        self.next_at = 0
-        self.min_interval_ns = seconds_to_ns(qos.min_interval_s)
+        self.held_until = 0
+        """Nothing goes before, ns."""
+        self.taken_at: int | None = None
+        """When a payload went last, ns."""
+        self._untuned = qos
+        self.tune(tuning)
+
+    def tune(self, tuning: Tuning) -> None:
+        """Lay what was ordered over the QoS."""
+        qos = tuning.over(self._untuned)
+        self.qos = qos
+        self.is_on = tuning.on
+        self._min_interval_ns = seconds_to_ns(qos.min_interval_s)
         self.linger_ns = qos.linger_ns
         self.patience_ns: int = (
             _BEFORE_ALL if qos.priority is Priority.REAL_TIME else PATIENCE_NS[qos.priority]
         )
+
+    @property
+    def next_at(self) -> int:
+        """Instant from which the first payload may go, ns."""
+        if self.taken_at is None:
+            return self.held_until
+        return max(self.held_until, self.taken_at + self._min_interval_ns)
 
     @property
     def rank(self) -> int:
@@ -139,6 +173,7 @@ class TransmitQueue:
         self.largest_bytes: int | None = None
         """Largest record that fits a frame of the link; None before a link is up."""
         self._held: dict[int, int] = {}
+        self._tunings: dict[LaneKey, Tuning] = {}
         self.superseded: dict[int, int] = {}
         """Payloads pushed out by newer ones, by stream."""
         self.expired: dict[int, int] = {}
@@ -149,13 +184,14 @@ class TransmitQueue:
 
     @property
     def waiting_bytes(self) -> int:
-        """Size of all records that wait, bytes."""
-        return sum(item.size_bytes for lane in self._busy.values() for item in lane.items)
+        """Size of all records that wait to go, bytes."""
+        lanes = (lane for lane in self._busy.values() if lane.is_on)
+        return sum(item.size_bytes for lane in lanes for item in lane.items)
 
     @property
     def is_urgent(self) -> bool:
         """A REAL_TIME payload waits."""
-        return any(lane.patience_ns == _BEFORE_ALL for lane in self._busy.values())
+        return any(lane.patience_ns == _BEFORE_ALL and lane.is_on for lane in self._busy.values())
 
     def pending(self, stream_id: int) -> int:
         """Count what waits for one stream."""
@@ -185,8 +221,8 @@ class TransmitQueue:
         """
         lane = self._lanes.get(key)
         if lane is None:
-            lane = self._lanes[key] = Lane(key, qos)
-            lane.next_at = self._held.get(key[0], 0)
+            lane = self._lanes[key] = Lane(key, qos, self._tunings.get(key[:2], UNTUNED))
+            lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.items.append(item)
         if len(lane.items) > qos.depth:
@@ -198,7 +234,19 @@ class TransmitQueue:
         self._held[stream_id] = until
         for lane in self._lanes.values():
             if lane.key[0] == stream_id:
-                lane.next_at = max(lane.next_at, until)
+                lane.held_until = max(lane.held_until, until)
+
+    def tune(self, kind: LaneKey, tuning: Tuning) -> None:
+        """Lay what was ordered over the QoS of lanes.
+
+        Args:
+            kind: How their keys begin: stream id, and which of its lanes.
+            tuning: What was ordered.
+        """
+        self._tunings[kind] = tuning
+        for lane in self._lanes.values():
+            if lane.key[:2] == kind:
+                lane.tune(tuning)
 
     def remove(self, key: LaneKey, head: bytes) -> bool:
         """Take back the payload of a lane that has this head; False when it is not waiting."""
@@ -250,16 +298,23 @@ class TransmitQueue:
             self._settle(lane)
         return dropped
 
-    def candidates(self, now: int) -> Iterator[tuple[Lane, Waiting]]:
+    def candidates(self, now: int, only: LaneKey = ()) -> Iterator[tuple[Lane, Waiting]]:
         """Yield what may go in a frame now, most valuable first.
 
         The consumer takes a payload by `take` before asking for the next; one that it does not
         take holds back the rest of its lane, so that the order within a key is kept.
+
+        Args:
+            now: The instant.
+            only: How the keys of their lanes begin.
         """
         heap = [
             (lane.rank, lane.key)
             for lane in list(self._busy.values())
-            if self._drop_expired(lane, now) and lane.next_at <= now
+            if lane.key[: len(only)] == only
+            and self._drop_expired(lane, now)
+            and lane.is_on
+            and lane.next_at <= now
         ]
         heapq.heapify(heap)
         while heap:
@@ -274,15 +329,22 @@ class TransmitQueue:
     def take(self, lane: Lane, now: int) -> Waiting:
         """Remove the first payload of a lane for transmission."""
         item = lane.items.popleft()
-        lane.next_at = now + lane.min_interval_ns
+        lane.taken_at = now
         self._settle(lane)
         return item
 
-    def due_at(self, now: int) -> int | None:
-        """Return the earliest instant at which a payload is a reason to send, ns, or None."""
+    def due_at(self, now: int, only: LaneKey = ()) -> int | None:
+        """Return the earliest instant at which a payload is a reason to send, ns, or None.
+
+        Args:
+            now: The instant.
+            only: How the key of its lane begins.
+        """
         earliest: int | None = None
         for lane in list(self._busy.values()):
-            if self._drop_expired(lane, now):
+            if lane.key[: len(only)] != only:
+                continue
+            if self._drop_expired(lane, now) and lane.is_on:
                 due_at = lane.due_at
                 if earliest is None or due_at < earliest:
                     earliest = due_at

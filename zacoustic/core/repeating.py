@@ -8,7 +8,7 @@ together goes together, a few frames at most: whoever transmits without end hear
 
 import enum
 import random
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitReport
@@ -27,8 +27,10 @@ class _Stage(enum.Enum):
 class RepeatedRecord(Waiting):
     """A record that is repeated."""
 
-    __slots__ = ("repetition",)
+    __slots__ = ("introduces", "repetition")
     repetition: "Repetition"
+    introduces: bool
+    """The frame has to be readable also for a node that has forgotten this one."""
 
 
 class Repetition:
@@ -75,10 +77,17 @@ class Repeater:
     Args:
         queue: Takes them.
         rng: Draws the pauses.
+        introduce: Makes the next frame to a node readable there: address, stream id.
     """
 
-    def __init__(self, queue: TransmitQueue, rng: random.Random) -> None:
+    def __init__(
+        self,
+        queue: TransmitQueue,
+        rng: random.Random,
+        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
+    ) -> None:
         self._queue = queue
+        self._introduce = introduce
         self._rng = rng
         self._times: LinkTimes | None = None
         self._timings: dict[int, PeerTiming] = {}
@@ -91,9 +100,26 @@ class Repeater:
         # There will be no report of what was under way on the one before.
         self._landed(now)
 
-    def start(self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int) -> Repetition:
-        """Send a record until it is stopped, or until an instant, ns."""
+    def start(
+        self,
+        key: LaneKey,
+        record: RepeatedRecord,
+        qos: Qos,
+        *,
+        until: int,
+        introduces: bool = False,
+    ) -> Repetition:
+        """Send a record until it is stopped, or until an instant, ns.
+
+        Args:
+            key: Where it waits.
+            record: The record.
+            qos: How it waits.
+            until: End, ns.
+            introduces: Each frame with it is to be readable for a node that has forgotten us.
+        """
         peer = record.destination
+        record.introduces = introduces
         if not any(each.record.destination == peer for each in self._repetitions):
             # Repetitions may have become rare long ago, and the node be back since.
             self._timing(peer).begin_anew()
@@ -236,4 +262,6 @@ class Repeater:
             repetition.stage = _Stage.OVER
             return
         repetition.stage = _Stage.QUEUED
+        if repetition.record.introduces:
+            self._introduce(repetition.record.destination, repetition.record.stream_id)
         self._queue.push(repetition.key, repetition.record, repetition.qos)

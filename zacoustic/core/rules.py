@@ -1,4 +1,4 @@
-"""What the config says of transmitting: medium access, hours of silence, airtime."""
+"""What the config says of transmitting: medium access, hours of silence, airtime, orders."""
 
 import msgspec
 
@@ -16,6 +16,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
+
+    orders_from: frozenset[int] | None = None
+    """Addresses of the nodes whose orders over the water this one obeys; None: those listed."""
 
     @property
     def clock_error_s(self) -> float:

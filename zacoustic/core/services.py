@@ -7,7 +7,9 @@ the queue and their answers off the water. `zacoustic.core.answering` is the ser
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from zacoustic.core.answering import Answering, call_qos, confirm_qos
+import msgspec
+
+from zacoustic.core.answering import Answering, call_qos, confirm_qos, server_bytes, split_age
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.calls import (
     CALL_NUMBERS,
@@ -21,14 +23,16 @@ from zacoustic.core.calls import (
     encode_call_byte,
 )
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.content import server_of
 from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
+from zacoustic.core.qos import Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import EVERY_NODE, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _REQUEST_LANE: Final = 1
@@ -76,12 +80,14 @@ class Services:
         self._emit = emit
         self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
         self._answering = Answering(
-            table, queue=queue, repeater=repeater, journal=journal, stats=stats, emit=emit
+            address, table, queue=queue, repeater=repeater, journal=journal, stats=stats, emit=emit
         )
         self.reply = self._answering.reply
         """Answers a request; see `Engine.reply`."""
         self.reply_error = self._answering.reply_error
         """Answers a request with an error; see `Engine.reply_error`."""
+        self.serve_here = self._answering.serve_here
+        """Gives a service to a handler in the engine."""
         self.client_restarted = self._answering.client_restarted
         """To be told when a node has told a new epoch."""
         self._linger_s = 0.0
@@ -104,36 +110,48 @@ class Services:
 
     # For the application
 
-    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
-        """Call a service; see `Engine.call`."""
+    def call(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        timeout_s: float | None,
+        server: int | None = None,
+    ) -> int:
+        """Call a service; see `Engine.call`. `server` is for one that every node serves."""
         stream, spec = self._service(stream_id)
-        if spec.server == self._address:
+        server = spec.server if server is None else server
+        if server in (self._address, EVERY_NODE):
             raise LocalError(f"{stream.name} is served by this node, {self._address}")
         payload = stream.codec.encode(value)
-        self._queue.check_size(stream.name, _HEADER_BYTES + len(payload))
+        head = server_bytes(stream, server)
+        stamped = stream.qos.stamp is Stamp.AGE
+        self._queue.check_size(stream.name, _HEADER_BYTES + len(head) + stamped + len(payload))
         served_at = now + seconds_to_ns(spec.timeout_s)
         deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
-        if self._clients.needs_new_epoch(stream_id, spec.server):
+        if self._clients.needs_new_epoch(stream_id, server):
             self._begin_epoch(now)
             self._clients.begin_epoch(_first_number(self._handshake.epoch))
-        call_id, number = self._clients.begin(
-            stream_id, spec.server, deadline_at=deadline_at, now=now
-        )
-        if self._handshake.differs(spec.server, stream_id):
-            self._mismatch(call_id, spec.server, stream_id, now)
+        call_id, number = self._clients.begin(stream_id, server, deadline_at=deadline_at, now=now)
+        if self._handshake.differs(server, stream_id):
+            self._mismatch(call_id, server, stream_id, now)
             return call_id
         request = RepeatedRecord(
             stream_id=stream_id,
-            destination=spec.server,
-            head=_head(CallKind.REQUEST, number),
+            destination=server,
+            head=head + _head(CallKind.REQUEST, number),
             payload=payload,
+            stamped=stamped,
             delimits_itself=stream.codec.delimits_itself,
             queued_at=now,
         )
-        key = (stream_id, _REQUEST_LANE, spec.server)
+        key = (stream_id, _REQUEST_LANE, server)
         # Longer than that the server does not remember the number.
         until = min(deadline_at, served_at)
-        started = self._repeater.start(key, request, call_qos(stream.qos), until=until)
+        started = self._repeater.start(
+            key, request, call_qos(stream.qos), until=until, introduces=stream.is_built_in
+        )
         self._clients.attach(call_id, started)
         count(self._stats.published, stream_id)
         return call_id
@@ -170,12 +188,14 @@ class Services:
             now: The instant.
             introduced: The frame began with HELLO or TAG.
         """
+        server, start = server_of(spec, content, 0)
+        content = content[start:]
         if not content:
             return "payload"
         kind, number = decode_call_byte(content[0])
-        if spec.server == source:
+        if server == source:
             return self._receive_answer(source, stream, content, now)
-        if spec.server != self._address:
+        if server != self._address:
             return "not_subscriber" if kind is CallKind.REQUEST else "not_publisher"
         key = CallKey(source, self._handshake.epoch_of(source), stream.stream_id, number)
         if kind is CallKind.CONFIRM:
@@ -183,6 +203,8 @@ class Services:
             return None
         if kind is not CallKind.REQUEST:
             return "not_publisher"
+        if stream.is_built_in and not introduced:
+            return "unconfirmed"  # it may be of a former life of its sender
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
     def heard(self, source: int) -> None:
@@ -248,7 +270,7 @@ class Services:
         record = Waiting(
             stream_id=stream.stream_id,
             destination=peer,
-            head=_head(CallKind.CONFIRM, number),
+            head=server_bytes(stream, peer) + _head(CallKind.CONFIRM, number),
             payload=b"",
             delimits_itself=True,
             for_one_node=True,
@@ -261,6 +283,7 @@ class Services:
     def _receive_response(
         self, call_id: int, stream: Stream, payload: bytes, now: int
     ) -> str | None:
+        age_s, payload = split_age(stream, payload)
         try:
             value = stream.response_codec.decode(payload)
         except PayloadError:
@@ -268,7 +291,8 @@ class Services:
             self._fail(call_id, CallFailure.BAD_RESPONSE, text, now)
             return "payload"
         count(self._stats.received, stream.stream_id)
-        self._emit(self._clients.respond(call_id, value))
+        response = self._clients.respond(call_id, value)
+        self._emit(msgspec.structs.replace(response, age_s=age_s))
         return None
 
     def _mismatch(self, call_id: int, server: int, stream_id: int, now: int) -> None:

@@ -14,6 +14,9 @@ it lasts; in the next life it ends at begin and duration, but never later than i
 that was set forward while the node was down ends it early: that cannot be told from time that has
 passed.
 
+An order that came over the water is answered over the water, and its answer is the one frame that
+may still go: it alone, once, within the time that is *granted* to it.
+
 With quiet windows and no UTC the node keeps silent: whoever wrote them would rather have that.
 """
 
@@ -25,6 +28,7 @@ import msgspec
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.events import SilenceChanged
 from zacoustic.core.journal import JournalPort
+from zacoustic.core.queue import LaneKey
 
 SILENCE_KEY: Final = "silence"
 """Key of the order in the journal: UTC at which it began, ns (8 bytes; 0: unknown), and how long it
@@ -76,31 +80,51 @@ class Silence:
         self._begun_utc_ns = 0
         self._duration_ns = 0
         self._is_recovered = False
+        self._granted: tuple[LaneKey, int] | None = None
         self._recover(stored.get(SILENCE_KEY))
 
     # Commands
 
-    def begin(self, now: int, *, duration_s: float | None = None) -> None:
+    def begin(
+        self,
+        now: int,
+        *,
+        duration_s: float | None = None,
+        then: Callable[[int], None] | None = None,
+    ) -> None:
         """Be silent from now on, for a time or until `resume`; replaces an earlier order.
+
+        Args:
+            now: The instant.
+            duration_s: For how long, s; None: until `resume`.
+            then: Called when it is written down.
 
         Raises:
             ValueError: A duration that is not above 0.
         """
         if duration_s is not None and not 0 < duration_s < float("inf"):
             raise ValueError(f"duration_s is {duration_s}; allowed: above 0")
-        self._ordered, self._is_recovered = True, False
+        self._ordered, self._is_recovered, self._granted = True, False, None
         self._begun_at = now
         self._duration_ns = 0
         if duration_s is not None:
             self._duration_ns = min(_LONGEST_NS, max(1, seconds_to_ns(duration_s)))
         self._ends_at = now + self._duration_ns if self._duration_ns else None
         self._begun_utc_ns = 0 if self._offset_ns is None else now + self._offset_ns
-        self._keep()
+        self._keep(then)
 
-    def resume(self, now: int) -> None:
-        """End the order; quiet windows stay."""
-        self._ordered = False
-        self._journal.write(SILENCE_KEY, None, self._tell)
+    def resume(self, now: int, *, then: Callable[[int], None] | None = None) -> None:
+        """End the order; quiet windows stay. `then` is called when that is written down."""
+        self._ordered, self._granted = False, None
+        self._journal.write(SILENCE_KEY, None, lambda at: self._kept(at, then))
+
+    def grant(self, lane: LaneKey, *, until: int) -> None:
+        """Let one frame go all the same, with what waits in one lane, until an instant, ns."""
+        self._granted = lane, until
+
+    def use_grant(self) -> None:
+        """That frame goes."""
+        self._granted = None
 
     # Inputs
 
@@ -148,11 +172,22 @@ class Silence:
             return None
         return self._quiet_until(max(now, ordered_until)) if self._quiet else ordered_until
 
+    def is_silent(self, now: int) -> bool:
+        """Tell whether nothing may be transmitted now."""
+        until = self.until(now)
+        return until is None or until > now
+
+    def granted(self, now: int) -> LaneKey | None:
+        """Return the lane that may still be heard in this silence, or None."""
+        if self._granted is None or self._granted[1] <= now or not self.is_silent(now):
+            return None
+        return self._granted[0]
+
     def state(self, now: int) -> SilenceChanged:
         """Return what holds now."""
         until = self.until(now)
         return SilenceChanged(
-            is_silent=until is None or until > now,
+            is_silent=self.is_silent(now),
             is_ordered=self._ordered,
             ends_at=None if until is None or until <= now else until,
             changed_at=now,
@@ -172,12 +207,15 @@ class Silence:
             at += left_ns
         return at
 
-    def _keep(self) -> None:
+    def _keep(self, then: Callable[[int], None] | None = None) -> None:
         value = self._begun_utc_ns.to_bytes(8, "big", signed=True)
-        self._journal.write(SILENCE_KEY, value + self._duration_ns.to_bytes(8, "big"), self._tell)
+        value += self._duration_ns.to_bytes(8, "big")
+        self._journal.write(SILENCE_KEY, value, lambda at: self._kept(at, then))
 
-    def _tell(self, now: int) -> None:
+    def _kept(self, now: int, then: Callable[[int], None] | None) -> None:
         self._emit(self.state(now))
+        if then is not None:
+            then(now)
 
     def _recover(self, kept: bytes | None) -> None:
         if kept is None or len(kept) != 16:

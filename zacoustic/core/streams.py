@@ -8,6 +8,9 @@ digest: of each stream, and of the whole table with its nodes. What only changes
 is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
 its journal, is left out; each end may tune it alone. The timeouts of services and actions are in
 it: from them both ends derive how long a number has to be remembered.
+
+One stream is in every table and in no digest of a table, since nobody can define it in another way:
+that of orders (`zacoustic.core.orders`). A table that gives its id to a stream of its own has none.
 """
 
 import hashlib
@@ -18,14 +21,24 @@ import msgspec
 
 from zacoustic.core.encoding import CBOR, OPAQUE
 from zacoustic.core.keys import Instance, KeyPattern, Wildcard
+from zacoustic.core.orders.words import (
+    ORDERS_STREAM_ID,
+    ORDERS_TIMEOUT_S,
+    REQUEST_TYPE,
+    RESPONSE_TYPE,
+    order_types,
+)
 from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
-from zacoustic.core.qos import Qos, Reliability
+from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 FIRST_STREAM_ID: Final = 1
 LAST_STREAM_ID: Final = 175
 """Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
+
+EVERY_NODE: Final = 0
+"""In place of the address of a server: each node serves, and the records say which one."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -75,7 +88,8 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
     qos: Qos = Qos()
-    """Priority and linger of requests and responses; depth and lifespan do not apply to calls."""
+    """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
+    calls."""
     journal: bool = True
     """Calls survive a restart of this node; without, one may run twice. Not in the digest."""
 
@@ -124,9 +138,19 @@ class Stream:
             and what is allowed.
     """
 
-    def __init__(self, spec: StreamSpec, types: TypeTable, node_names: Mapping[int, str]) -> None:
-        _check(spec)
+    def __init__(
+        self,
+        spec: StreamSpec,
+        types: TypeTable,
+        node_names: Mapping[int, str],
+        *,
+        is_built_in: bool = False,
+    ) -> None:
+        if not is_built_in:
+            _check(spec)
         self.spec = spec
+        self.is_built_in = is_built_in
+        """Every table has it."""
         self.stream_id = spec.stream_id
         self.name = spec.name
         self.qos = spec.qos
@@ -210,6 +234,7 @@ class StreamTable:
         """Name of each node by address."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
+        self._built_in = {ORDERS_STREAM_ID: _orders()}
         self._digest: bytes | None = None
         for spec in specs:
             self.declare(spec)
@@ -249,6 +274,7 @@ class StreamTable:
         return self._digest
 
     def __iter__(self) -> Iterator[Stream]:
+        """The streams of the table's own, by id."""
         return iter(sorted(self._by_id.values(), key=lambda stream: stream.stream_id))
 
     def __len__(self) -> int:
@@ -256,7 +282,7 @@ class StreamTable:
 
     def get(self, stream_id: int) -> Stream | None:
         """Return the stream of that id, or None."""
-        return self._by_id.get(stream_id)
+        return self._by_id.get(stream_id) or self._built_in.get(stream_id)
 
     def by_id(self, stream_id: int) -> Stream:
         """Return the stream of that id.
@@ -264,7 +290,7 @@ class StreamTable:
         Raises:
             UnknownStreamError: There is none; lists the ids there are.
         """
-        stream = self._by_id.get(stream_id)
+        stream = self.get(stream_id)
         if stream is None:
             known = ", ".join(str(known) for known in sorted(self._by_id)) or "none"
             raise UnknownStreamError(f"no stream has id {stream_id}; there are: {known}")
@@ -292,6 +318,21 @@ class StreamTable:
             if instance is not None:
                 return stream, instance
         return None
+
+
+def _orders() -> Stream:
+    """Return the stream of orders."""
+    spec = ServiceSpec(
+        stream_id=ORDERS_STREAM_ID,
+        name="orders",
+        server=EVERY_NODE,
+        request_type=REQUEST_TYPE,
+        response_type=RESPONSE_TYPE,
+        timeout_s=ORDERS_TIMEOUT_S,
+        qos=Qos(priority=Priority.REAL_TIME, stamp=Stamp.AGE),
+        journal=False,  # what was obeyed is in a ledger of its own
+    )
+    return Stream(spec, order_types(), {}, is_built_in=True)
 
 
 def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:

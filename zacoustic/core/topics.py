@@ -20,12 +20,11 @@ from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.queue import TransmitQueue, Waiting
+from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
-_LANE: Final = 0
 _AGE_BYTES: Final = 1
 NO_DELIVERY: Final = 0
 """What `Engine.publish` returns for a best-effort sample: nothing is told of it."""
@@ -131,7 +130,7 @@ class Topics:
             queued_at=made_at,
             expires_at=expires_at,
         )
-        self._queue.push((stream_id, _LANE, *instance), item, stream.qos)
+        self._queue.push((stream_id, SAMPLE_LANE, *instance), item, stream.qos)
         return NO_DELIVERY
 
     def receive(

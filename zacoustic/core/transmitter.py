@@ -7,6 +7,7 @@ from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
 from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
+from zacoustic.core.queue import LaneKey
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats
@@ -75,7 +76,12 @@ class Transmitter:
             return None
         composer = self._protocols.composer
         composed = None
-        if _is_over(self._transmit_at(now), now):
+        granted = self._silence.granted(now)
+        if granted is not None:
+            if _is_over(self._last_word_at(granted, now), now):
+                composed = composer.compose_only(port.envelope, granted, now)
+                self._silence.use_grant()
+        elif _is_over(self._transmit_at(now), now):
             composed = composer.compose(port.envelope, now)
         if composed is None and _is_over(self._speak_at(now), now):
             composed = composer.speak(port, now)
@@ -106,6 +112,9 @@ class Transmitter:
 
     def next_at(self, now: int) -> int | None:
         """Return the instant from which a frame can and should go, ns, or None."""
+        granted = self._silence.granted(now)
+        if granted is not None:
+            return self._last_word_at(granted, now)
         instants = (self._transmit_at(now), self._speak_at(now))
         return min((at for at in instants if at is not None), default=None)
 
@@ -126,6 +135,13 @@ class Transmitter:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
         return self._after_silence(self.port.free_at(Wanted(due_at, is_urgent), now), now)
+
+    def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
+        """Return when the frame goes that a silence grants to a lane."""
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        due_at = self._protocols.queue.due_at(now, lane)
+        return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
 
     def _speak_at(self, now: int) -> int | None:
         """Return when medium access wants a frame of its own."""

@@ -17,6 +17,7 @@ from zacoustic.core.events import (
     SampleReceived,
     SilenceChanged,
     StreamsDiffer,
+    StreamTuned,
 )
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
@@ -32,9 +33,10 @@ from zacoustic.gateway.notices import (
     RangingFailed,
     SilenceKept,
     StreamDiffers,
+    TopicTuned,
 )
+from zacoustic.gateway.orders import OrderDesk
 from zacoustic.gateway.services import Services
-from zacoustic.gateway.silence import SilenceDesk
 from zacoustic.gateway.topics import Topics
 
 
@@ -47,7 +49,7 @@ class Exchange:
         services: Takes requests and answers.
         actions: Takes what is said about goals.
         health: Takes note of the rest.
-        silence: Answers orders to be silent.
+        orders: Answers orders.
         notify: Told what people want to know.
     """
 
@@ -59,7 +61,7 @@ class Exchange:
         services: Services,
         actions: Actions,
         health: Health,
-        silence: SilenceDesk,
+        orders: OrderDesk,
         notify: Notify,
     ) -> None:
         self._table = table
@@ -67,7 +69,7 @@ class Exchange:
         self._services = services
         self._actions = actions
         self._health = health
-        self._silence = silence
+        self._orders = orders
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
@@ -81,6 +83,10 @@ class Exchange:
                 self._topics.deliver(event)
             case RequestReceived():
                 self._services.serve(event)
+            case ResponseReceived() if self._orders.has_sent(event.call_id):
+                self._orders.respond(event)
+            case CallFailed() if self._orders.has_sent(event.call_id):
+                self._orders.fail(event)
             case ResponseReceived():
                 self._services.respond(event)
             case CallFailed():
@@ -88,9 +94,19 @@ class Exchange:
             case LinkStateChanged():
                 self._notify(LinkChanged(state=event.state.value))
             case SilenceChanged():
-                self._silence.changed(event)
-                state = self._silence.state(event)
+                state = self._orders.silence(event)
                 self._notify(SilenceKept(silent=state.silent, until_utc=state.until_utc or ""))
+            case StreamTuned():
+                self._notify(
+                    TopicTuned(
+                        stream_id=event.stream_id,
+                        stream=self._table.by_id(event.stream_id).name,
+                        on=event.on,
+                        min_interval_s=event.min_interval_s,
+                        priority=event.priority.name.lower(),
+                        ordered_by=event.ordered_by,
+                    )
+                )
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
             case PeerSeen():

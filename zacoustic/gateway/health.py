@@ -8,7 +8,8 @@ answered to a `get`:
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
 ``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
 ``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
-              each reliable topic how many samples ended in which way, and how many have not
+              each reliable topic how many samples ended in which way, and how many have not; for
+              each topic that this node publishes whether it is on, least interval and priority
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
@@ -33,10 +34,10 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, PeerSeen, StreamsDiffer
 from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
-from zacoustic.core.streams import Stream
+from zacoustic.core.streams import Stream, TopicSpec
 from zacoustic.core.trace import TraceRecord
-from zacoustic.gateway.presence import PREFIX
 from zacoustic.gateway.soundings import Soundings
+from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
@@ -234,6 +235,7 @@ class Health:
                     "received": stats.received.get(stream.stream_id, 0),
                     "waiting": engine.pending(stream.stream_id),
                     **self._deliveries(stream),
+                    **self._tuning(stream),
                 }
                 for stream in engine.table
             ],
@@ -251,6 +253,17 @@ class Health:
         counts = self._outcomes.get(stream.stream_id, {})
         return {outcome.value: counts.get(outcome.value, 0) for outcome in DeliveryOutcome} | {
             "delivering": self._engine.delivering(stream.stream_id)
+        }
+
+    def _tuning(self, stream: Stream) -> dict[str, object]:
+        """Return how the samples of a topic of this node go, with what was ordered."""
+        if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
+            return {}
+        on, qos = self._engine.orders.tunings.effective(stream)
+        return {
+            "on": on,
+            "min_interval_s": qos.min_interval_s,
+            "priority": qos.priority.name.lower(),
         }
 
     def _dropped(self) -> dict[str, object]:

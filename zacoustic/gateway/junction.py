@@ -28,11 +28,11 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
+from zacoustic.gateway.orders import OrderDesk
 from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
-from zacoustic.gateway.silence import SilenceDesk
 from zacoustic.gateway.topics import Topics
 from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.queries import QueryDesk
@@ -146,7 +146,7 @@ class Junction:
             is_journal_kept=not isinstance(journal, MemoryJournal),
             clock=clock,
         )
-        self._silence = SilenceDesk(self.runner, clock=clock)
+        self._orders = OrderDesk(table, self.runner, self.siblings, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
             table,
@@ -154,7 +154,7 @@ class Junction:
             services=self._services,
             actions=self._actions,
             health=self._health,
-            silence=self._silence,
+            orders=self._orders,
             notify=self._tell,
         )
 
@@ -270,14 +270,16 @@ class Junction:
 
     def _declare_own(self) -> None:
         self._services.watch(self.runner.engine.address)
-        for expression, serve in (
-            (self._health.expression, self._health.answer),
-            (self._silence.key, self._silence.serve),
+        for expression, serve, complete in (
+            (self._health.expression, self._health.answer, True),
+            *((key, self._orders.serve, True) for key in self._orders.own_keys),
+            # Not complete: the gateway of a node that is on this island answers alone.
+            *((key, self._orders.serve_beyond, False) for key in self._orders.keys_beyond),
         ):
             queryable = self.island.session.declare_queryable(
                 zenoh.KeyExpr(expression),
                 self.island.callback(partial(self._desk.admit, serve)),
-                complete=True,
+                complete=complete,
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             self._own_queryables.append(queryable)

@@ -84,6 +84,30 @@ class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
         return [f"silence   until {self.until_utc or 'it is resumed'}"]
 
 
+class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
+    """It was ordered how a topic is sent."""
+
+    stream_id: int
+    """The topic's stream."""
+    stream: str
+    """Its name."""
+    on: bool
+    """Its samples go."""
+    min_interval_s: float
+    """Least time between two samples of a key, s."""
+    priority: str
+    """Zenoh's priority."""
+    ordered_by: int
+    """Address of the node that has ordered it; 0: this island."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        state = "on" if self.on else "off"
+        state += f", every {self.min_interval_s:g} s at most" if self.min_interval_s else ""
+        by = f"node {self.ordered_by}" if self.ordered_by else "this island"
+        return [f"tuned     {self.stream_id} ({self.stream}): {state}, {self.priority}, by {by}"]
+
+
 class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
     """The journal cannot be written, or can be again."""
 

@@ -19,10 +19,8 @@ from typing import Final
 import zenoh
 
 from zacoustic.errors import SessionError
+from zacoustic.island.orders import PREFIX
 from zacoustic.island.session import Island
-
-PREFIX: Final = "@acoustic"
-"""First chunk of all keys about gateways."""
 
 # A get of tokens ends when all routers have answered; only a dying one uses up the time.
 _LOOK_LIMIT_S: Final = 2.0

@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar, cast, overload
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.qos import Qos
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.errors import LocalError
@@ -139,6 +140,12 @@ class Node:
     def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
         """Measure how far away another node is, and wait for it; see `zacoustic.Node.range`."""
         return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
+
+    def order(
+        self, peer: int | str, order: Order, *, timeout_s: float = asynchronous.ORDER_TIMEOUT_S
+    ) -> OrderState:
+        """Give an order to a node, and wait for the answer; see `zacoustic.Node.order`."""
+        return self._running().wait(self._node.order(peer, order, timeout_s=timeout_s))
 
     @overload
     def create_publisher(

@@ -16,10 +16,13 @@ from zacoustic.core.events import (
     JournalStateChanged,
     LinkStateChanged,
     PeerSeen,
+    SilenceChanged,
     StreamsDiffer,
+    StreamTuned,
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
+from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.ranging import RangeFailed, RangeFailure
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec
@@ -43,6 +46,8 @@ NodeEvent = (
     | PeerMeasured
     | ModemRead
     | DeliveryEnded
+    | SilenceChanged
+    | StreamTuned
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
@@ -168,6 +173,17 @@ class Carrier(Protocol):
             LocalError: No such node, this one itself, or a time that is none.
             RangeUnavailableError: No range can be measured from here.
             CallTimeoutError: None was measured in time.
+        """
+        ...
+
+    async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
+        """Give an order to a node; cancelling gives it up.
+
+        Raises:
+            LocalError: No such node, or the order makes no sense here.
+            ServiceError: The node refuses it.
+            CallTimeoutError: No answer in time.
+            DeliveryError: It cannot be given from here.
         """
         ...
 

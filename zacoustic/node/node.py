@@ -8,6 +8,7 @@ from typing import Final, Self
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
@@ -21,6 +22,8 @@ from zacoustic.node.endpoints import EndpointMaker
 from zacoustic.node.eventlog import EventLog
 from zacoustic.node.identity import identify
 
+ORDER_TIMEOUT_S: Final = 60.0
+"""How long an order is tried, s, where nothing is said."""
 _ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
 
 
@@ -151,12 +154,42 @@ class Node(EndpointMaker):
             peer = self._known().address_of(peer)
         return await carrier.range(peer, timeout_s)
 
+    async def order(
+        self, peer: int | str, order: Order, *, timeout_s: float = ORDER_TIMEOUT_S
+    ) -> OrderState:
+        """Give an order to another node, or to this one: be silent, go on, tune a topic.
+
+        It is obeyed when it arrives, at most once, and answered when it is in that node's journal,
+        if it has one. The answer to the order that begins a silence is the last frame of that
+        node: without an answer it may be silent all the same.
+
+        Args:
+            peer: Acoustic address of the node, or its name in the configuration.
+            order: What it is to do.
+            timeout_s: How long to try, s, at most 600.
+
+        Returns:
+            What holds there then.
+
+        Raises:
+            LocalError: No such node, or the order makes no sense here.
+            ServiceError: The node refuses it, and says why.
+            CallTimeoutError: No answer in time; it may have been obeyed.
+            DeliveryError: It cannot be given from here.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        carrier = self._opened()
+        if isinstance(peer, str):
+            peer = self._known().address_of(peer)
+        return await carrier.order(peer, order, timeout_s)
+
     # What the node knows
 
     def events(self) -> AsyncIterator[NodeEvent]:
         """Iterate over what happens beside samples and calls, the last ones first.
 
-        The link goes up or down; the journal cannot be written, or can be again; a peer is seen,
+        The link goes up or down; the journal cannot be written, or can be again; silence was
+        ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,
         or restarts; a peer defines a stream in another way; the modem has measured something of a
         peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample that this node
         has published in a former life has ended (`DeliveryEnded`). On Zenoh only the first: the

@@ -19,15 +19,11 @@ from zacoustic.core.events import (
     DeliveryEnded,
     DeliveryStored,
     Event,
-    JournalStateChanged,
-    LinkStateChanged,
-    PeerSeen,
     RequestReceived,
     ResponseReceived,
     SampleReceived,
     StreamsDiffer,
 )
-from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
 from zacoustic.core.qos import Reliability
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
@@ -48,6 +44,7 @@ from zacoustic.node.carrier import (
 )
 from zacoustic.node.delivery import Deliveries, Delivery
 from zacoustic.node.goalsonlink import LinkGoals
+from zacoustic.node.ordersonlink import LinkOrders
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.permitlog import PermitLog
 from zacoustic.runtime import LinkRunner
@@ -118,6 +115,8 @@ class LinkCarrier:
         self._deliveries = Deliveries()
         self._schedule = ranges
         self.goals = LinkGoals(self._runner, table)
+        self._orders = LinkOrders(self._runner)
+        self.order = self._orders.give
 
     @property
     def stats(self) -> EngineStats:
@@ -290,6 +289,8 @@ class LinkCarrier:
         if isinstance(event, ActionEvent):
             self.goals.deliver(event)
             return
+        if self._orders.deliver(event):
+            return
         match event:
             case SampleReceived():
                 self._deliver_sample(event)
@@ -320,13 +321,7 @@ class LinkCarrier:
                     found.set_result(event.range)
             case RangeFailed():
                 self._fail_range(event)
-            case (
-                LinkStateChanged()
-                | JournalStateChanged()
-                | PeerSeen()
-                | PeerMeasured()
-                | ModemRead()
-            ):
+            case _ if isinstance(event, NodeEvent):
                 self._report(event)
 
     def _deliver_sample(self, event: SampleReceived) -> None:
@@ -404,6 +399,7 @@ class LinkCarrier:
                 answer.set_exception(error)
         self._ranges.clear()
         self.goals.end_all(error)
+        self._orders.end_all(error)
         self._deliveries.fail(error)
 
 

@@ -19,6 +19,7 @@ from zacoustic.config import Config
 from zacoustic.core.events import CallFailure, LinkStateChanged
 from zacoustic.core.linktypes import LinkMetrics, LinkState
 from zacoustic.core.measurements import Range
+from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry, count
 from zacoustic.core.streams import Stream, StreamSpec
 from zacoustic.errors import (
@@ -27,10 +28,13 @@ from zacoustic.errors import (
     LocalError,
     PayloadInvalidError,
     RangeUnavailableError,
+    ServiceError,
     SessionError,
 )
 from zacoustic.island.doorbell import tell_loop
 from zacoustic.island.marker import read_marker
+from zacoustic.island.orderquestion import OrderQuestion
+from zacoustic.island.orders import read_state
 from zacoustic.island.question import Question
 from zacoustic.island.session import Island, one_line, zenoh_priority
 from zacoustic.island.values import said_encoding
@@ -133,6 +137,19 @@ class ZenohCarrier:
             hint=f"say ranging: [ {{ to: {address}, every_s: 30 }} ] in its file, and get "
             f"@acoustic/*/peer/{address}/range",
         )
+
+    async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
+        """Ask the gateways of the island, which do it or pass it on."""
+        question = OrderQuestion(node, order, timeout_s)
+        with zenoh_errors(question.key):
+            await question.ask(self.island)
+        if question.payloads:
+            return read_state(question.payloads[0], order)
+        nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
+        failure, text = (*question.failures, nobody)[0]
+        if failure is CallFailure.HANDLER:
+            raise ServiceError(f"the order is refused: {text}")
+        raise call_error("the order", failure, text)
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""

@@ -1,17 +1,14 @@
 """All lanes of one publisher: each begins with its first sample, or where a former life ended."""
 
 from collections.abc import Iterator
-from typing import Final
 
 from zacoustic.core.arq.keeping import KeptLane
 from zacoustic.core.arq.sendlane import SendLane, Stage
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
-from zacoustic.core.queue import LaneKey
+from zacoustic.core.queue import RELIABLE_LANE, LaneKey
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError
-
-RELIABLE_LANE: Final = 3
 
 
 class SendLanes:

@@ -316,6 +316,10 @@ class Objects:
         """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
         self._outgoing.held[stream_id] = until
 
+    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+        """Let the objects of a stream go with this priority, or wait."""
+        self._outgoing.tune(stream_id, priority, on=on)
+
     def hold_until(self, now: int) -> int:
         """Return the instant until which an answer is awaited, which other frames would destroy."""
         return self._outgoing.listens_until(now)

@@ -84,6 +84,8 @@ class OutgoingObjects:
         self._on_air: Sending | None = None
         self.held: dict[int, int] = {}
         """Instant before which no fragment of a stream goes, ns, by stream."""
+        self._off: set[int] = set()
+        self._priorities: dict[int, Priority] = {}
 
     def __len__(self) -> int:
         return len(self._sendings)
@@ -125,7 +127,7 @@ class OutgoingObjects:
             object_id=order.object_id,
             stream_id=order.stream_id,
             instance=order.instance,
-            priority=Priority(order.priority),
+            priority=self._priorities.get(order.stream_id, Priority(order.priority)),
             exclusive=order.exclusive,
             lifespan_ns=lifespan_ns,
             expires_at=None if lifespan_ns is None or restored else now + lifespan_ns,
@@ -197,13 +199,21 @@ class OutgoingObjects:
             place = msgspec.msgpack.encode(StoredPlace(0, 0))
             self._journal.write(sent_key(before.transfer), place)
 
+    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+        """Let the objects of a stream go with this priority, or wait."""
+        self._priorities[stream_id] = priority
+        (self._off.discard if on else self._off.add)(stream_id)
+        for sending in self._sendings.values():
+            if sending.stream_id == stream_id:
+                sending.priority = priority
+
     def next(self, now: int) -> tuple[Sending | None, int]:
         """Return the object whose fragment is next, and the instant from which it may go."""
         quiet_until = self.listens_until(now)
         best: tuple[int, tuple[int, int]] | None = None
         chosen: Sending | None = None
         for sending in self._sendings.values():
-            if not sending.is_stored:
+            if not sending.is_stored or sending.stream_id in self._off:
                 continue
             at = sending.outgoing.due_at
             if not sending.outgoing.listens:
@@ -241,7 +251,8 @@ class OutgoingObjects:
     @property
     def is_exclusive(self) -> bool:
         """Of the objects that have been begun, the first is exclusive."""
-        begun = [each for each in self._sendings.values() if each.outgoing.transmitted]
+        going = (each for each in self._sendings.values() if each.stream_id not in self._off)
+        begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
     def transmitted(self, finished_at: int, timing: Timing) -> None:

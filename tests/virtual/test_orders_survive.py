@@ -1,0 +1,72 @@
+"""Orders survive the sea: each is obeyed once, in its order, in its time, and told honestly."""
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.virtual.orderstory import OrderStory
+from zacoustic.core.handshake import Handshake
+from zacoustic.core.orders import orders
+from zacoustic.core.orders.ledger import Ledger, Standing
+from zacoustic.core.silence import Silence
+
+BLOCKS = range(4)
+
+
+@pytest.mark.parametrize("number", BLOCKS)
+def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+    for seed in range(number, count(800), len(BLOCKS)):
+        complaints = OrderStory(seed).run()
+        assert not complaints, f"{len(complaints)} complaints, {complaints[0]}"
+
+
+def test_stories_tell_of_every_outcome() -> None:
+    expected = {"answered", "TIMED_OUT", "overtaken by a later order"}
+    for seed in range(30):
+        story = OrderStory(seed)
+        story.run()
+        expected -= set(story.outcomes)
+        if not expected:
+            return
+    raise AssertionError(f"no story tells of {expected}")
+
+
+# What the stories are there to find: they do when it is left out.
+
+
+def _everything_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Ledger, "standing", lambda *arguments: Standing.NEW)
+
+
+def _ages_do_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(orders, "_for_the_rest", lambda order, age_s: order)
+
+
+def _nobody_is_introduced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Handshake, "introduce", lambda self, address, stream_id: None)
+
+
+def _many_last_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Silence, "use_grant", lambda self: None)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "expected", "first"),
+    [
+        (_everything_is_new, "is obeyed behind", 0),
+        (_ages_do_not_count, "lasts beyond", 6),
+        (_nobody_is_introduced, "fails although all is calm", 0),
+        (_many_last_words, "in a silence", 0),
+    ],
+)
+def test_stories_find_what_is_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+    break_it: Callable[[pytest.MonkeyPatch], None],
+    expected: str,
+    first: int,
+) -> None:
+    break_it(monkeypatch)
+    for seed in range(first, first + 100):
+        if any(expected in line for line in OrderStory(seed).run()):
+            return
+    raise AssertionError(f'no story complains that something "{expected}"')

@@ -1,0 +1,37 @@
+"""The verb `zacoustic resume`: ends a silence that was ordered."""
+
+import argparse
+from typing import Final
+
+from zacoustic.cli.silence import add_order_arguments, give, make_order, silence_text
+from zacoustic.command import Command
+
+_EXAMPLE: Final = """the same as `zacoustic silence resume`; quiet windows of the configuration stay
+
+examples:
+  zacoustic resume --connect tcp/127.0.0.1:7447        all gateways here
+  zacoustic resume --node 2 --config router.json5      node 2, here or beyond the water
+"""
+
+
+class ResumeCommand(Command):
+    """Ends a silence."""
+
+    name = "resume"
+    summary = "transmit again, before a silence that was ordered ends by itself"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare which node, and where to ask."""
+        parser.epilog = _EXAMPLE
+        add_order_arguments(parser)
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Order it, and print what holds then; exit code 3 when nobody answers in time.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError, ServiceError: There is no such node, or it refuses.
+        """
+        from zacoustic.core.orders.words import OrderKind
+
+        return give(arguments, make_order(kind=OrderKind.RESUME), silence_text)
