@@ -292,7 +292,7 @@ class Composer:
         used_bytes = open_ended = 0
         last: Waiting | None = None
         for lane, item in self._concerning(destination, now):
-            needs_end = introduced or not item.delimits_itself
+            needs_end = item.needs_end(introduced=introduced)
             must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
             ends = open_ended + needs_end
             delimiters_bytes = DELIMITER_BYTES * max(0, ends - 1)
@@ -315,13 +315,13 @@ class Composer:
             record = bytearray(item.sync + item.prefix)
             if broadcast:
                 record += item.address
-            record.append(item.stream_id)
+            record.append(item.code)
             record += item.head
             if item.stamped:
                 record.append(encode_age(now - item.queued_at))
             header_bytes = len(record)
             record += item.payload
-            if item is not items[-1] and (introduced or not item.delimits_itself):
+            if item is not items[-1] and item.needs_end(introduced=introduced):
                 records += bytes((Control.LEN, len(record)))
                 header_bytes += DELIMITER_BYTES
             records += record
@@ -343,7 +343,7 @@ def _size(controls: list[tuple[Cause, bytes]]) -> int:
 
 def _open_end_last(chosen: list[Waiting], *, introduced: bool) -> list[Waiting]:
     """Move one record that needs an end to the last place; keep the order within a stream."""
-    open_ended = [item for item in chosen if introduced or not item.delimits_itself]
+    open_ended = [item for item in chosen if item.needs_end(introduced=introduced)]
     if not open_ended:
         return chosen
     too_long = [item for item in open_ended if item.size_bytes > LONGEST_DELIMITED_BYTES]

@@ -103,6 +103,8 @@ class Engine:
         """Commands about ranges: `request`, `cancel` and `repeat`."""
         self.actions = protocols.actions
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
+        self.demand = protocols.demand
+        """Commands about on-demand topics: `want`; and who wants them of this node."""
         self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self._transmitter = Transmitter(address, protocols, self.silence, rules, self.stats, rng)

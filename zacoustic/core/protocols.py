@@ -5,13 +5,14 @@ airtimes. What concerns all of them (a link, a report, the timer) is passed on f
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 
 from zacoustic.core.actions.actions import Actions
 from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
+from zacoustic.core.demand.demand import Demand
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
@@ -25,7 +26,7 @@ from zacoustic.core.receiver import Receiver
 from zacoustic.core.repeating import Repeater
 from zacoustic.core.services import Services
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.topics import Topics
 
 
@@ -60,8 +61,26 @@ class Protocols:
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
         self.ranging = Ranging(address, table, rng, emit)
+        self.repeater = Repeater(queue, rng)
+        self.demand = Demand(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            handshake=handshake,
+            journal=journal,
+            changed=self._audience_changed,
+            emit=emit,
+        )
         self.sending = ReliableSending(
-            address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
+            address,
+            table,
+            queue=queue,
+            handshake=handshake,
+            demand=self.demand,
+            journal=journal,
+            rng=rng,
+            emit=emit,
         )
         self.receiving = ReliableReceiving(
             address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
@@ -70,6 +89,7 @@ class Protocols:
             address,
             table,
             handshake=handshake,
+            demand=self.demand,
             journal=journal,
             stats=stats,
             rng=rng,
@@ -83,10 +103,10 @@ class Protocols:
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
+            demand=self.demand,
             emit=self._hand_on,
         )
         self.topics.large = self.large
-        self.repeater = Repeater(queue, rng)
         self.services = Services(
             address,
             table,
@@ -117,6 +137,7 @@ class Protocols:
             self.actions,
             self.sending,
             self.large,
+            self.demand,
             stats,
         )
         self.composer = Composer(queue, handshake, self.ranging, stats)
@@ -135,6 +156,7 @@ class Protocols:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
+        self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.services.recover(stored)
@@ -216,6 +238,9 @@ class Protocols:
             return False
         self.begin_epoch(now)
         return True
+
+    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        self.topics.audience_changed(stream, newcomers, now)
 
     def _write_epoch(self) -> None:
         self._epochs_to_keep += 1

@@ -46,7 +46,7 @@ class Repetition:
         "until",
     )
 
-    def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int) -> None:
+    def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int | None) -> None:
         self.key = key
         self.record = record
         self.qos = qos
@@ -91,8 +91,10 @@ class Repeater:
         # There will be no report of what was under way on the one before.
         self._landed(now)
 
-    def start(self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int) -> Repetition:
-        """Send a record until it is stopped, or until an instant, ns."""
+    def start(
+        self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int | None
+    ) -> Repetition:
+        """Send a record until it is stopped, or until an instant, ns, if there is one."""
         peer = record.destination
         if not any(each.record.destination == peer for each in self._repetitions):
             # Repetitions may have become rare long ago, and the node be back since.
@@ -166,8 +168,9 @@ class Repeater:
 
     def expire(self, now: int) -> None:
         """Repeat what is due; forget what nobody wants any more."""
-        for repetition in [each for each in self._repetitions if each.until <= now]:
-            self.stop(repetition, now)
+        for repetition in list(self._repetitions):
+            if repetition.until is not None and repetition.until <= now:
+                self.stop(repetition, now)
         if self._times is None:
             return
         room: dict[int, int] = {}
@@ -193,8 +196,9 @@ class Repeater:
         for repetition in self._repetitions:
             at = repetition.until
             if repetition.stage is _Stage.SENT:
-                at = min(at, self._ready_at(repetition))
-            if earliest is None or at < earliest:
+                ready_at = self._ready_at(repetition)
+                at = ready_at if at is None else min(at, ready_at)
+            if at is not None and (earliest is None or at < earliest):
                 earliest = at
         return earliest
 
