@@ -152,8 +152,8 @@ class Topics:
             return "not_publisher"
         if not stream.may_subscribe(self._address):
             return "not_subscriber"
-        if received.destination == self._address:
-            self._demand.sample_received(source, stream, now)
+        is_alone = received.destination == self._address
+        self._demand.sample_received(source, stream, now, is_alone=is_alone)
         prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, content = tuple(record.content[:wild]), record.content[wild:]
@@ -188,7 +188,7 @@ class Topics:
                 sync=prefixes.sync,
                 low_number=low_number,
                 sample=sample,
-                is_alone=received.destination == self._address,
+                is_alone=is_alone,
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             return self._receiving.receive(stream, arrival, now)

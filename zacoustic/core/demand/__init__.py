@@ -25,8 +25,8 @@ Who remembers what:
   because a gateway was restarted.
 - A node that hears a new epoch of a publisher says again what it wants there: that may be one
   without a journal.
-- A node that gets a sample that it does not want, alone, says so: its former life may have wanted
-  it. In a broadcast frame it may be for others.
+- A node that gets a sample that it does not want says so: its former life may have wanted it. Where
+  the frame is for others too, once in its life is enough.
 
 What this does not cover: a publisher without a journal that restarts and says nothing at all. Its
 subscribers cannot know. A journal, or a heartbeat, is the remedy.

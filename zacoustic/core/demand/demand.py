@@ -165,10 +165,10 @@ class Demand:
             return self._wishes.answered(source, letter, now)
         return self._audiences.receive(source, letter, readable, now)
 
-    def sample_received(self, source: int, stream: Stream, now: int) -> None:
-        """A sample came from `source` for this node alone."""
+    def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, for this node alone or for others too."""
         if stream.is_on_demand:
-            self._wishes.unwanted(source, stream.stream_id, now)
+            self._wishes.sample_received(source, stream.stream_id, now, is_alone=is_alone)
 
     def publisher_restarted(self, source: int, now: int) -> None:
         """A node has begun a new epoch."""

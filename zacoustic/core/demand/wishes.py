@@ -77,13 +77,13 @@ class Wishes:
         letter.known_at = now
         return None
 
-    def unwanted(self, source: int, stream_id: int, now: int) -> None:
-        """A sample came from `source` for this node alone, and may not be wanted."""
+    def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, maybe for this node alone: tell if it is not wanted."""
         if source in self.wanted(stream_id):
             return
         key = (source, page_of(stream_id))
         letter = self._letters.setdefault(key, _Letter())
-        if letter.repetition is not None:
+        if letter.repetition is not None or (letter.is_said and not is_alone):
             return
         if letter.is_known and now < letter.known_at + self._settling_ns():
             return  # it was sent before the node knew
