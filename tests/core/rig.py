@@ -17,9 +17,11 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 
 E = TypeVar("E", bound=Event)
+NO_RULES = TransmitRules()
 
 
 def link(**settings: Any) -> LinkCapabilities:
@@ -41,6 +43,7 @@ class End:
         commits: bool = True,
         journal: Mapping[str, bytes] = MappingProxyType({}),
         now: int = 0,
+        rules: TransmitRules = NO_RULES,
     ) -> None:
         self.address = address
         self.journal = dict(journal)
@@ -51,6 +54,7 @@ class End:
             epoch=epoch,
             rng=random.Random(f"{address}/{epoch}"),
             stored=dict(journal),
+            rules=rules,
         )
         self.capabilities = capabilities or link()
         self.events: list[Event] = []
@@ -135,11 +139,18 @@ class Rig:
         tables: Mapping[int, StreamTable],
         *,
         capabilities: LinkCapabilities | None = None,
+        rules: Mapping[int, TransmitRules] = MappingProxyType({}),
     ) -> None:
         self.now = 0
         self.capabilities = capabilities or link()
+        self.rules = rules
         self.ends = {
-            address: End(address, table, capabilities=self.capabilities)
+            address: End(
+                address,
+                table,
+                capabilities=self.capabilities,
+                rules=rules.get(address, NO_RULES),
+            )
             for address, table in tables.items()
         }
         self.frames: list[tuple[int, Transmission]] = []
@@ -158,6 +169,7 @@ class Rig:
             capabilities=self.capabilities,
             journal=last.journal if keeps else {},
             now=self.now,
+            rules=self.rules.get(address, NO_RULES),
         )
 
     def publish(self, address: int, stream_id: int, value: object, **settings: Any) -> None:

@@ -248,7 +248,8 @@ def test_versions_run_round_without_end() -> None:
     water = rig()
     for number in range(300):
         want(water, 1, 10, *([2] if number % 2 else []))
-        water.run(1, lambda source, node, transmission: not 20 < number < 200)
+        heard = not 20 < number < 200
+        water.run(1, lambda source, node, transmission, heard=heard: heard)
     want(water, 1, 10, 2)
     water.run(1000)
     assert subscribers(water, 2, 10) == {1}

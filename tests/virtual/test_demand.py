@@ -7,23 +7,21 @@ from functools import partial
 import msgspec
 import pytest
 
-from tests.virtual.fleet import line
 from zacoustic.channel.nodefaults import JournalSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
+from zacoustic.core.events import Event
 from zacoustic.core.qos import Forward, Qos, Reliability
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.stories import random_story
-from zacoustic.testing.virtual import Modem, VirtualNetwork
+from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(10)
 VIEWS = (10, 11, 17, 40)
 LOG = 30
 ALWAYS = 12
 CALM_S = 3 * 3600.0
-ROUND_S = 600.0
+ROUND_S = 400.0
 LAST_RESTART_S = 300.0
 
 
@@ -83,13 +81,12 @@ class Watched:
             others = [each for each in self.network.addresses if each != address]
             sources = frozenset(each for each in others if self.rng.random() < 0.5)
             self.want(address, self.rng.choice((*VIEWS, LOG)), sources)
-        self.later(address, self.rng.expovariate(1 / 60), self.change)
+        mean_s = self.rng.choice((3, 3, 100))  # by fits and starts
+        self.later(address, self.rng.expovariate(1 / mean_s), self.change)
 
     def want(self, address: int, stream_id: int, sources: frozenset[int]) -> None:
         self.wanted[address][stream_id] = sources
-        self.network.apply(
-            address, lambda engine, now: engine.demand.want(stream_id, now, sources)
-        )
+        self.network.apply(address, lambda engine, now: engine.demand.want(stream_id, now, sources))
 
     def publish(self, address: int) -> None:
         if self.network.is_running(address):
@@ -126,7 +123,7 @@ class Watched:
         # When it is calm everybody says something now and then, wanted or not.
         start_s = self.until_s + LAST_RESTART_S
         for address in self.network.addresses:
-            for number, stream_id in enumerate((ALWAYS, *VIEWS, LOG, ALWAYS, *VIEWS, LOG)):
+            for number, stream_id in enumerate(4 * (ALWAYS, *VIEWS, LOG)):
                 at_s = start_s + ROUND_S * (number + address / 10)
                 self.network.at(at_s, partial(self.say, address, stream_id))
         self.network.run(until_s=start_s + CALM_S)

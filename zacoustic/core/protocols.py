@@ -12,6 +12,7 @@ from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
+from zacoustic.core.contact import Contact
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
@@ -24,6 +25,7 @@ from zacoustic.core.queue import TransmitQueue
 from zacoustic.core.ranging import Ranging
 from zacoustic.core.receiver import Receiver
 from zacoustic.core.repeating import Repeater
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.services import Services
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable
@@ -37,6 +39,7 @@ class Protocols:
         address: Address of the node.
         table: Its streams.
         epoch: Its boot epoch.
+        rules: What the config says.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of all randomness.
@@ -49,6 +52,7 @@ class Protocols:
         table: StreamTable,
         epoch: int,
         *,
+        rules: TransmitRules,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -60,6 +64,7 @@ class Protocols:
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
+        self.contact = Contact(address, table, rules.contact, rng, emit)
         self.ranging = Ranging(address, table, rng, emit)
         self.repeater = Repeater(queue, rng)
         self.demand = Demand(
@@ -142,6 +147,7 @@ class Protocols:
         )
         self.composer = Composer(queue, handshake, self.ranging, stats)
         self.composer.objects = self.large.objects
+        self.composer.contact = self.contact
         self._write_epoch()
 
     @property
@@ -201,6 +207,7 @@ class Protocols:
         self.sending.transmitted(composed.records)
         self.repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
+        self.contact.transmitted(transmission.destination, now)
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """A transmission has ended."""
@@ -217,6 +224,7 @@ class Protocols:
         self.repeater.expire(now)
         self.large.at(now).objects.expire(now)
         self.ranging.expire(now)
+        self.contact.expire(now)
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
@@ -227,6 +235,7 @@ class Protocols:
             self.repeater.next_due_at(),
             self.large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),
+            self.contact.next_deadline_at(),
         )
         return min((at for at in instants if at is not None), default=None)
 

@@ -1,8 +1,9 @@
-"""What the config says of transmitting: medium access, hours of silence, airtime."""
+"""What the config says of transmitting: medium access, silence, airtime, heartbeats."""
 
 import msgspec
 
 from zacoustic.core.access.spec import AccessSpec, TdmaSpec
+from zacoustic.core.contact import ContactRules
 from zacoustic.core.silence import QuietWindow
 
 
@@ -16,6 +17,9 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
+
+    contact: ContactRules = ContactRules()
+    """How often the node is to be heard, and when it misses others."""
 
     @property
     def clock_error_s(self) -> float:
