@@ -15,8 +15,11 @@ from zacoustic.core.events import (
     DeliveryEnded,
     JournalStateChanged,
     LinkStateChanged,
+    PeerFound,
+    PeerLost,
     PeerSeen,
     StreamsDiffer,
+    SubscribersChanged,
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
@@ -39,6 +42,9 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | PeerSeen
+    | PeerLost
+    | PeerFound
+    | SubscribersChanged
     | StreamsDiffer
     | PeerMeasured
     | ModemRead
