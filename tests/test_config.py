@@ -225,7 +225,11 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("journal", "~nobody-at-all/j", "(write the folder out)"),
     ("streams.0.journal", "yes", '.streams[0].journal: "yes"; allowed: true, false'),
     ("streams.2.journal", 1, ".streams[2].journal: 1; allowed: true, false"),
-    ("nodes.0.nmae", 2, '.nodes[0].nmae: unknown key; allowed: address, name (did you mean "name"'),
+    (
+        "nodes.0.nmae",
+        2,
+        ".nodes[0].nmae: unknown key; allowed: address, name, heartbeat_s, lost_after_s (did",
+    ),
     ("links.0.locater", 2, ".links[0].locater: unknown key; allowed: locator, wire, access (did "),
     ("types.0.feilds", 2, ".types[0].feilds: unknown key; allowed: name, fields, python (did you"),
     (
@@ -479,6 +483,16 @@ MISTAKES: list[tuple[str, object, str]] = [
         ".streams[0].journal: true for a best-effort topic, of which nothing is promised; allowed: "
         "with reliability: reliable (say reliability, or leave journal out)",
     ),
+    (
+        "streams.0.forward",
+        "never",
+        'streams[0].forward: "never"; allowed: always, on_demand',
+    ),
+    ("heartbeat_s", 0.5, ".heartbeat_s: 0.5; allowed: seconds, 1 or more"),
+    ("lost_after_s", 0, ".lost_after_s: 0; allowed: seconds, above 0"),
+    ("nodes.0.heartbeat_s", 0, ".nodes[0].heartbeat_s: 0; allowed: seconds, 1 or more"),
+    ("nodes.1.lost_after_s", -3, ".nodes[1].lost_after_s: -3; allowed: seconds, above 0"),
+    ("nodes.1.lost_after_s", "5m", '.nodes[1].lost_after_s: "5m"; allowed: seconds, above 0'),
     # later
     ("ros", {"domain": 0}, '.ros: {"domain": 0} is not available yet: ROS 2; allowed: types, to'),
     ("overlays", [], ".overlays: [] is not available yet: bounds for ROS 2 types; allowed: "),
@@ -503,7 +517,6 @@ MISTAKES: list[tuple[str, object, str]] = [
         '.streams[0].codec: "packed" is not available yet; allowed: cbor',
     ),
     ("streams.0.codec", "dense", '.streams[0].codec: "dense" is not available yet; allowed: cbor'),
-    ("streams.0.forward", "on_demand", '"on_demand" is not available yet; allowed: always'),
     (
         "streams.0.stamp",
         "time",

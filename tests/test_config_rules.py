@@ -14,6 +14,7 @@ from zacoustic.core.access import (
     TdmaSpec,
 )
 from zacoustic.core.access.spec import AccessSpec
+from zacoustic.core.contact import ContactRules
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import QuietWindow
 from zacoustic.errors import ConfigError
@@ -133,3 +134,66 @@ def test_permit_log_is_beside_the_file(tmp_path: Path) -> None:
     path = tmp_path / "fleet.json5"
     path.write_text('{ plugins: { acoustic: { address: 1, permit_log: "log/permit.jsonl" } } }')
     assert read_config(path).permit_log == tmp_path / "log" / "permit.jsonl"
+
+
+def _contact(nodes: list[dict[str, Any]], **section: object) -> ContactRules:
+    named = [{"name": f"n{each['address']}", **each} for each in nodes]
+    whole = {"address": 1, "nodes": named, **section}
+    return config_from_mapping(whole, source="test").rules.contact
+
+
+def test_times_of_the_section_are_for_every_node_that_says_no_other() -> None:
+    contact = _contact(
+        [{"address": 1}, {"address": 2}, {"address": 3, "heartbeat_s": 600, "lost_after_s": 3600}],
+        heartbeat_s=60,
+        lost_after_s=300,
+    )
+    assert contact == ContactRules(
+        heartbeat_s=60, lost_after_s={2: 300, 3: 3600}, others_lost_after_s=300
+    )
+    assert _contact([{"address": 1, "heartbeat_s": 60}, {"address": 2}]) == ContactRules(
+        heartbeat_s=60
+    )
+    assert _contact([{"address": 1}, {"address": 2, "lost_after_s": 9}]) == ContactRules(
+        lost_after_s={2: 9}
+    )
+    assert _contact([{"address": 1}]) == ContactRules()
+
+
+@pytest.mark.parametrize(
+    ("nodes", "section", "complaint"),
+    [
+        (
+            [{"address": 1}, {"address": 2, "heartbeat_s": 60, "lost_after_s": 90}],
+            {},
+            ".nodes[1].lost_after_s: 90 with heartbeat_s 60 of n2; allowed: 120 or more, twice "
+            "heartbeat_s",
+        ),
+        (
+            [{"address": 1}],
+            {"heartbeat_s": 60, "lost_after_s": 60},
+            "lost_after_s: 60 with heartbeat_s 60; allowed: 120 or more, twice heartbeat_s",
+        ),
+        (
+            [{"address": 1}, {"address": 2, "heartbeat_s": 600}],
+            {"lost_after_s": 300},
+            "acoustic.lost_after_s: 300 with heartbeat_s 600 of n2; allowed: 1200 or more",
+        ),
+    ],
+)
+def test_node_that_would_be_lost_before_it_can_be_heard_is_refused(
+    nodes: list[dict[str, Any]], section: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        _contact(nodes, **section)
+    assert complaint in str(caught.value)
+
+
+def test_on_demand_needs_somebody_who_could_be_asked() -> None:
+    stream = {"id": 1, "topic": "a", "forward": "on_demand"}
+    with pytest.raises(ConfigError, match=r"streams\[0\].publishers: is missing, and so is nodes"):
+        config_from_mapping({"address": 1, "streams": [stream]}, source="test")
+    table = config_from_mapping(
+        {"address": 1, "streams": [stream | {"publishers": [2]}]}, source="test"
+    ).table
+    assert table.by_id(1).is_on_demand

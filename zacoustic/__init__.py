@@ -31,10 +31,10 @@ from zacoustic.errors import (
 if TYPE_CHECKING:
     from zacoustic.config import Config, read_config
     from zacoustic.core.actions.news import GoalStatus
-    from zacoustic.core.events import DeliveryOutcome
+    from zacoustic.core.events import DeliveryOutcome, PeerFound, PeerLost, SubscribersChanged
     from zacoustic.core.measurements import Range
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
-    from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
+    from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
         ActionClient,
@@ -65,6 +65,7 @@ __all__ = [
     "Delivery",
     "DeliveryError",
     "DeliveryOutcome",
+    "Forward",
     "GoalHandle",
     "GoalResult",
     "GoalStatus",
@@ -81,6 +82,8 @@ __all__ = [
     "OutcomeUnknownError",
     "PayloadInvalidError",
     "PayloadTooLargeError",
+    "PeerFound",
+    "PeerLost",
     "Priority",
     "Publisher",
     "Qos",
@@ -94,6 +97,7 @@ __all__ = [
     "ServiceError",
     "SessionError",
     "Stamp",
+    "SubscribersChanged",
     "Subscription",
     "UnknownStreamError",
     "ZacousticError",
@@ -104,10 +108,10 @@ __all__ = [
 _HOMES: Final = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.actions.news": ("GoalStatus",),
-    "zacoustic.core.events": ("DeliveryOutcome",),
+    "zacoustic.core.events": ("DeliveryOutcome", "PeerFound", "PeerLost", "SubscribersChanged"),
     "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
-    "zacoustic.core.qos": ("Priority", "Qos", "Reliability", "Stamp"),
+    "zacoustic.core.qos": ("Forward", "Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",

@@ -20,9 +20,8 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 
-NO_RULES = TransmitRules()
-
 E = TypeVar("E", bound=Event)
+NO_RULES = TransmitRules()
 
 
 def link(**settings: Any) -> LinkCapabilities:
@@ -43,8 +42,8 @@ class End:
         capabilities: LinkCapabilities | None = None,
         commits: bool = True,
         journal: Mapping[str, bytes] = MappingProxyType({}),
-        rules: TransmitRules = NO_RULES,
         now: int = 0,
+        rules: TransmitRules = NO_RULES,
     ) -> None:
         self.address = address
         self.journal = dict(journal)
@@ -140,13 +139,18 @@ class Rig:
         tables: Mapping[int, StreamTable],
         *,
         capabilities: LinkCapabilities | None = None,
-        rules: TransmitRules = NO_RULES,
+        rules: Mapping[int, TransmitRules] = MappingProxyType({}),
     ) -> None:
         self.now = 0
         self.capabilities = capabilities or link()
         self.rules = rules
         self.ends = {
-            address: End(address, table, capabilities=self.capabilities, rules=rules)
+            address: End(
+                address,
+                table,
+                capabilities=self.capabilities,
+                rules=rules.get(address, NO_RULES),
+            )
             for address, table in tables.items()
         }
         self.frames: list[tuple[int, Transmission]] = []
@@ -164,8 +168,8 @@ class Rig:
             epoch=last.engine.epoch + 1,
             capabilities=self.capabilities,
             journal=last.journal if keeps else {},
-            rules=self.rules,
             now=self.now,
+            rules=self.rules.get(address, NO_RULES),
         )
 
     def publish(self, address: int, stream_id: int, value: object, **settings: Any) -> None:

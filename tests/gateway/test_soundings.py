@@ -1,6 +1,7 @@
 """What the modem measured, on the island: keys, dates, schedule, errors."""
 
 import json
+import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -20,8 +21,10 @@ from tests.gateway.islands import (
     zenoh_config,
 )
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.contact import Contact, ContactRules
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Measurements
+from zacoustic.core.streams import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
 from zacoustic.gateway.notices import RangingFailed
@@ -128,7 +131,9 @@ def test_notice_about_a_range_is_one_line() -> None:
 def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> None:
     now, unix_s = 100 * NS_PER_S, 1000.0
     known = Measurements()
-    soundings = Soundings(known, clock=lambda: now, unix_s=lambda: unix_s)
+    rules = ContactRules(lost_after_s={3: 50})
+    contact = Contact(1, StreamTable(), rules, random.Random(1), lambda event: None)
+    soundings = Soundings(known, contact, clock=lambda: now, unix_s=lambda: unix_s)
     assert soundings.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
     known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))
@@ -146,3 +151,13 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     known.handle(PeerMeasured(address=2, measured_at=now, metrics=delay))
     after: Any = soundings.documents()["peer/2/range"]
     assert after["measured_at_unix_s"] == 1100.4
+    contact.begin(190 * NS_PER_S)
+    key = "peer/3/lost"
+    here = {"lost": False, "since_unix_s": 1090.4, "heard_at_unix_s": None}
+    assert soundings.documents()[key] == here
+    contact.heard(3, 195 * NS_PER_S)
+    assert soundings.documents()[key] == here
+    now, unix_s = 250 * NS_PER_S, 1150.4
+    contact.expire(now)
+    gone = {"lost": True, "since_unix_s": 1150.4, "heard_at_unix_s": 1095.4}
+    assert soundings.documents()[key] == gone

@@ -1,3 +1,4 @@
+from zacoustic.core.qos import Forward, Qos
 from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.journal.forgotten import forgotten
 
@@ -15,6 +16,13 @@ def test_streams_that_lose_something_by_a_restart_are_named() -> None:
         "no journal, so a restart forgets calls of arm (one may run twice) and samples of log"
     )
     assert forgotten(StreamTable(SPECS), 3) == "no journal, so a restart forgets samples of log"
+    wanted = TopicSpec(
+        stream_id=6, name="view", publishers=(3,), qos=Qos(forward=Forward.ON_DEMAND)
+    )
+    assert forgotten(StreamTable([wanted]), 2) == ""
+    assert forgotten(StreamTable([wanted]), 3) == (
+        "no journal, so a restart forgets who wants view (until they hear anything of this node)"
+    )
 
 
 def test_nothing_is_said_where_nothing_is_lost() -> None:

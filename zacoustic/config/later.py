@@ -26,7 +26,6 @@ LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
     "durability": {"transient_local": "volatile"},
     "codec": {"packed": "cbor", "dense": "cbor"},
-    "forward": {"on_demand": "always"},
     "stamp": {"time": "none, age"},
 }
 """Values that are refused, and what is allowed instead, by key."""

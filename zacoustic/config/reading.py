@@ -9,6 +9,7 @@ import msgspec
 
 from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
+from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
@@ -155,7 +156,7 @@ def config_from_mapping(
         journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
-        rules=_read_rules(place, written, fleet),
+        rules=_read_rules(place, written, fleet, own),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -225,7 +226,7 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_rules(place: Place, written: Section, fleet: Fleet) -> TransmitRules:
+def _read_rules(place: Place, written: Section, fleet: Fleet, own: int) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
@@ -241,6 +242,7 @@ def _read_rules(place: Place, written: Section, fleet: Fleet) -> TransmitRules:
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=written.max_airtime,
         orders_from=orders_from,
+        contact=read_contact(place, written, own),
     )
 
 

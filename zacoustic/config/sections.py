@@ -8,8 +8,9 @@ from typing import Any, Final
 
 import msgspec
 
+from zacoustic.core.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.encoding import TYPED_ENCODINGS
-from zacoustic.core.qos import PRIORITY_NAMES, Reliability, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
 from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
 
@@ -72,7 +73,9 @@ ALLOWED: Final = {
     "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile"',
     "codec": '"cbor" for typed streams',
-    "forward": '"always"',
+    "forward": ", ".join(forward.value for forward in Forward),
+    "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
+    "lost_after_s": "seconds, above 0",
     "range": "a list of two numbers, [low, high]",
     "step": "a number above 0",
     "unit": "a text",
@@ -109,6 +112,10 @@ class NodeEntry(Entry, frozen=True, kw_only=True):
     """Acoustic address, 1…254."""
     name: str
     """Name, one chunk of a key: what `{node}` in a topic stands for."""
+    heartbeat_s: float | None = None
+    """How often the node is to be heard at least, s; none: as the section says."""
+    lost_after_s: float | None = None
+    """After how long without a sign of it the node counts as lost, s; none: as the section says."""
 
 
 class LinkEntry(Entry, frozen=True, kw_only=True):
@@ -273,6 +280,10 @@ class Section(Entry, frozen=True, kw_only=True):
     """Share of the time that this node may be on the air; none: no cap."""
     orders_from: tuple[int, ...] | None = None
     """Addresses of the nodes whose orders over the water are obeyed; none: those of `nodes`."""
+    heartbeat_s: float | None = None
+    """How often each node is to be heard at least, s; none: no heartbeats."""
+    lost_after_s: float | None = None
+    """After how long without a sign of it a node counts as lost, s; none: never."""
     permit_log: str | None = None
     """File to which each emission is appended, relative to the file's; none: nowhere."""
 

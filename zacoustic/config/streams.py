@@ -11,7 +11,7 @@ from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.qos import PRIORITY_NAMES, Qos, Reliability, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
@@ -65,7 +65,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         place.at("reliability"), entry.reliability, tuple(each.value for each in Reliability)
     )
     check_word(place.at("durability"), entry.durability, ("volatile",))
-    check_word(place.at("forward"), entry.forward, ("always",))
+    check_word(place.at("forward"), entry.forward, tuple(forward.value for forward in Forward))
     check_word(place.at("stamp"), entry.stamp, tuple(stamp.value for stamp in Stamp))
     _check_type(place.at("type"), entry.type, fleet)
     _check_codec(place, entry, is_typed=entry.type is not None)
@@ -86,9 +86,16 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             linger_s=entry.linger_s,
             max_airtime=entry.max_airtime,
             stamp=Stamp(entry.stamp),
+            forward=Forward(entry.forward),
         ),
     )
     _check_reliability(place, entry, fleet)
+    if qos.forward is Forward.ON_DEMAND and not (fleet.nodes or entry.publishers):
+        place.at("publishers").complain(
+            "is missing, and so is nodes: nobody is known who could be asked for the topic",
+            allowed=ALLOWED["publishers"],
+            hint="list the publishers here, or the fleet under nodes",
+        )
     return TopicSpec(
         stream_id=entry.id,
         name=entry.topic,

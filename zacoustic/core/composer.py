@@ -23,6 +23,7 @@ from collections.abc import Iterator
 import msgspec
 
 from zacoustic.core.age import encode_age
+from zacoustic.core.contact import Contact
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.frame import (
     DELIMITER_BYTES,
@@ -91,6 +92,8 @@ class Composer:
         self._stats = stats
         self.objects: Objects | None = None
         """Fragments, and what is to be said of those that arrived."""
+        self.contact: Contact | None = None
+        """Heartbeats."""
         self._since_introduction = 0
         self.port: LinkPort | None = None
         """The link: what medium access wants to say rides in the frames."""
@@ -110,7 +113,8 @@ class Composer:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
         payload_at = self._queue.due_at(now)
         others = (self._handshake.speak_next(), self._ranging.due(now))
-        instants = [payload_at, *(each and each[0] for each in others)]
+        heartbeat_at = self.contact.due_at if self.contact is not None else None
+        instants = [payload_at, heartbeat_at, *(each and each[0] for each in others)]
         earliest = min((at for at in instants if at is not None), default=None)
         if self.objects is None:
             return earliest
@@ -134,6 +138,8 @@ class Composer:
         )
         destination = first[1].destination if first else None
         urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
+        if not urgent and self._is_heartbeat_due(now):
+            return self._fill(envelope, BROADCAST, now, owed_first=False, must_go=Cause.HEARTBEAT)
         if self.objects is not None and not urgent:
             offer = self.objects.offer(now)
             # While an answer about an object is awaited, only objects go.
@@ -153,10 +159,17 @@ class Composer:
             if composed is not None:
                 return composed
         if not urgent and (wanted := self._ranging.due(now)) is not None and wanted[0] <= now:
-            return self._fill(envelope, wanted[1], now, owed_first=False, must_go=True)
+            return self._fill(envelope, wanted[1], now, owed_first=False, must_go=Cause.RANGE)
         if destination is None:
             return None
         return self._fill(envelope, destination, now, owed_first=False)
+
+    def _is_heartbeat_due(self, now: int) -> bool:
+        """Tell whether this node has to be heard; not while an answer is awaited."""
+        due_at = self.contact.due_at if self.contact is not None else None
+        if due_at is None or due_at > now:
+            return False
+        return self.objects is None or self.objects.hold_until(now) <= now
 
     def _overdue(self, now: int) -> int | None:
         """Return the peer for which a frame of its own is due, or None."""
@@ -214,7 +227,7 @@ class Composer:
         now: int,
         *,
         owed_first: bool,
-        must_go: bool = False,
+        must_go: Cause | None = None,
         answer: bool = False,
         only: LaneKey = (),
     ) -> Composed | None:
@@ -247,7 +260,10 @@ class Composer:
             room_bytes -= _size(late)
             owed += late
         elif must_go:
-            # No record, so no introduction: it would have to be answered, and that is not wanted.
+            if must_go is Cause.HEARTBEAT:
+                introduction = self._handshake.introduction(destination, room_bytes, now)
+                room_bytes -= len(introduction)
+            # For a range no introduction: it would have to be answered, and that is not wanted.
             owed = self._handshake.owed(destination, room_bytes, now)
             room_bytes -= _size(owed)
         owed = answers + owed
@@ -266,9 +282,9 @@ class Composer:
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
         if not introduction and not owed and not items:
-            if not must_go:
+            if must_go is None:
                 return None
-            owed = [(Cause.RANGE, PADDING)]
+            owed = [(must_go, PADDING)]
         records = introduction + b"".join(control for _, control in owed)
         self._stats.attribute(NO_STREAM, Cause.HELLO, len(introduction))
         for cause, control in owed:
@@ -302,7 +318,7 @@ class Composer:
         used_bytes = open_ended = 0
         last: Waiting | None = None
         for lane, item in self._concerning(destination, now, only):
-            needs_end = introduced or not item.delimits_itself
+            needs_end = item.needs_end(introduced=introduced)
             must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
             ends = open_ended + needs_end
             delimiters_bytes = DELIMITER_BYTES * max(0, ends - 1)
@@ -325,13 +341,13 @@ class Composer:
             record = bytearray(item.sync + item.prefix)
             if broadcast:
                 record += item.address
-            record.append(item.stream_id)
+            record.append(item.code)
             record += item.head
             if item.stamped:
                 record.append(encode_age(now - item.queued_at))
             header_bytes = len(record)
             record += item.payload
-            if item is not items[-1] and (introduced or not item.delimits_itself):
+            if item is not items[-1] and item.needs_end(introduced=introduced):
                 records += bytes((Control.LEN, len(record)))
                 header_bytes += DELIMITER_BYTES
             records += record
@@ -353,7 +369,7 @@ def _size(controls: list[tuple[Cause, bytes]]) -> int:
 
 def _open_end_last(chosen: list[Waiting], *, introduced: bool) -> list[Waiting]:
     """Move one record that needs an end to the last place; keep the order within a stream."""
-    open_ended = [item for item in chosen if introduced or not item.delimits_itself]
+    open_ended = [item for item in chosen if item.needs_end(introduced=introduced)]
     if not open_ended:
         return chosen
     too_long = [item for item in open_ended if item.size_bytes > LONGEST_DELIMITED_BYTES]

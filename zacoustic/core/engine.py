@@ -98,12 +98,23 @@ class Engine:
         emit = self._events.append
         self._journal = journal = JournalPort()
         self._protocols = protocols = Protocols(
-            address, table, epoch, journal=journal, stats=self.stats, rng=rng, emit=emit
+            address,
+            table,
+            epoch,
+            rules=rules,
+            journal=journal,
+            stats=self.stats,
+            rng=rng,
+            emit=emit,
         )
         self.ranging = protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
         self.actions = protocols.actions
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
+        self.demand = protocols.demand
+        """Commands about on-demand topics: `want`; and who wants them of this node."""
+        self.contact = protocols.contact
+        """Who is lost; to be read only."""
         self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self.orders = Orders(
@@ -128,6 +139,8 @@ class Engine:
         self.stats.bytes_received += len(frame.frame_bytes)
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
+            if isinstance(opened, Opened) and reason in (None, "not_for_us"):
+                self._protocols.contact.heard(opened.source, now)
             if reason is None and isinstance(opened, Opened):
                 self.measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, now)
@@ -161,6 +174,7 @@ class Engine:
     ) -> None:
         """The link went up or down; `capabilities` come with UP, and when they change."""
         self._now = now
+        self._protocols.contact.begin(now)
         if capabilities is not None and capabilities != self.capabilities:
             self._transmitter.use_link(capabilities, now)
         if state is not self._transmitter.link_state:
@@ -184,6 +198,7 @@ class Engine:
         own jitter, and every ten seconds at least where the engine is driven at all.
         """
         self._now = now
+        self._protocols.contact.begin(now)
         self.silence.handle_clock(offset_ns, now)
         self._transmitter.handle_clock(offset_ns, error_ns, now)
 

@@ -183,6 +183,37 @@ class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
     """Instant, ns."""
 
 
+class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Others subscribe to an on-demand topic of this node than before."""
+
+    stream_id: int
+    """The topic's stream."""
+    subscribers: tuple[int, ...]
+    """Addresses of those who do; none: its samples are not sent."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
+    """Nothing was heard of a node for as long as the config says."""
+
+    address: int
+    """The node."""
+    heard_at: int | None
+    """Instant at which it was heard last, ns; None: not in this life."""
+    lost_at: int
+    """Instant at which it counts as lost, ns."""
+
+
+class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
+    """A node that was lost is heard again."""
+
+    address: int
+    """The node."""
+    found_at: int
+    """Instant, ns."""
+
+
 class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """The link went up or down."""
 
@@ -233,6 +264,9 @@ Event = (
     | StreamTuned
     | JournalStateChanged
     | PeerSeen
+    | PeerLost
+    | PeerFound
+    | SubscribersChanged
     | StreamsDiffer
     | DeliveryStored
     | DeliveryEnded

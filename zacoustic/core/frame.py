@@ -30,6 +30,7 @@ from zacoustic.core.access.controls import (
     ClockTime,
     Turn,
 )
+from zacoustic.core.demand.wire import SUBSCRIBE_BYTES, SUBSCRIBE_CODE, Subscribe
 from zacoustic.core.encoding import decode_prefix
 from zacoustic.core.objects.wire import Feedback, Fragment, decode_feedback, decode_fragment
 
@@ -73,6 +74,9 @@ class Control(enum.IntEnum):
     (`zacoustic.core.objects`)."""
     FEEDBACK = 0xBB
     """Transfer (1) and more: what a receiver says of an object."""
+    SUBSCRIBE = SUBSCRIBE_CODE
+    """Page (1), version (1), streams (1): what a node wants of another one
+    (`zacoustic.core.demand`)."""
     CLOCK = 0xBD
     """Time (6), its error (1): network time at the first bit of this frame
     (`zacoustic.core.access.controls`)."""
@@ -191,7 +195,19 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-Item = Hello | Tag | Confirm | Ask | TableRow | AccessControl | Fragment | Feedback | Record | Stray
+Item = (
+    Hello
+    | Tag
+    | Confirm
+    | Ask
+    | TableRow
+    | AccessControl
+    | Fragment
+    | Feedback
+    | Subscribe
+    | Record
+    | Stray
+)
 
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
 """``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.
@@ -206,6 +222,7 @@ _CONTROL_SIZES: Final = {
     Control.CONFIRM: 4,
     Control.ASK: 3,
     Control.TABLE: 8,
+    Control.SUBSCRIBE: SUBSCRIBE_BYTES,
     Control.CLOCK: CLOCK_BYTES,
     Control.TURN: TURN_BYTES,
 }
@@ -276,6 +293,8 @@ def _parse_control(frame: bytes, offset: int) -> Item:
         return Confirm(body[0], int.from_bytes(body[1:3], "big"))
     if code == Control.ASK:
         return Ask(body[0], body[1])
+    if code == Control.SUBSCRIBE:
+        return Subscribe.decode(body)
     if code == Control.CLOCK:
         return ClockTime.decode(body)
     if code == Control.TURN:

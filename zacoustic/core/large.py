@@ -9,6 +9,7 @@ import random
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from zacoustic.core.demand.demand import Demand
 from zacoustic.core.events import (
     DeliveryEnded,
     DeliveryOutcome,
@@ -45,6 +46,7 @@ class LargeSamples:
         address: Address of the node.
         table: Its streams.
         handshake: Knows whether the tables agree.
+        demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of randomness.
@@ -58,6 +60,7 @@ class LargeSamples:
         table: StreamTable,
         *,
         handshake: Handshake,
+        demand: Demand,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -67,6 +70,7 @@ class LargeSamples:
         self._address = address
         self._table = table
         self._handshake = handshake
+        self._demand = demand
         self._stats = stats
         self._emit = emit
         self._hand_on = hand_on
@@ -104,7 +108,12 @@ class LargeSamples:
             QueueFullError: Too many objects are on their way.
         """
         self._now = now
-        receivers = tuple(each for each in self._receivers(stream) if each != self._address)
+        audience = self._demand.audience(stream)
+        receivers = tuple(
+            each
+            for each in self._receivers(stream)
+            if each != self._address and (audience is None or each in audience)
+        )
         if not receivers:
             raise LocalError(
                 f"{stream.name}: nobody is listed who could receive an object",
@@ -123,6 +132,12 @@ class LargeSamples:
             exclusive=stream.qos.exclusive,
             lifespan_s=stream.qos.lifespan_s,
         )
+
+    def cancel_stream(self, stream: Stream, now: int) -> None:
+        """Give up all objects of a topic: nobody subscribes to it any more."""
+        self._now = now
+        for object_id in self.objects.under_way(stream.stream_id):
+            self.objects.cancel(object_id, now)
 
     def at(self, now: int) -> "LargeSamples":
         """Note the instant, for what is asked of the table and told to the application."""

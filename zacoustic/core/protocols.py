@@ -5,13 +5,15 @@ airtimes. What concerns all of them (a link, a report, the timer) is passed on f
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 
 from zacoustic.core.actions.actions import Actions
 from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
+from zacoustic.core.contact import Contact
+from zacoustic.core.demand.demand import Demand
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
@@ -23,9 +25,10 @@ from zacoustic.core.queue import TransmitQueue
 from zacoustic.core.ranging import Ranging
 from zacoustic.core.receiver import Receiver
 from zacoustic.core.repeating import Repeater
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.services import Services
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.topics import Topics
 
 
@@ -36,6 +39,7 @@ class Protocols:
         address: Address of the node.
         table: Its streams.
         epoch: Its boot epoch.
+        rules: What the config says.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of all randomness.
@@ -48,6 +52,7 @@ class Protocols:
         table: StreamTable,
         epoch: int,
         *,
+        rules: TransmitRules,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -59,9 +64,28 @@ class Protocols:
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
+        self.contact = Contact(address, table, rules.contact, rng, emit)
         self.ranging = Ranging(address, table, rng, emit)
+        self.repeater = Repeater(queue, rng, handshake.introduce)
+        self.demand = Demand(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            handshake=handshake,
+            journal=journal,
+            changed=self._audience_changed,
+            emit=emit,
+        )
         self.sending = ReliableSending(
-            address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
+            address,
+            table,
+            queue=queue,
+            handshake=handshake,
+            demand=self.demand,
+            journal=journal,
+            rng=rng,
+            emit=emit,
         )
         self.receiving = ReliableReceiving(
             address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
@@ -70,6 +94,7 @@ class Protocols:
             address,
             table,
             handshake=handshake,
+            demand=self.demand,
             journal=journal,
             stats=stats,
             rng=rng,
@@ -83,10 +108,10 @@ class Protocols:
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
+            demand=self.demand,
             emit=self._hand_on,
         )
         self.topics.large = self.large
-        self.repeater = Repeater(queue, rng, handshake.introduce)
         self.services = Services(
             address,
             table,
@@ -117,10 +142,12 @@ class Protocols:
             self.actions,
             self.sending,
             self.large,
+            self.demand,
             stats,
         )
         self.composer = Composer(queue, handshake, self.ranging, stats)
         self.composer.objects = self.large.objects
+        self.composer.contact = self.contact
         self._write_epoch()
 
     @property
@@ -135,6 +162,7 @@ class Protocols:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
+        self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.services.recover(stored)
@@ -179,6 +207,7 @@ class Protocols:
         self.sending.transmitted(composed.records)
         self.repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
+        self.contact.transmitted(transmission.destination, now)
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """A transmission has ended."""
@@ -195,6 +224,7 @@ class Protocols:
         self.repeater.expire(now)
         self.large.at(now).objects.expire(now)
         self.ranging.expire(now)
+        self.contact.expire(now)
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
@@ -205,6 +235,7 @@ class Protocols:
             self.repeater.next_due_at(),
             self.large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),
+            self.contact.next_deadline_at(),
         )
         return min((at for at in instants if at is not None), default=None)
 
@@ -216,6 +247,9 @@ class Protocols:
             return False
         self.begin_epoch(now)
         return True
+
+    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        self.topics.audience_changed(stream, newcomers, now)
 
     def _write_epoch(self) -> None:
         self._epochs_to_keep += 1

@@ -63,6 +63,15 @@ class Stamp(enum.Enum):
     """One byte, written when the frame is composed; see `zacoustic.core.age`."""
 
 
+class Forward(enum.Enum):
+    """When samples cross the water."""
+
+    ALWAYS = "always"
+    """Whoever listens, and whether anybody does."""
+    ON_DEMAND = "on_demand"
+    """Only to nodes that have subscribed (`zacoustic.core.demand`)."""
+
+
 class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """How a stream's payloads wait, and for how long they are worth sending."""
 
@@ -81,6 +90,8 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """How long a sample may wait for company in its frame, s, ≥ 0; REAL_TIME never lingers."""
     stamp: Stamp = Stamp.NONE
     """What tells the far side the age."""
+    forward: Forward = Forward.ALWAYS
+    """When samples cross the water."""
     exclusive: bool = False
     """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
     nobody else is heard meanwhile."""

@@ -50,6 +50,7 @@ class Waiting:
         address: What stands behind the prefix in a broadcast frame, where the destination of the
             frame does not say whom it concerns.
         cause: Why its bytes are on the water; None: header and payload.
+        code: First byte of the record where it is not the id of its stream: a control.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.
     """
@@ -58,6 +59,7 @@ class Waiting:
         "_fixed_bytes",
         "address",
         "cause",
+        "code",
         "delimits_itself",
         "destination",
         "expires_at",
@@ -86,8 +88,10 @@ class Waiting:
         address: bytes = b"",
         cause: Cause | None = None,
         expires_at: int | None = None,
+        code: int | None = None,
     ) -> None:
         self.stream_id = stream_id
+        self.code = stream_id if code is None else code
         self.destination = destination
         self.prefix = prefix
         self.head = head
@@ -107,6 +111,15 @@ class Waiting:
     def size_bytes(self) -> int:
         """Bytes of the record at most, from its first prefix to its last."""
         return self._fixed_bytes + len(self.sync)
+
+    def needs_end(self, *, introduced: bool) -> bool:
+        """Tell whether only LEN, or the end of the frame, shows where the record ends.
+
+        Args:
+            introduced: It is behind HELLO or TAG, where a receiver measures no stream's content.
+        """
+        is_control = self.code != self.stream_id
+        return not self.delimits_itself or (introduced and not is_control)
 
 
 class Lane:
@@ -286,6 +299,20 @@ class TransmitQueue:
         if lane is not None:
             lane.items.clear()
             self._settle(lane)
+
+    def drop_stream(self, stream_id: int) -> int:
+        """Take back all payloads of a stream; returns how many."""
+        dropped = self.pending(stream_id)
+        for key in [key for key in self._busy if key[0] == stream_id]:
+            self.drop_lane(key)
+        return dropped
+
+    def readdress(self, stream_id: int, destination: int) -> None:
+        """Send what waits of a stream to another node, or to all."""
+        for lane in self._busy.values():
+            if lane.key[0] == stream_id:
+                for item in lane.items:
+                    item.destination = destination
 
     def limit(self, largest_bytes: int) -> list[Waiting]:
         """Set the largest record, and take back and return what is larger."""

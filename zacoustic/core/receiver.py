@@ -17,6 +17,7 @@ not_subscriber``
 ``unexpected_answer     an answer to no call, or too late; a request that came before
 repeated_request
 repeated_goal``
+``stale_letter``        subscriptions of a node as they were before
 ``repeated_sample       a reliable sample that came before; one whose count is not known here
 out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
@@ -37,6 +38,8 @@ from zacoustic.core.access.controls import AccessControl, ClockTime, Turn
 from zacoustic.core.actions.actions import Actions
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.content import measure_content
+from zacoustic.core.demand.demand import Demand
+from zacoustic.core.demand.wire import Subscribe
 from zacoustic.core.envelope import Opened
 from zacoustic.core.frame import (
     WIRE_VERSION,
@@ -71,6 +74,7 @@ class Receiver:
         actions: Takes what is said about goals.
         sending: Is told who is heard, and who has forgotten us.
         large: Takes fragments of objects, and what receivers say of them.
+        demand: Takes subscriptions.
         stats: Counts what is dropped.
     """
 
@@ -83,6 +87,7 @@ class Receiver:
         actions: Actions,
         sending: ReliableSending,
         large: LargeSamples,
+        demand: Demand,
         stats: EngineStats,
     ) -> None:
         self._table = table
@@ -92,6 +97,7 @@ class Receiver:
         self._actions = actions
         self._sending = sending
         self._large = large
+        self._demand = demand
         self._stats = stats
         self.handle_access: Callable[[int, AccessControl, ReceivedFrame, int], None] | None = None
         """Takes controls of medium access: source, control, frame, now."""
@@ -120,6 +126,7 @@ class Receiver:
                     self._services.client_restarted(source, item.epoch, now)
                     self._actions.peer_restarted(source, now)
                     self._sending.lost_sync(source, now)
+                    self._demand.publisher_restarted(source, now)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
@@ -130,6 +137,11 @@ class Receiver:
             elif isinstance(item, Fragment | Feedback):
                 streams.append(NO_STREAM)
                 reason = self._handle_object(opened, item, received, now)
+                if reason is not None:
+                    self._stats.drop(reason)
+            elif isinstance(item, Subscribe):
+                streams.append(NO_STREAM)
+                reason = self._handle_letter(opened, epoch, item, now)
                 if reason is not None:
                     self._stats.drop(reason)
             elif isinstance(item, ClockTime | Turn):
@@ -154,6 +166,13 @@ class Receiver:
         if opened.destination == BROADCAST:
             return "not_for_us"
         return objects.feedback(opened.source, item, now)
+
+    def _handle_letter(
+        self, opened: Opened, epoch: int | None, letter: Subscribe, now: int
+    ) -> str | None:
+        if opened.destination == BROADCAST:
+            return "not_for_us"
+        return self._demand.receive(opened.source, epoch, letter, now)
 
     def _handle_record(
         self,

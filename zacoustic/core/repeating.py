@@ -48,7 +48,7 @@ class Repetition:
         "until",
     )
 
-    def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int) -> None:
+    def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int | None) -> None:
         self.key = key
         self.record = record
         self.qos = qos
@@ -106,16 +106,16 @@ class Repeater:
         record: RepeatedRecord,
         qos: Qos,
         *,
-        until: int,
+        until: int | None,
         introduces: bool = False,
     ) -> Repetition:
-        """Send a record until it is stopped, or until an instant, ns.
+        """Send a record until it is stopped, or until an instant, ns, if there is one.
 
         Args:
             key: Where it waits.
             record: The record.
             qos: How it waits.
-            until: End, ns.
+            until: End, ns; None: none.
             introduces: Each frame with it is to be readable for a node that has forgotten us.
         """
         peer = record.destination
@@ -192,8 +192,9 @@ class Repeater:
 
     def expire(self, now: int) -> None:
         """Repeat what is due; forget what nobody wants any more."""
-        for repetition in [each for each in self._repetitions if each.until <= now]:
-            self.stop(repetition, now)
+        for repetition in list(self._repetitions):
+            if repetition.until is not None and repetition.until <= now:
+                self.stop(repetition, now)
         if self._times is None:
             return
         room: dict[int, int] = {}
@@ -219,8 +220,9 @@ class Repeater:
         for repetition in self._repetitions:
             at = repetition.until
             if repetition.stage is _Stage.SENT:
-                at = min(at, self._ready_at(repetition))
-            if earliest is None or at < earliest:
+                ready_at = self._ready_at(repetition)
+                at = ready_at if at is None else min(at, ready_at)
+            if at is not None and (earliest is None or at < earliest):
                 earliest = at
         return earliest
 

@@ -1,8 +1,9 @@
-"""What the config says of transmitting: medium access, hours of silence, airtime, orders."""
+"""What the config says of transmitting: medium access, silence, airtime, orders, heartbeats."""
 
 import msgspec
 
 from zacoustic.core.access.spec import AccessSpec, TdmaSpec
+from zacoustic.core.contact import ContactRules
 from zacoustic.core.silence import QuietWindow
 
 
@@ -19,6 +20,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
 
     orders_from: frozenset[int] | None = None
     """Addresses of the nodes whose orders over the water this one obeys; None: those listed."""
+    contact: ContactRules = ContactRules()
+    """How often the node is to be heard, and when it misses others."""
 
     @property
     def clock_error_s(self) -> float:

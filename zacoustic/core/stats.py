@@ -37,6 +37,10 @@ class Cause(enum.Enum):
     """Padding of a frame that goes for its range alone."""
     ACCESS = "access"
     """Medium access: turns, pauses, the time."""
+    SUBSCRIBE = "subscribe"
+    """Subscriptions to on-demand topics, and their answers."""
+    HEARTBEAT = "heartbeat"
+    """A frame that says that the node is there, where nothing else was to be said."""
 
 
 NO_STREAM: Final = 0
@@ -69,6 +73,8 @@ class EngineStats:
         """What came off the water and was dropped, by reason."""
         self.published: dict[int, int] = {}
         """Payloads accepted from the application, by stream."""
+        self.unsubscribed: dict[int, int] = {}
+        """Samples of on-demand topics that were not sent for want of a subscriber, by stream."""
         self.transmitted: dict[int, int] = {}
         """Records transmitted, by stream."""
         self.received: dict[int, int] = {}

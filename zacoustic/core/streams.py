@@ -29,7 +29,7 @@ from zacoustic.core.orders.words import (
     order_types,
 )
 from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
-from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
+from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
@@ -176,16 +176,26 @@ class Stream:
         description = msgspec.json.encode(self._description())
         self.digest = hashlib.sha256(description).digest()[:DIGEST_BYTES]
         """Changes with everything both ends must agree on."""
+        self.is_on_demand = isinstance(spec, TopicSpec) and spec.qos.forward is Forward.ON_DEMAND
+        """Samples cross the water only to nodes that have subscribed."""
+        if self.is_on_demand and not (node_names or self._publishers):
+            raise ConfigError(
+                "forward: on_demand, and nobody is known who could be asked; allowed: with nodes "
+                "listed, or publishers"
+            )
 
     def may_publish(self, address: int) -> bool:
         """Tell whether samples of this topic may come from that node; always for others."""
-        publishers = self.spec.publishers if isinstance(self.spec, TopicSpec) else None
-        return publishers is None or address in publishers
+        return self._publishers is None or address in self._publishers
 
     def may_subscribe(self, address: int) -> bool:
         """Tell whether that node listens to this topic; always for others."""
         subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
         return subscribers is None or address in subscribers
+
+    @property
+    def _publishers(self) -> tuple[int, ...] | None:
+        return self.spec.publishers if isinstance(self.spec, TopicSpec) else None
 
     def _description(self) -> list[object]:
         spec = self.spec
@@ -207,6 +217,9 @@ class Stream:
         if spec.qos.reliability is Reliability.RELIABLE:
             # A receiver knows from the depth what is over; see zacoustic.core.arq.
             description += [spec.qos.reliability.value, spec.qos.depth]
+        if spec.qos.forward is Forward.ON_DEMAND:
+            # Whoever takes it for another one never subscribes.
+            description.append(spec.qos.forward.value)
         return description
 
 

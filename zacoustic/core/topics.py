@@ -4,7 +4,7 @@ A best-effort sample crosses once or not at all; a reliable one is handed to `za
 What a record consists of is told in `zacoustic.core.content`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Final
 
 from zacoustic.core.age import decode_age_s
@@ -12,6 +12,7 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.core.arq.receiving import LEAST_ACK_BYTES, Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.demand.demand import Demand
 from zacoustic.core.encoding import encode_prefix
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Record
@@ -40,6 +41,7 @@ class Topics:
         stats: Counts.
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
+        demand: Knows who has subscribed to on-demand topics.
         emit: Takes the events.
     """
 
@@ -52,6 +54,7 @@ class Topics:
         stats: EngineStats,
         sending: ReliableSending,
         receiving: ReliableReceiving,
+        demand: Demand,
         emit: Callable[[SampleReceived], None],
     ) -> None:
         self._address = address
@@ -60,6 +63,7 @@ class Topics:
         self._stats = stats
         self._sending = sending
         self._receiving = receiving
+        self._demand = demand
         self._emit = emit
         self.large: LargeSamples | None = None
         """Takes what fits no frame."""
@@ -97,6 +101,12 @@ class Topics:
             self._sending.check(stream)
             needed_bytes += SYNC_BYTES + NUMBER_BYTES
             needed_bytes = max(needed_bytes, LEAST_ACK_BYTES + len(instance))
+        if self._demand.audience(stream) == frozenset():
+            count(self._stats.published, stream_id)
+            count(self._stats.unsubscribed, stream_id)
+            if not reliable:
+                return NO_DELIVERY
+            return self._demand.refuse(stream, self._sending.next_delivery_id(), now)
         largest_bytes = self._queue.largest_bytes
         is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
         if is_large and not delete and self.large is not None:
@@ -121,7 +131,7 @@ class Topics:
             )
         item = Waiting(
             stream_id=stream_id,
-            destination=self._destination(spec),
+            destination=self._destination(stream, spec),
             prefix=prefix,
             head=bytes(instance),
             payload=payload,
@@ -141,6 +151,8 @@ class Topics:
             return "not_publisher"
         if not stream.may_subscribe(self._address):
             return "not_subscriber"
+        is_alone = received.destination == self._address
+        self._demand.sample_received(source, stream, now, is_alone=is_alone)
         prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, content = tuple(record.content[:wild]), record.content[wild:]
@@ -175,7 +187,7 @@ class Topics:
                 sync=prefixes.sync,
                 low_number=low_number,
                 sample=sample,
-                is_alone=received.destination == self._address,
+                is_alone=is_alone,
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             return self._receiving.receive(stream, arrival, now)
@@ -193,14 +205,29 @@ class Topics:
         instance = tuple(record.content[:wild])
         return self._sending.acknowledged(source, stream, instance, ack, record.prefixes.sync, now)
 
+    def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        """Others subscribe to an on-demand topic than before: what waits is for those."""
+        audience = self._demand.audience(stream)
+        if stream.qos.reliability is Reliability.RELIABLE:
+            self._sending.audience_changed(stream, newcomers, now)
+            if not audience and self.large is not None:
+                self.large.cancel_stream(stream, now)
+        elif audience:
+            self._queue.readdress(stream.stream_id, self._demand.destination(stream))
+        else:
+            for _ in range(self._queue.drop_stream(stream.stream_id)):
+                count(self._stats.unsubscribed, stream.stream_id)
+
     def _topic(self, stream_id: int) -> tuple[Stream, TopicSpec]:
         stream = self._table.by_id(stream_id)
         if not isinstance(stream.spec, TopicSpec):
             raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
         return stream, stream.spec
 
-    def _destination(self, spec: TopicSpec) -> int:
+    def _destination(self, stream: Stream, spec: TopicSpec) -> int:
         """Return the one subscriber of a topic, or `BROADCAST`."""
+        if stream.is_on_demand:
+            return self._demand.destination(stream)
         if spec.subscribers is None:
             return BROADCAST
         others = [address for address in spec.subscribers if address != self._address]

@@ -11,6 +11,8 @@ from zacoustic.core.events import (
     Event,
     JournalStateChanged,
     LinkStateChanged,
+    PeerFound,
+    PeerLost,
     PeerSeen,
     RequestReceived,
     ResponseReceived,
@@ -18,6 +20,7 @@ from zacoustic.core.events import (
     SilenceChanged,
     StreamsDiffer,
     StreamTuned,
+    SubscribersChanged,
 )
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
@@ -29,10 +32,13 @@ from zacoustic.gateway.notices import (
     JournalChanged,
     LinkChanged,
     Notify,
+    PeerBack,
     PeerHeard,
+    PeerMissed,
     RangingFailed,
     SilenceKept,
     StreamDiffers,
+    Subscribed,
     TopicTuned,
 )
 from zacoustic.gateway.orders import OrderDesk
@@ -114,12 +120,19 @@ class Exchange:
                 self._notify(
                     PeerHeard(
                         address=event.address,
-                        name=self._table.nodes.get(event.address, ""),
+                        name=self._name(event.address),
                         epoch=event.epoch,
                         same_table=event.same_table,
                         wire_version=event.wire_version,
                     )
                 )
+            case PeerLost():
+                self._notify(PeerMissed(address=event.address, name=self._name(event.address)))
+            case PeerFound():
+                self._notify(PeerBack(address=event.address, name=self._name(event.address)))
+            case SubscribersChanged():
+                name = self._table.by_id(event.stream_id).name
+                self._notify(Subscribed(stream=name, subscribers=event.subscribers))
             case StreamsDiffer():
                 self._health.note_difference(event)
                 stream = self._table.get(event.stream_id)
@@ -147,3 +160,6 @@ class Exchange:
         self._topics.drain(engine, now)
         self._services.drain(engine, now)
         self._health.touch()
+
+    def _name(self, address: int) -> str:
+        return self._table.nodes.get(address, "")

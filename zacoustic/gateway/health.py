@@ -9,12 +9,13 @@ answered to a `get`:
 ``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
 ``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
               each reliable topic how many samples ended in which way, and how many have not; for
-              each topic that this node publishes whether it is on, least interval and priority
+              each topic that this node publishes whether it is on, least interval and priority; for
+              each on-demand topic who wants it, and who is asked for it
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
 
-and what the modem measured, by `soundings`: ``peer/ADDRESS/range``, ``…/position``,
+and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/range``, ``…/position``,
 ``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
@@ -87,7 +88,8 @@ class Health:
         self._published: dict[str, bytes] = {}
         self._seen: dict[int, PeerSeen] = {}
         self._heard_at_unix_s: dict[int, float] = {}
-        self._soundings = Soundings(runner.engine.measurements, clock=clock)
+        engine = runner.engine
+        self._soundings = Soundings(engine.measurements, engine.contact, clock=clock)
         self._differing: dict[int, set[int]] = {}
         self._outcomes: dict[int, dict[str, int]] = {}
 
@@ -236,6 +238,7 @@ class Health:
                     "waiting": engine.pending(stream.stream_id),
                     **self._deliveries(stream),
                     **self._tuning(stream),
+                    **self._demands(stream),
                 }
                 for stream in engine.table
             ],
@@ -266,6 +269,15 @@ class Health:
             "priority": qos.priority.name.lower(),
         }
 
+    def _demands(self, stream: Stream) -> dict[str, list[int]]:
+        """Return who wants an on-demand topic, and who is asked for it."""
+        demand = self._engine.demand
+        audience = demand.audience(stream)
+        if audience is None:
+            return {}
+        asked = demand.wanted(stream.stream_id)
+        return {"subscribers": sorted(audience), "subscribed_to": sorted(asked)}
+
     def _dropped(self) -> dict[str, object]:
         engine = self._engine
         return {
@@ -273,6 +285,9 @@ class Health:
             "island": self._losses(),
             "expired": {self._name(each): count for each, count in engine.expired.items()},
             "superseded": {self._name(each): count for each, count in engine.superseded.items()},
+            "unsubscribed": {
+                self._name(each): count for each, count in engine.stats.unsubscribed.items()
+            },
         }
 
     def _name(self, stream_id: int) -> str:

@@ -28,6 +28,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
+from zacoustic.gateway.onlookers import Onlookers
 from zacoustic.gateway.orders import OrderDesk
 from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
@@ -128,6 +129,7 @@ class Junction:
         self._actions = Actions(
             address, table, island, self._complaints, runner=self.runner, clock=clock
         )
+        self._onlookers = Onlookers(table, island, self.siblings, self.runner, ring=ring)
         self._routes = Routes(
             table,
             island,
@@ -135,6 +137,7 @@ class Junction:
             topics=self._topics,
             services=self._services,
             actions=self._actions,
+            onlookers=self._onlookers,
             desk=self._desk,
             runner=self.runner,
         )
@@ -182,6 +185,7 @@ class Junction:
         """Stop in the order that leaves nobody waiting."""
         self._is_closing = True
         self._desk.close()
+        self._onlookers.close()
         self._services.close()
         self._actions.close()
         self._health.close()
@@ -220,6 +224,7 @@ class Junction:
             self._take_presence()
             for held, serve in self._desk.take():
                 serve(held)
+            self._onlookers.settle()
             self.runner.apply(self._exchange.drain)
         except LinkClosedError:
             return  # the runner has failed, and `wait_failed` says so

@@ -141,6 +141,46 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
         return [f"peer      {self.address} {self.name} with {table}, epoch {self.epoch}"]
 
 
+class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
+    """Nothing was heard of a node for as long as the file says."""
+
+    address: int
+    """The node."""
+    name: str = ""
+    """Its name in `nodes`."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"lost      {self.address} {self.name}: nothing is heard of it".replace(" :", ":")]
+
+
+class PeerBack(Notice, frozen=True, kw_only=True, tag="found"):
+    """A node that was lost is heard again."""
+
+    address: int
+    """The node."""
+    name: str = ""
+    """Its name in `nodes`."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"found     {self.address} {self.name}".rstrip()]
+
+
+class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
+    """Others subscribe to an on-demand topic of this node than before."""
+
+    stream: str
+    """Name of the topic."""
+    subscribers: tuple[int, ...]
+    """Addresses of those who do."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        who = ", ".join(map(str, self.subscribers)) or "nobody"
+        return [f"wanted    {self.stream} by {who}"]
+
+
 class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
     """A node defines a stream in another way; it is stopped between the two."""
 

@@ -9,6 +9,8 @@ deliver    a queryable                the keys that come from beyond the water; 
                                       storage on the island may know more
 proxy      a complete queryable       the service's name, or all keys of the action
 attend     a subscriber               the feedback of the program that serves the action
+watch      publishers that put        the keys of an on-demand topic that is delivered here:
+           nothing                    Zenoh tells them whether anybody subscribes
 =========  =========================  ====================================================
 
 Each of them costs a thread of Zenoh's. Declaring may block, so it is done in the worker, in order.
@@ -21,6 +23,7 @@ import zenoh
 
 from zacoustic.core.streams import ActionSpec, Stream, StreamTable
 from zacoustic.gateway.actions import Actions
+from zacoustic.gateway.onlookers import Lookout, Onlookers
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
@@ -33,8 +36,9 @@ FORWARD: Final = "forward"
 DELIVER: Final = "deliver"
 PROXY: Final = "proxy"
 ATTEND: Final = "attend"
+WATCH: Final = "watch"
 
-Entity: TypeAlias = "zenoh.Subscriber[None] | zenoh.Queryable[None]"
+Entity: TypeAlias = "zenoh.Subscriber[None] | zenoh.Queryable[None] | Lookout"
 """What is declared for one job on one stream."""
 
 
@@ -48,6 +52,7 @@ class Routes:
         topics: Takes samples, answers a `get` on a topic.
         services: Takes calls.
         actions: Takes goals, and feedback.
+        onlookers: Watches who subscribes to on-demand topics.
         desk: Takes queries from Zenoh's threads.
         runner: Gives calls to the engine.
     """
@@ -61,6 +66,7 @@ class Routes:
         topics: Topics,
         services: Services,
         actions: Actions,
+        onlookers: Onlookers,
         desk: QueryDesk,
         runner: LinkRunner,
     ) -> None:
@@ -72,6 +78,7 @@ class Routes:
         self._topics = topics
         self._services = services
         self._actions = actions
+        self._onlookers = onlookers
         self._desk = desk
         self._runner = runner
         # Of the worker alone.
@@ -87,6 +94,7 @@ class Routes:
                 (DELIVER, self._siblings.delivers(stream)),
                 (PROXY, self._siblings.proxies(stream)),
                 (ATTEND, self._siblings.attends(stream)),
+                (WATCH, stream.is_on_demand and self._siblings.delivers(stream)),
             )
             if is_ours
         )
@@ -97,6 +105,7 @@ class Routes:
         for job, stream_id in sorted(new):
             stream = self._table.by_id(stream_id)
             self._island.worker.submit(partial(self._declare, job, stream))
+        self._onlookers.watch({stream_id for job, stream_id in wanted if job == WATCH})
 
     def undeclare(self) -> None:
         """Undeclare everything; in the worker."""
@@ -118,6 +127,8 @@ class Routes:
                 self._island.callback(self._actions.ear(stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
+        elif job == WATCH:
+            entity = self._onlookers.declare(stream)
         else:
             key, serve = self._served(job, stream)
             entity = session.declare_queryable(
@@ -131,7 +142,7 @@ class Routes:
     def _undeclare(self, key: tuple[str, int]) -> None:
         entity = self._declared.pop(key, None)
         if entity is not None:
-            entity.undeclare()  # type: ignore[no-untyped-call]
+            entity.undeclare()
 
     def _served(self, job: str, stream: Stream) -> tuple[str, Serve]:
         """Return the key of a queryable, and who answers there."""

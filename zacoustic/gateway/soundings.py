@@ -1,14 +1,15 @@
-"""What the modem measured, as documents of the health report: ranges, places, the modem itself.
+"""What is known of others beside their samples, as documents of the health report.
 
 ===========================  ======================================================================
 ``peer/ADDRESS/range``       how far away: range, propagation delay, signal quality
 ``peer/ADDRESS/position``    where, by an ultra-short baseline head: east, north, up
 ``peer/ADDRESS/direction``   from where it was heard: bearing, elevation
+``peer/ADDRESS/lost``        whether nothing was heard of it for as long as the config says
 ``modem``                    firmware, supply, source level
 ===========================  ======================================================================
 
-A document is there from the first measurement on, and says when that was: by the clock of people,
-since nobody else's monotonic clock means anything to them.
+A document of a measurement is there from the first one on. All say when that was: by the clock of
+people, since nobody else's monotonic clock means anything to them.
 """
 
 import time
@@ -17,14 +18,16 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.contact import Contact
 from zacoustic.core.measurements import Measurements
 
 
 class Soundings:
-    """The measurements of one engine; for the loop.
+    """What one engine knows of others; for the loop.
 
     Args:
-        measurements: What the engine keeps.
+        measurements: What was measured.
+        contact: Who is lost.
         clock: Where its instants come from.
         unix_s: The clock of people, s.
     """
@@ -32,11 +35,13 @@ class Soundings:
     def __init__(
         self,
         measurements: Measurements,
+        contact: Contact,
         *,
         clock: Clock,
         unix_s: Callable[[], float] = time.time,
     ) -> None:
         self._measurements = measurements
+        self._contact = contact
         self._clock = clock
         self._unix_s = unix_s
         self._dated: dict[str, tuple[int, float]] = {}
@@ -57,6 +62,14 @@ class Soundings:
                     del fields["address"]
                     at = fields.pop("measured_at")
                     found[key] = fields | {"measured_at_unix_s": self._date(key, at)}
+        for address, sighting in self._contact.sightings().items():
+            key = f"peer/{address}/lost"
+            heard_at = sighting.heard_at if sighting.is_lost else None
+            found[key] = {
+                "lost": sighting.is_lost,
+                "since_unix_s": self._date(f"{key}/since", sighting.since),
+                "heard_at_unix_s": heard_at and self._date(f"{key}/heard", heard_at),
+            }
         if known.modem is not None:
             fields = msgspec.structs.asdict(known.modem)
             at = fields.pop("read_at")

@@ -11,18 +11,21 @@ def forgotten(table: StreamTable, address: int) -> str:
         address: This node.
 
     Returns:
-        One line that names services and actions served here and topics that ask for a journal;
-        empty when the table has none of them.
+        One line that names services and actions served here, topics that ask for a journal, and
+        on-demand topics published here; empty when the table has none of them.
     """
-    services, topics, actions = [], [], []
+    services, topics, actions, demanded = [], [], [], []
     for stream in table:
         spec = stream.spec
         if isinstance(spec, ServiceSpec) and spec.server == address and spec.journal:
             services.append(stream.name)
         elif isinstance(spec, ActionSpec) and spec.server == address and spec.journal:
             actions.append(stream.name)
-        elif isinstance(spec, TopicSpec) and spec.journal:
-            topics.append(stream.name)
+        elif isinstance(spec, TopicSpec):
+            if spec.journal:
+                topics.append(stream.name)
+            if stream.is_on_demand and stream.may_publish(address):
+                demanded.append(stream.name)
     parts = []
     if services:
         parts.append(f"calls of {', '.join(services)} (one may run twice)")
@@ -30,4 +33,6 @@ def forgotten(table: StreamTable, address: int) -> str:
         parts.append(f"goals of {', '.join(actions)} (one may run twice)")
     if topics:
         parts.append(f"samples of {', '.join(topics)}")
+    if demanded:
+        parts.append(f"who wants {', '.join(demanded)} (until they hear anything of this node)")
     return f"no journal, so a restart forgets {' and '.join(parts)}" if parts else ""

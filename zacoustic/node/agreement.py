@@ -4,7 +4,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
 from zacoustic.errors import ConfigError
 
@@ -60,6 +60,11 @@ def tune(stream: Stream, qos: Qos | None) -> None:
             f"{stream.name}: reliability: {qos.reliability.value}; allowed: "
             f"{own.reliability.value}, as it is defined: both ends must agree on it"
         )
+    if qos.forward not in (Forward.ALWAYS, own.forward):
+        raise ConfigError(
+            f"{stream.name}: forward: {qos.forward.value}; allowed: {own.forward.value}, as it is "
+            "defined: both ends must agree on it"
+        )
     reliable = own.reliability is Reliability.RELIABLE
     if reliable and qos.depth not in (Qos().depth, own.depth):
         raise ConfigError(
@@ -70,6 +75,7 @@ def tune(stream: Stream, qos: Qos | None) -> None:
         qos,
         stamp=own.stamp,
         reliability=own.reliability,
+        forward=own.forward,
         depth=own.depth if reliable else qos.depth,
     )
 

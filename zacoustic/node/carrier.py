@@ -15,10 +15,13 @@ from zacoustic.core.events import (
     DeliveryEnded,
     JournalStateChanged,
     LinkStateChanged,
+    PeerFound,
+    PeerLost,
     PeerSeen,
     SilenceChanged,
     StreamsDiffer,
     StreamTuned,
+    SubscribersChanged,
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
@@ -42,6 +45,9 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | PeerSeen
+    | PeerLost
+    | PeerFound
+    | SubscribersChanged
     | StreamsDiffer
     | PeerMeasured
     | ModemRead

@@ -190,10 +190,12 @@ class Node(EndpointMaker):
 
         The link goes up or down; the journal cannot be written, or can be again; silence was
         ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,
-        or restarts; a peer defines a stream in another way; the modem has measured something of a
-        peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample that this node
-        has published in a former life has ended (`DeliveryEnded`). On Zenoh only the first: the
-        connection to the router. Ends with the node.
+        or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the configuration
+        has `lost_after_s`; others subscribe to an on-demand topic of this node, or do no longer
+        (`SubscribersChanged`); a peer defines a stream in another way; the modem has measured
+        something of a peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample
+        that this node has published in a former life has ended (`DeliveryEnded`). On Zenoh only the
+        first: the connection to the router. Ends with the node.
         """
         return self._events.read()
 

@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any
 
 from zacoustic.core.actions.news import ActionEvent
-from zacoustic.core.encoding import OPAQUE
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
@@ -28,7 +27,7 @@ from zacoustic.core.measurements import Range
 from zacoustic.core.qos import Reliability
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.stats import EngineStats, LedgerEntry
+from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
@@ -44,6 +43,7 @@ from zacoustic.node.carrier import (
 )
 from zacoustic.node.delivery import Deliveries, Delivery
 from zacoustic.node.goalsonlink import LinkGoals
+from zacoustic.node.listeners import Listeners
 from zacoustic.node.ordersonlink import LinkOrders
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.permitlog import PermitLog
@@ -108,7 +108,7 @@ class LinkCarrier:
         self._thread = threading.get_ident()
         self._progress = asyncio.Event()
         self._watch: asyncio.Task[None] | None = None
-        self._listeners: dict[int, dict[object, tuple[str | None, _Deliver]]] = {}
+        self._listeners = Listeners(self._runner, table)
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
         self._calls: dict[int, asyncio.Future[object]] = {}
         self._ranges: dict[int, asyncio.Future[Range]] = {}
@@ -181,13 +181,11 @@ class LinkCarrier:
         """Make the way out of a publisher."""
         return _LinkOutlet(self, route)
 
-    def subscribe(self, route: TopicRoute[Any], deliver: "_Deliver") -> Callable[[], None]:
+    def subscribe(
+        self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
+    ) -> Callable[[], None]:
         """Deliver the samples of a topic, or of one key of it."""
-        assert route.stream is not None
-        listeners = self._listeners.setdefault(route.stream.stream_id, {})
-        token = object()
-        listeners[token] = (route.key, deliver)
-        return lambda: listeners.pop(token, None) and None
+        return self._listeners.add(route, deliver)
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
@@ -293,7 +291,7 @@ class LinkCarrier:
             return
         match event:
             case SampleReceived():
-                self._deliver_sample(event)
+                self._listeners.deliver(event)
             case RequestReceived():
                 self._deliver_request(event)
             case ResponseReceived():
@@ -323,25 +321,6 @@ class LinkCarrier:
                 self._fail_range(event)
             case _ if isinstance(event, NodeEvent):
                 self._report(event)
-
-    def _deliver_sample(self, event: SampleReceived) -> None:
-        listeners = self._listeners.get(event.stream_id)
-        if not listeners:
-            return
-        key = self._table.by_id(event.stream_id).keys.key(event.source, event.instance)
-        incoming = Incoming(
-            key=key,
-            value=event.value,
-            source=event.source,
-            deleted=event.deleted,
-            encoding=event.encoding or OPAQUE,
-            age_s=event.age_s,
-            received_at=event.received_at,
-            metrics=event.metrics,
-        )
-        for wanted, deliver in tuple(listeners.values()):
-            if wanted in (None, key):
-                deliver(incoming)
 
     def _deliver_request(self, event: RequestReceived) -> None:
         call = _LinkCall(self, event)
@@ -378,7 +357,9 @@ class LinkCarrier:
         if self._runner.failure is not None:
             raise LinkClosedError(f"the node has failed: {self._runner.failure}")
         stats = self._engine.stats
-        waiting = any(self._engine.pending(stream.stream_id) for stream in self._table)
+        # Beside the streams what they do not carry: subscriptions.
+        lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
+        waiting = any(self._engine.pending(each) for each in lanes)
         return not waiting and stats.frames_transmitted == sum(stats.reports.values())
 
     async def _wait_failed(self) -> None:
@@ -405,9 +386,6 @@ class LinkCarrier:
 
 def _repeat(address: int, every_s: float, engine: Engine, now: int) -> None:
     engine.ranging.repeat(address, every_s, now)
-
-
-_Deliver = Callable[[Incoming], None]
 
 
 class _LinkOutlet:

@@ -21,6 +21,7 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
+from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     WIRE_VERSION,
@@ -70,8 +71,8 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     kind: str
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
     `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
-    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`, `record`
-    (not decoded) or `stray`."""
+    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`,
+    `subscribe`, `record` (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
@@ -159,6 +160,8 @@ class _Reader:
             case Headless(transfer, held):
                 text = f"FEEDBACK object {transfer}: {held} fragments, no manifest"
                 return DecodedItem(kind="feedback", text=text)
+            case Subscribe():
+                return DecodedItem(kind="subscribe", text=_subscribe_text(item))
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
@@ -220,6 +223,14 @@ def _turn_text(turn: Turn) -> str:
     if turn.node == ANYBODY:
         return f"TURN for anybody: I pause {span_s:g} s after the beginning of this frame"
     return f"TURN of node {turn.node} for {span_s:g} s"
+
+
+def _subscribe_text(said: Subscribe) -> str:
+    first = said.page * PAGE_STREAMS
+    of_page = f"{first}..{first + PAGE_STREAMS - 1}, version {said.version}"
+    wanted = ", ".join(str(each) for each in streams_of(said.page, said.streams)) or "none"
+    verb = "noted, you want" if said.is_answer else "I want"
+    return f"SUBSCRIBE of the streams {of_page}: {verb} {wanted}"
 
 
 def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:

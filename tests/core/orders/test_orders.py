@@ -54,7 +54,7 @@ def pair(
     """Two nodes that have confirmed each other."""
     rig = Rig(
         tables or {1: table(), 2: table()},
-        rules=rules or TransmitRules(),
+        rules=dict.fromkeys((1, 2), rules or TransmitRules()),
         capabilities=capabilities,
     )
     for _ in range(3):

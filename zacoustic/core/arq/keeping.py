@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import Stream, StreamTable
 
@@ -37,6 +38,18 @@ class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
     """With their numbers, in that order."""
     is_valid: bool
     """The stream is defined as it was; otherwise the lane has been deleted."""
+
+    def cancelled(self, now: int) -> Iterator[DeliveryEnded]:
+        """Yield the end of its samples, where their stream is not what it was."""
+        for _, sample in self.samples:
+            yield DeliveryEnded(
+                delivery_id=sample.delivery_id,
+                stream_id=self.stream_id,
+                outcome=DeliveryOutcome.CANCELLED,
+                missing=(),
+                ended_at=now,
+                detail="the stream is defined in another way now",
+            )
 
 
 class Keeping:

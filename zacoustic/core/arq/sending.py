@@ -1,7 +1,7 @@
 """The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
 
 import random
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from typing import Final
 
 import msgspec
@@ -20,6 +20,7 @@ from zacoustic.core.arq.sendlane import (
 from zacoustic.core.arq.sendlanes import SendLanes
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
 from zacoustic.core.handshake import Handshake
@@ -42,6 +43,7 @@ class ReliableSending:
         table: Its streams.
         queue: Takes records.
         handshake: Knows the boot epoch, and who defines a stream in another way.
+        demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         rng: Draws the pauses between repetitions.
         emit: Takes events.
@@ -54,6 +56,7 @@ class ReliableSending:
         *,
         queue: TransmitQueue,
         handshake: Handshake,
+        demand: Demand,
         journal: JournalPort,
         rng: random.Random,
         emit: Callable[[Event], None],
@@ -65,7 +68,7 @@ class ReliableSending:
         self._keeping = Keeping(journal)
         self._pacing = Pacing(table, rng)
         self._emit = emit
-        self._lanes = SendLanes(address, table, handshake)
+        self._lanes = SendLanes(address, table, handshake, demand)
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._on_air: list[tuple[SendLane, Outgoing]] = []
@@ -154,7 +157,10 @@ class ReliableSending:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
             self._end_delivered(lane, now)
             self._advance(lane, now)
-        self._end_given_up(now)
+        for kept in self._given_up:
+            for ended in kept.cancelled(now):
+                self._emit(ended)
+        self._given_up.clear()
 
     def transmitted(self, records: Iterable[Waiting]) -> None:
         """Note which samples are in the transmission that begins."""
@@ -241,6 +247,18 @@ class ReliableSending:
         self._advance(lane, now)
         return None
 
+    def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        """Others subscribe to an on-demand topic than before."""
+        for lane in self._lanes:
+            if lane.key[0] == stream.stream_id:
+                for sample in [] if lane.audience else list(lane.samples):
+                    self._expire(lane, sample, now, NOBODY, DeliveryOutcome.REFUSED)
+                for address in newcomers & lane.receptions.keys():
+                    self._out_of_sync(lane, address)
+                self._refresh(lane)
+                self._end_delivered(lane, now)
+                self._advance(lane, now)
+
     # For the timer
 
     def expire(self, now: int) -> None:
@@ -285,22 +303,6 @@ class ReliableSending:
                 self._given_up.append(kept)
                 continue
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
-
-    def _end_given_up(self, now: int) -> None:
-        """Tell of samples whose stream is not what it was."""
-        for lane in self._given_up:
-            for _, sample in lane.samples:
-                self._emit(
-                    DeliveryEnded(
-                        delivery_id=sample.delivery_id,
-                        stream_id=lane.stream_id,
-                        outcome=DeliveryOutcome.CANCELLED,
-                        missing=(),
-                        ended_at=now,
-                        detail="the stream is defined in another way now",
-                    )
-                )
-        self._given_up.clear()
 
     # Below the methods above
 
@@ -405,10 +407,17 @@ class ReliableSending:
         self._refresh(lane)
         lane.due_soon(source)
 
-    def _expire(self, lane: SendLane, sample: Outgoing, now: int, detail: str = "") -> None:
+    def _expire(
+        self,
+        lane: SendLane,
+        sample: Outgoing,
+        now: int,
+        detail: str = "",
+        outcome: DeliveryOutcome = DeliveryOutcome.EXPIRED,
+    ) -> None:
         """A sample is too old: whoever waits for it has to be told, by the SYNC of a later one."""
         missing = lane.missing(sample)
-        leaves_gap = self._end(lane, sample, DeliveryOutcome.EXPIRED, now, detail)
+        leaves_gap = self._end(lane, sample, outcome, now, detail)
         if leaves_gap:
             for address in missing:
                 self._out_of_sync(lane, address)

@@ -2,7 +2,7 @@
 
 import enum
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from typing import Final
 
 import msgspec
@@ -118,6 +118,7 @@ class SendLane:
         lineage: Boot epoch in which the count began.
         next_number: The number of the next sample.
         is_kept: Its samples and its count are in the journal.
+        audience: Of the receivers those that want samples, as they change; None: all.
     """
 
     def __init__(
@@ -128,9 +129,11 @@ class SendLane:
         next_number: int = 0,
         *,
         is_kept: bool = False,
+        audience: Set[int] | None = None,
     ) -> None:
         self.key = key
         self.is_kept = is_kept
+        self.audience = audience
         self.lineage = lineage
         self.next_number = next_number
         self.samples: deque[Outgoing] = deque()
@@ -209,15 +212,16 @@ class SendLane:
 
     def lacking(self, sample: Outgoing) -> list[int]:
         """Return the receivers that are not known to have it."""
-        return [
-            address
-            for address in self.receptions
-            if address not in sample.acknowledged and address not in sample.held
-        ]
+        return [address for address in self.missing(sample) if address not in sample.held]
 
     def missing(self, sample: Outgoing) -> list[int]:
         """Return the receivers that have not acknowledged a sample and all before it."""
-        return [address for address in self.receptions if address not in sample.acknowledged]
+        return [
+            address
+            for address in self.receptions
+            if address not in sample.acknowledged
+            and (self.audience is None or address in self.audience)
+        ]
 
     def due_soon(self, address: int, before: int | None = None) -> None:
         """What a receiver lacks, and was sent, is due at once.

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from zacoustic.core.arq.keeping import KeptLane
 from zacoustic.core.arq.sendlane import SendLane, Stage
+from zacoustic.core.demand.demand import Demand
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
 from zacoustic.core.queue import RELIABLE_LANE, LaneKey
@@ -18,12 +19,16 @@ class SendLanes:
         address: Address of the node.
         table: Its streams.
         handshake: Knows the boot epoch.
+        demand: Knows who has subscribed to on-demand topics.
     """
 
-    def __init__(self, address: int, table: StreamTable, handshake: Handshake) -> None:
+    def __init__(
+        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+    ) -> None:
         self._address = address
         self._table = table
         self._handshake = handshake
+        self._demand = demand
         self._lanes: dict[LaneKey, SendLane] = {}
 
     def __iter__(self) -> Iterator[SendLane]:
@@ -42,6 +47,7 @@ class SendLanes:
                 self._receivers(stream),
                 self._handshake.epoch,
                 is_kept=stream.spec.journal,
+                audience=self._demand.audience(stream),
             )
             self._lanes[lane.key] = lane
         return lane
@@ -50,7 +56,14 @@ class SendLanes:
         """Go on with a lane of a former life; returns it with its samples, all to be sent."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
         key = (stream.stream_id, RELIABLE_LANE, *kept.instance)
-        lane = SendLane(key, self._receivers(stream), kept.lineage, first, is_kept=True)
+        lane = SendLane(
+            key,
+            self._receivers(stream),
+            kept.lineage,
+            first,
+            is_kept=True,
+            audience=self._demand.audience(stream),
+        )
         self._lanes[key] = lane
         for number, each in kept.samples:
             lane.next_number = number

@@ -357,6 +357,10 @@ class Objects:
         """Count the own objects of a stream that are not yet delivered."""
         return self._outgoing.pending(stream_id)
 
+    def under_way(self, stream_id: int) -> list[int]:
+        """Return the ids of the own objects of a stream that are not yet delivered."""
+        return self._outgoing.under_way(stream_id)
+
     @property
     def is_idle(self) -> bool:
         """Nothing is to be sent."""

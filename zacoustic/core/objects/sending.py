@@ -94,6 +94,10 @@ class OutgoingObjects:
         """Count the objects of a stream that are not yet delivered."""
         return sum(each.stream_id == stream_id for each in self._sendings.values())
 
+    def under_way(self, stream_id: int) -> list[int]:
+        """Return the ids of the objects of a stream that are not yet delivered."""
+        return [each.object_id for each in self._sendings.values() if each.stream_id == stream_id]
+
     # Commands
 
     def add(self, order: StoredObject, now: int, *, transfer: int | None = None) -> None:

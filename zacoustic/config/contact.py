@@ -1,0 +1,62 @@
+"""The keys `heartbeat_s` and `lost_after_s`: of the section for all nodes, of a node for itself."""
+
+import math
+
+from zacoustic.config.complaints import Place
+from zacoustic.config.sections import ALLOWED, NodeEntry, Section
+from zacoustic.core.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
+
+
+def read_contact(place: Place, written: Section, own: int) -> ContactRules:
+    """Read what the section at `place` says of being heard.
+
+    Args:
+        place: The section.
+        written: What is written.
+        own: Address of this node.
+
+    Raises:
+        ConfigError: The first time that is wrong, or too short for the heartbeats.
+    """
+    _check(place, written)
+    _check_pair(place, place, written.heartbeat_s, written.lost_after_s)
+    heartbeat_s = written.heartbeat_s
+    lost_after_s: dict[int, float] = {}
+    for index, entry in enumerate(written.nodes):
+        here = place.at("nodes").at(index)
+        _check(here, entry)
+        beats_s = entry.heartbeat_s if entry.heartbeat_s is not None else written.heartbeat_s
+        lost_s = entry.lost_after_s if entry.lost_after_s is not None else written.lost_after_s
+        _check_pair(here, place, beats_s, lost_s)
+        if entry.address == own:
+            heartbeat_s = beats_s
+        elif lost_s is not None:
+            lost_after_s[entry.address] = lost_s
+    return ContactRules(
+        heartbeat_s=heartbeat_s,
+        lost_after_s=lost_after_s,
+        others_lost_after_s=written.lost_after_s,
+    )
+
+
+def _check(place: Place, entry: NodeEntry | Section) -> None:
+    heartbeat_s, lost_after_s = entry.heartbeat_s, entry.lost_after_s
+    if heartbeat_s is not None and not LEAST_HEARTBEAT_S <= heartbeat_s < math.inf:
+        place.at("heartbeat_s").complain(allowed=ALLOWED["heartbeat_s"])
+    if lost_after_s is not None and not 0 < lost_after_s < math.inf:
+        place.at("lost_after_s").complain(allowed=ALLOWED["lost_after_s"])
+
+
+def _check_pair(
+    place: Place, section: Place, heartbeat_s: float | None, lost_after_s: float | None
+) -> None:
+    """Check that a node is not lost before it can have been heard."""
+    if heartbeat_s is None or lost_after_s is None or lost_after_s >= LEAST_MISSED * heartbeat_s:
+        return
+    where = place if place.at("lost_after_s").written is not None else section
+    whose = "" if place is section else f" of {place.at('name').written}"
+    where.at("lost_after_s").complain(
+        f"{lost_after_s:g} with heartbeat_s {heartbeat_s:g}{whose}",
+        allowed=f"{LEAST_MISSED * heartbeat_s:g} or more, twice heartbeat_s",
+        hint="any one heartbeat may be lost: three or four times is better",
+    )
