@@ -4,9 +4,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from zacoustic.core.arq.keeping import KeptLane
+from zacoustic.core.arq.rhythm import SendRhythm
 from zacoustic.core.arq.sendlane import SendLane, Stage
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
+from zacoustic.core.qos import Priority
 from zacoustic.core.queue import LaneKey
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError
@@ -45,6 +47,7 @@ class SendLanes:
                 self._receivers(stream),
                 self._handshake.epoch,
                 is_kept=stream.spec.journal,
+                rhythm=self._rhythm(stream),
             )
             self._lanes[lane.key] = lane
         return lane
@@ -53,7 +56,14 @@ class SendLanes:
         """Go on with a lane of a former life; returns it with its samples, all to be sent."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
         key = (stream.stream_id, RELIABLE_LANE, *kept.instance)
-        lane = SendLane(key, self._receivers(stream), kept.lineage, first, is_kept=True)
+        lane = SendLane(
+            key,
+            self._receivers(stream),
+            kept.lineage,
+            first,
+            is_kept=True,
+            rhythm=self._rhythm(stream),
+        )
         self._lanes[key] = lane
         for number, each in kept.samples:
             lane.next_number = number
@@ -82,6 +92,12 @@ class SendLanes:
             for sample in lane.active()
             if sample.tries and sample.stage in (Stage.QUEUED, Stage.ON_AIR)
         )
+
+    def _rhythm(self, stream: Stream) -> SendRhythm | None:
+        # Several receivers would ask all at once, and what is urgent is sent in copies.
+        is_urgent = stream.qos.priority is Priority.REAL_TIME
+        alone = len(self._receivers(stream)) == 1
+        return SendRhythm(stream.qos) if alone and not is_urgent else None
 
     def _receivers(self, stream: Stream) -> tuple[int, ...]:
         assert isinstance(stream.spec, TopicSpec)
