@@ -92,7 +92,11 @@ class Pacing:
             return sample.due_at
         # Of several receivers the first: one that is out of range does not hold back the others.
         quiet = (self.timing(address).quiet_until for address in lane.lacking(sample))
-        return max(sample.due_at, min(quiet, default=0))
+        return self._in_time(sample, max(sample.due_at, min(quiet, default=0)))
+
+    def due_at(self, sample: Outgoing) -> int:
+        """Return when a sample is due, whatever is waited for."""
+        return self._in_time(sample, sample.due_at)
 
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample is repeated: its receivers have not answered."""
@@ -137,6 +141,18 @@ class Pacing:
             for each in lacking
         )
         return min(pauses_ns, default=times.first_round_trip_ns)
+
+    def _in_time(self, sample: Outgoing, at: int) -> int:
+        """Return an instant, or the last one that leaves time for an answer before the sample ends.
+
+        However rare repetitions have become, a sample has this one; not before the last one can
+        have been answered.
+        """
+        if sample.expires_at is None or self.times is None:
+            return at
+        round_trip_ns = self.times.first_round_trip_ns
+        last_at = max(sample.sent_at, sample.expires_at - 2 * round_trip_ns) + round_trip_ns
+        return min(at, last_at) if last_at < sample.expires_at else at
 
     def _await_answer(self, lane: SendLane, sample: Outgoing, until: int) -> None:
         for address in lane.lacking(sample):

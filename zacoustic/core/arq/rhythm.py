@@ -24,7 +24,7 @@ from zacoustic.core.qos import Qos
 _SMOOTHING: Final = 4
 _LEAST_ROUND_TRIPS: Final = 2
 """Of a faster stream the next sample itself shows soon enough what is missing."""
-_MOST_ROUND_TRIPS: Final = 20
+_MOST_ROUND_TRIPS: Final = 32
 """The publisher of a slower one would wait too long to be told of its delivery."""
 _LEARNED_FROM: Final = 2
 _MOST_UNANSWERED: Final = 3
