@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from tests.core.rig import End, Rig, link
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     DeliveryEnded,
@@ -319,3 +319,26 @@ def test_idle_once_all_is_delivered() -> None:
     rig.run(30)
     assert rig[1].engine.is_idle
     assert rig[2].engine.is_idle
+
+
+def test_sample_that_will_expire_has_a_last_repetition_however_rare_they_have_become() -> None:
+    slow = link(bit_rate_bps=720, preamble_s=0.15, propagation_s=1.0, senses_carrier=True)
+    rig = Rig(dict.fromkeys((1, 2), fleet()), capabilities=slow)
+    publish(rig, 1, b"nobody hears")
+    rig.run(1800, silence)
+    begin = rig.now
+    publish(rig, 4, b"for ten seconds")
+    sent_at: list[float] = []
+    for _ in range(120):
+        rig.frames.clear()
+        rig.run(0.1, silence)
+        if any(sent.frame_bytes.endswith(b"seconds") for _, sent in rig.frames):
+            sent_at.append((rig.now - begin) / NS_PER_S)
+    first_s, last_s = sent_at
+    assert first_s < 0.2
+    assert 7 < last_s < 8, "there is time for an answer"
+    assert outcomes(rig)[-1] is DeliveryOutcome.EXPIRED
+
+
+def silence(*_: object) -> bool:
+    return False

@@ -1,8 +1,9 @@
 """Reliable topics in any weather: nothing lost, doubled, reordered or altered, whoever dies.
 
-Each seed is a story of two to four nodes: loss to 60 %, in bursts or not, other in each direction;
-repetitions, damage where the modem does not check, blackouts to half an hour, full disks, and up to
-ten crashes of each node. Then an hour of calm, in which all has to come to its end.
+Each seed is a story of two to four nodes that speak at random or in a rhythm: loss to 60 %, in
+bursts or not, other in each direction; repetitions, damage where the modem does not check,
+blackouts to half an hour, full disks, and up to ten crashes of each node. Then an hour of calm, in
+which all has to come to its end.
 """
 
 import random
@@ -142,6 +143,7 @@ def reliable_story(seed: int) -> Story:
         busy_s=busy_s,
         calm_s=_CALM_S,
         pause_s=rng.choice((20.0, 60.0, 120.0)) * count,
+        beat_s=rng.choice((None, None, 7.0, 15.0, 40.0)),
     )
 
 

@@ -342,7 +342,7 @@ class Composer:
             if broadcast:
                 record += item.address
             record.append(item.code)
-            record += item.head
+            record += item.head_at(now)
             if item.stamped:
                 record.append(encode_age(now - item.queued_at))
             header_bytes = len(record)

@@ -204,7 +204,7 @@ class Protocols:
 
     def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
         """A transmission begins."""
-        self.sending.transmitted(composed.records)
+        self.sending.transmitted(composed.records, now)
         self.repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
         self.contact.transmitted(transmission.destination, now)
@@ -221,6 +221,7 @@ class Protocols:
         self.services.expire(now)
         self.actions.expire(now)
         self.sending.expire(now)
+        self.receiving.expire(now)
         self.repeater.expire(now)
         self.large.at(now).objects.expire(now)
         self.ranging.expire(now)
@@ -232,6 +233,7 @@ class Protocols:
             self.services.next_deadline_at(),
             self.actions.next_due_at(),
             self.sending.next_deadline_at(),
+            self.receiving.next_deadline_at(),
             self.repeater.next_due_at(),
             self.large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),

@@ -107,6 +107,10 @@ class Waiting:
         """A prefix that may still change while the record waits."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
+    def head_at(self, now: int) -> bytes:
+        """Return the head as it is when the frame goes now."""
+        return self.head
+
     @property
     def size_bytes(self) -> int:
         """Bytes of the record at most, from its first prefix to its last."""

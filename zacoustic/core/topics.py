@@ -8,7 +8,7 @@ from collections.abc import Callable, Set
 from typing import Final
 
 from zacoustic.core.age import decode_age_s
-from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
+from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
 from zacoustic.core.arq.receiving import LEAST_ACK_BYTES, Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
@@ -160,7 +160,7 @@ class Topics:
         if stream.qos.reliability is Reliability.RELIABLE:
             if not content:
                 return "payload"
-            low_number, content = content[0] % NUMBERS, content[NUMBER_BYTES:]
+            low_number, content = content[0], content[NUMBER_BYTES:]
         age_s: float | None = None
         if stream.qos.stamp is Stamp.AGE and not prefixes.delete:
             if not content:
@@ -185,9 +185,11 @@ class Topics:
         if low_number is not None:
             arrival = Arrival(
                 sync=prefixes.sync,
-                low_number=low_number,
+                low_number=low_number % NUMBERS,
+                in_rhythm=bool(low_number & IN_RHYTHM),
                 sample=sample,
                 is_alone=is_alone,
+                frame_bytes=len(received.frame_bytes),
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             return self._receiving.receive(stream, arrival, now)

@@ -5,7 +5,7 @@ from typing import Final
 import msgspec
 
 NUMBERS: Final = 1 << 7
-"""Numbers that one byte of a record tells apart; its eighth bit is reserved."""
+"""Numbers that one byte of a record tells apart."""
 WINDOW: Final = 32
 """A sample without SYNC is less than this many numbers ahead of what its receiver waits for, and
 no more than this many are on their way. The other 96 numbers are old: a repetition that comes late
@@ -14,6 +14,8 @@ PACE: Final = 64
 """Numbers that come into use within one settling time at most: so a repetition that comes late is
 always among the old ones."""
 NUMBER_BYTES: Final = 1
+IN_RHYTHM: Final = 0x80
+"""Set in that byte of a sample that is in rhythm (`zacoustic.core.arq.rhythm`)."""
 
 _FLOORS: Final = 1 << 24
 _BITS: Final = 7

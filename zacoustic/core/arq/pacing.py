@@ -3,7 +3,7 @@
 import random
 from typing import Final
 
-from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane
+from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority
@@ -15,6 +15,8 @@ in 97 of 100 cases, and a round trip lasts longer than four short frames."""
 _URGENT_AT_ONCE: Final = 2
 _CROWD_ROUND_TRIPS: Final = 20
 """Whoever was heard within so many round trips may be speaking."""
+_ROUND_TRIPS_OF_ASKING: Final = 2
+"""How long a receiver that asks for what is overdue is awaited."""
 
 
 class Pacing:
@@ -57,17 +59,48 @@ class Pacing:
         others = any(at > lately for each, at in self._heard_at.items() if each != source)
         self.timing(source).answered(in_crowd=others)
 
+    def measured(self, lane: SendLane, sample: Outgoing, source: int, now: int) -> None:
+        """The sample that was sent last is acknowledged, for the first time."""
+        if sample.tries > 1 or sample.stage is not Stage.SENT or sample.marked:
+            return
+        round_trip_ns = now - sample.sent_at
+        # What comes so late was said because nothing further came, and the answer was lost.
+        is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
+        if is_answer:
+            self.timing(source).measured(round_trip_ns)
+
+    def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        """A sample begins to be sent."""
+        assert self.times is not None
+        lane.begins(sample, now, self.times)
+
+    def asked(self, lane: SendLane, source: int, now: int) -> None:
+        """Where the rhythm is known, an ACK asks for what should have come and has not."""
+        shortest_ns = self.timing(source).shortest_ns
+        if self.times is None or shortest_ns is None:
+            return
+        # Before that nobody who has it can have been heard: the ACK is from before it came.
+        least_ns = shortest_ns - self.times.ack_linger_ns
+        for sample in lane.active():
+            is_lacking = lane.awaits(sample) and now - sample.sent_at >= least_ns
+            if is_lacking and lane.rhythm_is_known(sample):
+                sample.asked, sample.due_at = True, AT_ONCE
+
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when a sample may be repeated: an answer to what was sent later is waited for."""
-        if self._copies_wait(lane, sample):
+        if self._copies_wait(lane, sample) or sample.asked:
             return sample.due_at
         # Of several receivers the first: one that is out of range does not hold back the others.
         quiet = (self.timing(address).quiet_until for address in lane.lacking(sample))
-        return max(sample.due_at, min(quiet, default=0))
+        return self._in_time(sample, max(sample.due_at, min(quiet, default=0)))
+
+    def due_at(self, sample: Outgoing) -> int:
+        """Return when a sample is due, whatever is waited for."""
+        return self._in_time(sample, sample.due_at)
 
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample is repeated: its receivers have not answered."""
-        if self.times is None:
+        if self.times is None or sample.asked:
             return
         if not self._copies_wait(lane, sample):
             for address in lane.lacking(sample):
@@ -80,6 +113,12 @@ class Pacing:
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
+        assert self.times is not None
+        was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
+        if was_sent and lane.rhythm_is_known(sample):
+            # If it was lost it is asked for; if it is the last one, the next one is asked for.
+            round_trips_ns = _ROUND_TRIPS_OF_ASKING * self.times.first_round_trip_ns
+            return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
         if self._copies_wait(lane, sample) and report.outcome is not TransmitOutcome.REJECTED:
             return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)
@@ -103,6 +142,18 @@ class Pacing:
         )
         return min(pauses_ns, default=times.first_round_trip_ns)
 
+    def _in_time(self, sample: Outgoing, at: int) -> int:
+        """Return an instant, or the last one that leaves time for an answer before the sample ends.
+
+        However rare repetitions have become, a sample has this one; not before the last one can
+        have been answered.
+        """
+        if sample.expires_at is None or self.times is None:
+            return at
+        round_trip_ns = self.times.first_round_trip_ns
+        last_at = max(sample.sent_at, sample.expires_at - 2 * round_trip_ns) + round_trip_ns
+        return min(at, last_at) if last_at < sample.expires_at else at
+
     def _await_answer(self, lane: SendLane, sample: Outgoing, until: int) -> None:
         for address in lane.lacking(sample):
             timing = self.timing(address)
@@ -113,3 +164,7 @@ class Pacing:
         urgent = self._table.by_id(lane.key[0]).qos.priority is Priority.REAL_TIME
         # A stream of them would fill the channel with copies, and no answer could be heard.
         return urgent and sample.tries < _URGENT_COPIES and len(lane.samples) <= _URGENT_AT_ONCE
+
+
+def _period_ns(lane: SendLane) -> int:
+    return lane.rhythm.period_ns if lane.rhythm else 0

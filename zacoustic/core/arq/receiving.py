@@ -8,6 +8,7 @@ import msgspec
 
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.arq.watch import Watch
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
@@ -39,7 +40,7 @@ class _Position(msgspec.Struct, frozen=True, array_like=True):
 class _ReceiveLane:
     """Samples of one key of one publisher."""
 
-    __slots__ = ("expected", "held", "in_sync", "is_settled", "kept", "lineage")
+    __slots__ = ("expected", "held", "in_sync", "is_settled", "kept", "lineage", "watch")
 
     def __init__(self, lineage: int, expected: int, *, is_settled: bool) -> None:
         self.lineage = lineage
@@ -54,6 +55,13 @@ class _ReceiveLane:
         number cannot be told from one that is 128 ahead."""
         self.in_sync = True
         """The publisher's last sample came without SYNC: a short ACK is understood."""
+        self.watch = Watch()
+        """Asks for what does not come in time."""
+
+    @property
+    def newest(self) -> int:
+        """The highest number that has come, or is given up."""
+        return max(self.held, default=self.expected - 1)
 
     def hand_on(self, up_to: int) -> list[SampleReceived]:
         """Take what is in order now, and what is held below a number; what lacks there is over."""
@@ -80,6 +88,10 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
     """What stood before it."""
     low_number: int
     """The seven bits of its number."""
+    in_rhythm: bool
+    """It is marked so."""
+    frame_bytes: int
+    """Size of its frame."""
     sample: SampleReceived
     """The event to hand on when it is its turn."""
     is_alone: bool
@@ -126,6 +138,8 @@ class ReliableReceiving:
         self._rng = rng
         self._emit = emit
         self._lanes: dict[_LaneKey, _ReceiveLane] = {}
+        self._watched: dict[_LaneKey, _ReceiveLane] = {}
+        """Those of which something may have to be asked for."""
         self._times: LinkTimes | None = None
 
     def use_link(self, times: LinkTimes) -> None:
@@ -163,6 +177,7 @@ class ReliableReceiving:
         if sync is not None:
             ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
         number = resolve(arrival.low_number, lane.expected)
+        answers = self._learn(lane, number, arrival)
         reason = None
         if number < lane.expected or number in lane.held:
             reason = "repeated_sample"
@@ -170,14 +185,58 @@ class ReliableReceiving:
             lane.held[number] = sample
             ready += lane.hand_on(number - stream.qos.depth + 1)
         is_first = reason is None and sync is None
-        turn_ns = self._turn_ns(stream, arrival, is_first=is_first)
+        own_turn_ns = self._turn_ns(stream, arrival, is_first=is_first)
+        if is_first:
+            self._watch(key, lane, now + own_turn_ns)
+        turn_ns = own_turn_ns if answers else None
         if ready:
             self._keep(key, lane, ready, stream, now, turn_ns)
         else:
             self._owe_ack(key, lane, now, turn_ns)
         return reason
 
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Ask for what has not come in time."""
+        if self._times is None:
+            return
+        for key, lane in list(self._watched.items()):
+            ask_at = lane.watch.ask_at
+            if ask_at is None or self._lanes[key] is not lane:
+                del self._watched[key]
+            elif ask_at <= now:
+                lane.watch.asks(now, self._times)
+                self._owe_ack(key, lane, now, 0)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something is asked for, ns, or None."""
+        instants = (lane.watch.ask_at for lane in self._watched.values())
+        return min((at for at in instants if at is not None), default=None)
+
     # Below the methods above
+
+    def _learn(self, lane: _ReceiveLane, number: int, arrival: Arrival) -> bool:
+        """Learn the rhythm from a sample; returns whether it is to be answered."""
+        assert self._times is not None
+        if arrival.sync is not None:
+            lane.watch.forget()
+            return True
+        frame_ns = self._times.airtime_ns(arrival.frame_bytes)
+        return not lane.watch.take(
+            number,
+            at=arrival.sample.received_at - frame_ns,
+            frame_ns=frame_ns,
+            newest=number > lane.newest,
+            marked=arrival.in_rhythm,
+            times=self._times,
+        )
+
+    def _watch(self, key: _LaneKey, lane: _ReceiveLane, soon_at: int) -> None:
+        assert self._times is not None
+        lane.watch.plan(lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._times)
+        if lane.watch.ask_at is not None:
+            self._watched[key] = lane
 
     def _keep(
         self,
@@ -186,7 +245,7 @@ class ReliableReceiving:
         ready: list[SampleReceived],
         stream: Stream,
         now: int,
-        turn_ns: int,
+        turn_ns: int | None,
     ) -> None:
         """Write the position down and hand the samples on; that first, where the topic asks."""
         expected = lane.expected
@@ -208,12 +267,31 @@ class ReliableReceiving:
             self._journal.write(name, position)
             kept(now)
 
-    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn_ns: int) -> None:
+    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn_ns: int | None) -> None:
         sync = None if lane.in_sync else Sync(lane.lineage, lane.kept)
-        self._owe(key, lane.ack(), sync, now, turn_ns)
+        rides_until = lane.watch.ask_at if turn_ns is None else None
+        self._owe(key, lane.ack(), sync, now, turn_ns or 0, rides_until=rides_until)
 
-    def _owe(self, key: _LaneKey, ack: Ack, sync: Sync | None, now: int, turn_ns: int) -> None:
-        """Let an ACK wait for its turn, in the place of one that waits already."""
+    def _owe(
+        self,
+        key: _LaneKey,
+        ack: Ack,
+        sync: Sync | None,
+        now: int,
+        turn_ns: int,
+        *,
+        rides_until: int | None = None,
+    ) -> None:
+        """Let an ACK wait for its turn, in the place of one that waits already.
+
+        Args:
+            key: Whose it is.
+            ack: What it says.
+            sync: What stands before it.
+            now: The instant.
+            turn_ns: How long it waits at most for a frame that goes anyway, ns.
+            rides_until: Instead it waits until that instant, however long others have waited.
+        """
         assert self._times is not None
         source, stream_id, instance = key
         lane_key = (stream_id, ACK_LANE, source, *instance)
@@ -222,6 +300,7 @@ class ReliableReceiving:
         head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
         before = self._queue.first(lane_key)
         owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
+        due_at = min(now + turn_ns, owed_at + self._times.ack_patience_ns)
         item = _AckWaiting(
             stream_id=stream_id,
             destination=source,
@@ -231,7 +310,7 @@ class ReliableReceiving:
             payload=ack.encode(max(1, largest_bytes - head_bytes)),
             delimits_itself=True,
             cause=Cause.ACK,
-            queued_at=max(now, min(now + turn_ns, owed_at + self._times.ack_patience_ns)),
+            queued_at=max(now, due_at if rides_until is None else rides_until),
         )
         item.owed_at = owed_at
         item.sync = sync.encode() if sync else b""

@@ -162,14 +162,14 @@ class ReliableSending:
                 self._emit(ended)
         self._given_up.clear()
 
-    def transmitted(self, records: Iterable[Waiting]) -> None:
+    def transmitted(self, records: Iterable[Waiting], now: int) -> None:
         """Note which samples are in the transmission that begins."""
         for record in records:
             if isinstance(record, SampleWaiting):
                 self._order += 1
                 record.sample.order = self._order
                 record.sample.stage = Stage.ON_AIR
-                record.sample.tries += 1
+                self._pacing.begins(record.lane, record.sample, now)
                 self._on_air.append((record.lane, record.sample))
 
     def handle_report(self, report: TransmitReport) -> None:
@@ -243,6 +243,7 @@ class ReliableSending:
             reception.expected = expected
             self._pacing.timing(source).quiet_until = 0
             self._mark(lane, source, expected, ack.held, now)
+            self._pacing.asked(lane, source, now)
         self._end_delivered(lane, now)
         self._advance(lane, now)
         return None
@@ -360,9 +361,8 @@ class ReliableSending:
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
             if (has_it or holds_it) and source not in sample.acknowledged | sample.held:
                 # Only what was sent last is surely what this answers.
-                is_last = sample.order == self._order and sample.tries == 1
-                if is_last and sample.stage is Stage.SENT:
-                    self._pacing.timing(source).measured(now - sample.sent_at)
+                if sample.order == self._order:
+                    self._pacing.measured(lane, sample, source, now)
                 latest = max(latest, sample.order)
             if has_it:
                 sample.acknowledged.add(source)
@@ -392,7 +392,7 @@ class ReliableSending:
             if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
                 continue
             for sample in sent:
-                if sample.due_at <= now + slack_ns and room_bytes > 0:
+                if self._pacing.due_at(sample) <= now + slack_ns and room_bytes > 0:
                     room_bytes -= sample.waiting.size_bytes
                     if self._pacing.is_doubtful(lane, sample):
                         room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)

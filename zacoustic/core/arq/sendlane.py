@@ -7,7 +7,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.arq.numbers import NUMBERS, PACE, WINDOW
+from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW
+from zacoustic.core.arq.rhythm import SendRhythm
+from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.frame import Control, Sync
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import LaneKey, Waiting
@@ -56,10 +58,12 @@ class Outgoing:
 
     __slots__ = (
         "acknowledged",
+        "asked",
         "delivery_id",
         "due_at",
         "expires_at",
         "held",
+        "marked",
         "number",
         "order",
         "sent_at",
@@ -80,6 +84,10 @@ class Outgoing:
         """Receivers that have it and all before it."""
         self.held: set[int] = set()
         """Receivers that have it, but keep it until what is before it has come."""
+        self.asked = False
+        """Its receiver has told that it lacks it, after it should have come."""
+        self.marked = False
+        """It was sent as one in rhythm."""
         self.tries = 0
         self.order = 0
         """Counts transmissions of the node: what was sent after what."""
@@ -93,6 +101,11 @@ class SampleWaiting(Waiting):
     __slots__ = ("lane", "sample")
     lane: "SendLane"
     sample: Outgoing
+
+    def head_at(self, now: int) -> bytes:
+        """Return wildcards and number, marked where it is sent in rhythm now."""
+        mark = IN_RHYTHM if self.lane.is_marked(self.sample, now) else 0
+        return self.head[:-1] + bytes((self.head[-1] | mark,))
 
 
 class Reception:
@@ -119,6 +132,7 @@ class SendLane:
         next_number: The number of the next sample.
         is_kept: Its samples and its count are in the journal.
         audience: Of the receivers those that want samples, as they change; None: all.
+        rhythm: Learns the rhythm of the samples; None: whatever it is, each one is answered.
     """
 
     def __init__(
@@ -130,10 +144,12 @@ class SendLane:
         *,
         is_kept: bool = False,
         audience: Set[int] | None = None,
+        rhythm: SendRhythm | None = None,
     ) -> None:
         self.key = key
         self.is_kept = is_kept
         self.audience = audience
+        self.rhythm = rhythm
         self.lineage = lineage
         self.next_number = next_number
         self.samples: deque[Outgoing] = deque()
@@ -223,6 +239,34 @@ class SendLane:
             and (self.audience is None or address in self.audience)
         ]
 
+    def is_marked(self, sample: Outgoing, now: int) -> bool:
+        """Tell whether a sample that is sent now is marked as one in rhythm."""
+        if self.rhythm is None or sample.waiting.sync:
+            return False
+        (reception,) = self.receptions.values()
+        if sample.tries:
+            return sample.asked and self.rhythm_is_known(sample)
+        return self.rhythm.marks(sample.number, reception.expected, now)
+
+    def rhythm_is_known(self, sample: Outgoing) -> bool:
+        """Tell whether the receiver would ask for a sample, the newest that was sent."""
+        if self.rhythm is None:
+            return False
+        (reception,) = self.receptions.values()
+        return reception.in_sync and self.rhythm.is_known(sample.number, reception.expected)
+
+    def begins(self, sample: Outgoing, now: int, times: LinkTimes) -> None:
+        """A sample begins to be sent."""
+        sample.marked = self.is_marked(sample, now)
+        if self.rhythm is not None:
+            (reception,) = self.receptions.values()
+            if not sample.tries:
+                self.rhythm.first_sent(sample.number, reception.expected, now, times)
+            if sample.waiting.sync or (sample.tries and not sample.marked):
+                self.rhythm.end()
+        sample.tries += 1
+        sample.asked = False
+
     def due_soon(self, address: int, before: int | None = None) -> None:
         """What a receiver lacks, and was sent, is due at once.
 
@@ -252,6 +296,13 @@ class SendLane:
             floor = max(floor, self.receptions[lacking[0]].expected)
             waiting.for_one_node = True
         waiting.sync = Sync(self.lineage, floor).encode()
+
+    def put_off(self, due_at: int) -> int:
+        """Let nothing that was sent, and not asked for, be due before an instant; returns that."""
+        for sample in self.active():
+            if sample.stage is Stage.SENT and not sample.asked:
+                sample.due_at = max(sample.due_at, due_at)
+        return due_at
 
     def lose_sync(self, address: int) -> None:
         """A receiver may know neither lineage nor floor, and have lost what it held."""

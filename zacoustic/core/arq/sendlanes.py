@@ -3,10 +3,12 @@
 from collections.abc import Iterator
 
 from zacoustic.core.arq.keeping import KeptLane
+from zacoustic.core.arq.rhythm import SendRhythm
 from zacoustic.core.arq.sendlane import SendLane, Stage
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
+from zacoustic.core.qos import Priority
 from zacoustic.core.queue import RELIABLE_LANE, LaneKey
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError
@@ -48,6 +50,7 @@ class SendLanes:
                 self._handshake.epoch,
                 is_kept=stream.spec.journal,
                 audience=self._demand.audience(stream),
+                rhythm=self._rhythm(stream),
             )
             self._lanes[lane.key] = lane
         return lane
@@ -63,6 +66,7 @@ class SendLanes:
             first,
             is_kept=True,
             audience=self._demand.audience(stream),
+            rhythm=self._rhythm(stream),
         )
         self._lanes[key] = lane
         for number, each in kept.samples:
@@ -92,6 +96,12 @@ class SendLanes:
             for sample in lane.active()
             if sample.tries and sample.stage in (Stage.QUEUED, Stage.ON_AIR)
         )
+
+    def _rhythm(self, stream: Stream) -> SendRhythm | None:
+        # Several receivers would ask all at once, and what is urgent is sent in copies.
+        is_urgent = stream.qos.priority is Priority.REAL_TIME
+        alone = len(self._receivers(stream)) == 1
+        return SendRhythm(stream.qos) if alone and not is_urgent else None
 
     def _receivers(self, stream: Stream) -> tuple[int, ...]:
         assert isinstance(stream.spec, TopicSpec)

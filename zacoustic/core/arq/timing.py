@@ -7,6 +7,7 @@ less often: it may be out of range for half an hour. The first frame heard of it
 """
 
 import random
+from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
@@ -31,6 +32,8 @@ class LinkTimes:
     """
 
     def __init__(self, capabilities: LinkCapabilities) -> None:
+        self.airtime_ns: Callable[[int], int] = capabilities.airtime_ns
+        """Airtime of a frame of so many bytes."""
         short_ns = capabilities.airtime_ns(_SHORT_BYTES)
         gap_ns = seconds_to_ns(capabilities.gap_s)
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
@@ -47,16 +50,18 @@ class LinkTimes:
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
         self.doubt_ns = short_ns
+        self.way_ns = seconds_to_ns(capabilities.propagation_s)
+        """How long the sound takes to the farthest node, one way."""
         self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
         """What is repeated at most before an answer is awaited."""
         self.first_round_trip_ns: int = (
-            2 * seconds_to_ns(capabilities.propagation_s)
-            + self.ack_linger_ns
-            + self.next_frame_ns
-            + self.ack_slot_ns
-            + short_ns
+            2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
         )
         """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+    def ask_round_trip_ns(self, frame_ns: int) -> int:
+        """Return how long what was asked for needs to come, in a frame of that airtime."""
+        return 2 * self.way_ns + self.ack_slot_ns + frame_ns + self.doubt_ns
 
     def ack_spread_ns(self, receivers: int) -> int:
         """Return within which time that many receivers acknowledge a repetition, each at random.
@@ -71,6 +76,8 @@ class PeerTiming:
     """How long one node takes to answer."""
 
     def __init__(self) -> None:
+        self.shortest_ns: int | None = None
+        """The shortest round trip that was measured lately, ns."""
         self.quiet_until = 0
         """An answer is awaited until then, and nothing is repeated to it, ns."""
         self._counts_at = 0
@@ -81,9 +88,12 @@ class PeerTiming:
 
     def measured(self, round_trip_ns: int) -> None:
         """Take a round trip, from the end of a frame to the ACK for it."""
-        if self._smooth_ns is None:
+        if self._smooth_ns is None or self.shortest_ns is None:
             self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // 2
+            self.shortest_ns = round_trip_ns
             return
+        longer_ns = round_trip_ns - self.shortest_ns
+        self.shortest_ns += longer_ns if longer_ns < 0 else longer_ns // 8
         error = abs(self._smooth_ns - round_trip_ns)
         self._deviation_ns += (error - self._deviation_ns) // 4
         self._smooth_ns += (round_trip_ns - self._smooth_ns) // 8

@@ -66,6 +66,9 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     """How long it goes on afterwards."""
     pause_s: float = 30.0
     """Longest time between two samples of a node on a stream, s."""
+    beat_s: float | None = None
+    """Time between two samples of a node on a stream while it speaks, s, but for one in twenty;
+    None: any up to `pause_s`."""
     calm_pause_s: float | None = None
     """The same when it is calm; None: nothing is said any more."""
 

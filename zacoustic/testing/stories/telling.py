@@ -26,6 +26,7 @@ from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
 from zacoustic.testing.virtual import Build, VirtualNetwork
 
+_OFF_BEAT = 0.05
 _MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
 
 
@@ -140,12 +141,15 @@ class Telling:
     # What the nodes do
 
     def _go_on(self, address: int, stream_id: int, now_s: float) -> None:
-        """Act on a stream at a random instant, and again."""
+        """Act on a stream at a random instant or on the beat, and again."""
         story = self.story
         longest_s = story.pause_s if now_s < story.busy_s else story.calm_pause_s
         if longest_s is None:
             return
         at_s = now_s + self._rng.uniform(longest_s / 30, longest_s)
+        beat_s = story.beat_s if 0 < now_s < story.busy_s else None
+        if beat_s is not None and self._rng.random() >= _OFF_BEAT:
+            at_s = now_s + beat_s
         if at_s >= story.busy_s and story.calm_pause_s is None:
             return
 
