@@ -260,11 +260,8 @@ class Health:
         if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
             return {}
         on, qos = self._engine.orders.tunings.effective(stream)
-        return {
-            "on": on,
-            "min_interval_s": qos.min_interval_s,
-            "priority": qos.priority.name.lower(),
-        }
+        priority = qos.priority.name.lower()
+        return {"tuning": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
 
     def _dropped(self) -> dict[str, object]:
         engine = self._engine
