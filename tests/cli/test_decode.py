@@ -96,6 +96,16 @@ def test_calls_are_told_with_their_numbers(table: StreamTable) -> None:
     assert item.kind == "record"
 
 
+def test_orders_are_told_whatever_is_in_the_table() -> None:
+    order = bytes.fromhex("af0200030101190bb8f6f6f6f6")
+    (item,) = decode_frame(order, TABLE, source=1)
+    assert item.text.startswith("stream 175 orders, request of call 0 of node 2, 0.3 s old: ")
+    assert isinstance(item.value, dict)
+    assert (item.value["order"], item.value["for_s"]) == ("silence", 300.0)
+    (item,) = decode_frame(bytes.fromhex("af024100f5f5190bb8f6f6f6"), TABLE, source=2)
+    assert item.text.startswith("stream 175 orders, response of call 1 of node 2, 0 s old: ")
+
+
 def test_what_does_not_decode_says_why(table: StreamTable) -> None:
     (item,) = decode_frame(bytes((10, 0, 0x18)), table)
     assert item.kind == "sample"

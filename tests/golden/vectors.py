@@ -48,7 +48,8 @@ from zacoustic.core.objects.wire import (
     Reason,
     Refused,
 )
-from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind
+from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
@@ -112,6 +113,7 @@ def vectors() -> Iterator[Vector]:
     yield from _access()
     yield from _reliable()
     yield from _goals()
+    yield from _orders()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -393,6 +395,51 @@ def _goals() -> Iterator[Vector]:
         yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)
     digest = action_table().by_id(40).digest
     yield _vector("digest_of_stream_40", digest, "digest of the action, stream 40")
+
+
+def _orders() -> Iterator[Vector]:
+    pair = _Pair()
+    for name, order, meaning, answer in (
+        ("ask", Order(), "what holds?", "node 2 transmits"),
+        (
+            "silence",
+            Order(kind=OrderKind.SILENCE, for_s=1800.0),
+            "silence for 1800 s, order 1",
+            "node 2 is silent, by an order, for 1800 s",
+        ),
+        ("resume", Order(kind=OrderKind.RESUME), "resume, order 2", "node 2 transmits"),
+        (
+            "tune",
+            Order(
+                kind=OrderKind.TUNE,
+                stream_id=11,
+                on=False,
+                min_interval_s=10.0,
+                priority=Priority.BACKGROUND,
+            ),
+            "stream 11 is off, every 10 s at most, background, order 3",
+            "so it is; node 2 transmits",
+        ),
+        (
+            "reset",
+            Order(kind=OrderKind.RESET, stream_id=20),
+            "stream 20 as node 2 is configured, order 4",
+            "refused: stream 20 is no topic",
+        ),
+    ):
+        pair.frames[2].clear()
+        frame = pair.frame(1, partial(_order, order))
+        yield _vector(f"order_{name}", frame, f"HELLO; call for node 2: {meaning}")
+        said = bytes.fromhex(pair.frames[2][0])
+        yield _vector(f"order_{name}_answer", said, f"HELLO; named answer of node 2: {answer}")
+    confirm = bytes.fromhex(pair.frames[1][1])
+    yield _vector("order_confirm", confirm, "the client has the answer to call 4 of node 2")
+    digest = table().by_id(ORDERS_STREAM_ID).digest
+    yield _vector("digest_of_stream_175", digest, "digest of the stream of orders")
+
+
+def _order(order: Order, engine: Engine, now: int) -> int:
+    return engine.orders.send(2, order, now)
 
 
 def _call(pair: _Pair) -> CallKey:

@@ -14,6 +14,7 @@ Map, in reading order:
 `receiver`, `topics`, `services`,   what arrives, and what becomes of it
 `answering`, `calls`, `repeating`
 `large`, `objects`                  samples that are larger than a frame
+`orders`, `silence`                 what other nodes order; when nothing may be transmitted
 `handshake`, `peer`                 HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
 `ranging`, `measurements`           ranges on demand; what the modem measured

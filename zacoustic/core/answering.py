@@ -10,7 +10,6 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.calls import (
     CALL_NUMBERS,
@@ -25,6 +24,7 @@ from zacoustic.core.calls import (
     encode_name,
 )
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.content import server_bytes, split_age
 from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
@@ -32,7 +32,7 @@ from zacoustic.core.qos import Priority, Qos, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
-from zacoustic.core.streams import EVERY_NODE, ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 ANSWER_LANE: Final = 2
@@ -350,16 +350,3 @@ def confirm_qos(linger_s: float) -> Qos:
 
 def _journal_name(key: CallKey) -> str:
     return f"{_JOURNAL}/{key}"
-
-
-def server_bytes(stream: Stream, server: int) -> bytes:
-    """Return what names the server in front of a call byte, where each node serves."""
-    is_named = isinstance(stream.spec, ServiceSpec) and stream.spec.server == EVERY_NODE
-    return bytes((server,)) if is_named else b""
-
-
-def split_age(stream: Stream, payload: bytes) -> tuple[float | None, bytes]:
-    """Take the age from before a payload, s; None: the service has no stamp, or it is cut off."""
-    if stream.qos.stamp is not Stamp.AGE or not payload:
-        return None, payload
-    return decode_age_s(payload[0]), payload[1:]

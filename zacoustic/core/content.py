@@ -13,6 +13,7 @@ action                  operation and goal, payload (`zacoustic.core.actions.wir
 from typing import Final
 
 from zacoustic.core.actions.wire import measure_message
+from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, measure_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
 from zacoustic.core.frame import Prefixes
@@ -66,6 +67,19 @@ def server_of(spec: ServiceSpec, buffer: bytes, offset: int) -> tuple[int | None
     if spec.server != EVERY_NODE:
         return spec.server, offset
     return (buffer[offset] if offset < len(buffer) else None), offset + SERVER_BYTES
+
+
+def server_bytes(stream: Stream, server: int) -> bytes:
+    """Return what names the server in front of a call byte, where each node serves."""
+    is_named = isinstance(stream.spec, ServiceSpec) and stream.spec.server == EVERY_NODE
+    return bytes((server,)) if is_named else b""
+
+
+def split_age(stream: Stream, payload: bytes) -> tuple[float | None, bytes]:
+    """Take the age from before a payload, s; None: the service has no stamp, or it is cut off."""
+    if stream.qos.stamp is not Stamp.AGE or not payload:
+        return None, payload
+    return decode_age_s(payload[0]), payload[1:]
 
 
 def _measure_call(stream: Stream, buffer: bytes, offset: int, *, answers: bool) -> int | None:

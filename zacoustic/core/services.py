@@ -9,7 +9,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.answering import Answering, call_qos, confirm_qos, server_bytes, split_age
+from zacoustic.core.answering import Answering, call_qos, confirm_qos
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.calls import (
     CALL_NUMBERS,
@@ -23,7 +23,7 @@ from zacoustic.core.calls import (
     encode_call_byte,
 )
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.content import server_of
+from zacoustic.core.content import server_bytes, server_of, split_age
 from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.journal import JournalPort

@@ -263,11 +263,8 @@ class Health:
         if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
             return {}
         on, qos = self._engine.orders.tunings.effective(stream)
-        return {
-            "on": on,
-            "min_interval_s": qos.min_interval_s,
-            "priority": qos.priority.name.lower(),
-        }
+        priority = qos.priority.name.lower()
+        return {"tuning": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
 
     def _demands(self, stream: Stream) -> dict[str, list[int]]:
         """Return who wants an on-demand topic, and who is asked for it."""

@@ -20,7 +20,7 @@ from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.content import measure_content
+from zacoustic.core.content import measure_content, server_of, split_age
 from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
@@ -47,7 +47,7 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import EVERY_NODE, ActionSpec, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import UnknownStreamError
 
 _WHY_STRAY = {
@@ -183,7 +183,7 @@ class _Reader:
         if stream is None:
             return _unread(record)
         if isinstance(stream.spec, ServiceSpec):
-            return _call(stream, record, self._source)
+            return _call(stream, stream.spec, record, self._source)
         if isinstance(stream.spec, ActionSpec):
             return _goal(stream, stream.spec, record, self._source)
         return self._sample(stream, record)
@@ -250,16 +250,18 @@ def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) ->
     return DecodedItem(kind="ack", text=text, stream_id=stream.stream_id, name=key)
 
 
-def _call(stream: Stream, record: Record, source: int) -> DecodedItem:
-    if not record.content:
+def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> DecodedItem:
+    server, start = server_of(spec, record.content, 0)
+    content = record.content[start:]
+    if not content:
         return _unread(record)
-    kind, number = decode_call_byte(record.content[0])
-    payload = record.content[1:]
-    life = ""
-    if isinstance(stream.spec, ServiceSpec) and stream.spec.server == source and kind is NAMED:
+    kind, number = decode_call_byte(content[0])
+    payload = content[1:]
+    life = f" of node {server}" if spec.server == EVERY_NODE else ""
+    if server == source and kind is NAMED:
         if not payload:
             return _unread(record)
-        kind, life = CallKind(payload[0] >> 6), f" of a life {payload[0] & 0x3F} mod 64"
+        kind, life = CallKind(payload[0] >> 6), f"{life} of a life {payload[0] & 0x3F} mod 64"
         payload = payload[NAME_BYTES:]
     head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}{life}"
     if kind is CallKind.CONFIRM:
@@ -273,6 +275,8 @@ def _call(stream: Stream, record: Record, source: int) -> DecodedItem:
             kind="error", text=f"{head}: {said}", stream_id=stream.stream_id, name=stream.name,
             value=said,
         )  # fmt: skip
+    age_s, payload = split_age(stream, payload)
+    head += "" if age_s is None else f", {age_s:g} s old"
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
     return _decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
 
