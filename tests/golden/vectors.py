@@ -48,7 +48,7 @@ from zacoustic.core.objects.wire import (
     Reason,
     Refused,
 )
-from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
@@ -112,6 +112,7 @@ def vectors() -> Iterator[Vector]:
     yield from _access()
     yield from _reliable()
     yield from _goals()
+    yield from _subscriptions()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -191,7 +192,8 @@ class _Pair:
         """Give commands to a node in one instant; return the frame that it sends."""
         self.frames[node].clear()
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
-        self.network.run(until_s=self.network.now / NS_PER_S + 1)
+        # Longer, and ends that answer at once would ask each other a million times.
+        self.network.run(until_s=self.network.now / NS_PER_S + 1e-4)
         return bytes.fromhex(self.frames[node][0])
 
 
@@ -392,6 +394,29 @@ def _goals() -> Iterator[Vector]:
         yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)
     digest = action_table().by_id(40).digest
     yield _vector("digest_of_stream_40", digest, "digest of the action, stream 40")
+
+
+def demand_table() -> StreamTable:
+    """Return the table of the vectors of on-demand topics."""
+    known = table()
+    qos = Qos(forward=Forward.ON_DEMAND)
+    specs = [stream.spec for stream in known]
+    specs.append(TopicSpec(stream_id=50, name="auv1/sonar", publishers=(2,), qos=qos))
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _subscriptions() -> Iterator[Vector]:
+    pair = _Pair(streams=demand_table())
+    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now))
+    yield _vector("subscribe", letter, "SUBSCRIBE: of the streams 48…55 50 is wanted, version 1")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("subscribe_answer", answer, "SUBSCRIBE: the answer to it")
+    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now, ()))
+    yield _vector(
+        "unsubscribe", letter, "SUBSCRIBE: of the streams 48…55 none is wanted, version 2"
+    )
+    digest = demand_table().by_id(50).digest
+    yield _vector("digest_of_stream_50", digest, "digest of the on-demand stream 50")
 
 
 def _call(pair: _Pair) -> CallKey:
