@@ -165,6 +165,29 @@ def test_a_config_is_used_with_its_types_and_calls_are_counted(
     assert (arm["published"], arm["expected"], arm["delivered"]) == (10, 10, 10)
 
 
+def test_somebody_looks_at_on_demand_topics_and_heartbeats_are_sent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fleet.json5").write_text(
+        """{ plugins: { acoustic: { address: 1, heartbeat_s: 30,
+          nodes: [ { address: 1, name: "shore" }, { address: 2, name: "auv" } ],
+          streams: [ { id: 1, topic: "a/b", publishers: [2], forward: "on_demand" } ] } } }""",
+        encoding="utf-8",
+    )
+    path = tmp_path / "water.json5"
+    crashes = "faults: { crashes: [ { node: 1, at_s: [100], restart_after_s: 10 } ] },"
+    path.write_text(
+        SCENARIO.replace("traffic:", f'config: "fleet.json5", {crashes} traffic:'), encoding="utf-8"
+    )
+    trace = tmp_path / "trace.jsonl"
+    assert main(["sim", str(path), "--until", "600", "--json", "--trace", str(trace)]) == 0
+    (stream,) = result(capsys)["streams"]
+    assert stream["delivered"] >= 50
+    records = [json.loads(line) for line in trace.read_text(encoding="utf-8").splitlines()]
+    sent = [each["frame"] for each in records if each["what"] == "transmit" and each["node"] == 1]
+    assert sent.count("00") >= 10
+
+
 def test_a_story_is_told_again_by_its_seed(capsys: pytest.CaptureFixture[str]) -> None:
     told = []
     for seed in ("2", "2", "3"):

@@ -49,7 +49,7 @@ from zacoustic.core.objects.wire import (
     Refused,
 )
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind
-from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
+from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
@@ -114,6 +114,7 @@ def vectors() -> Iterator[Vector]:
     yield from _reliable()
     yield from _goals()
     yield from _orders()
+    yield from _subscriptions()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -440,6 +441,29 @@ def _orders() -> Iterator[Vector]:
 
 def _order(order: Order, engine: Engine, now: int) -> int:
     return engine.orders.send(2, order, now)
+
+
+def demand_table() -> StreamTable:
+    """Return the table of the vectors of on-demand topics."""
+    known = table()
+    qos = Qos(forward=Forward.ON_DEMAND)
+    specs = [stream.spec for stream in known]
+    specs.append(TopicSpec(stream_id=50, name="auv1/sonar", publishers=(2,), qos=qos))
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _subscriptions() -> Iterator[Vector]:
+    pair = _Pair(streams=demand_table())
+    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now))
+    yield _vector("subscribe", letter, "SUBSCRIBE: of the streams 48…55 50 is wanted, version 1")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("subscribe_answer", answer, "SUBSCRIBE: the answer to it")
+    letter = pair.frame(1, lambda engine, now: engine.demand.want(50, now, ()))
+    yield _vector(
+        "unsubscribe", letter, "SUBSCRIBE: of the streams 48…55 none is wanted, version 2"
+    )
+    digest = demand_table().by_id(50).digest
+    yield _vector("digest_of_stream_50", digest, "digest of the on-demand stream 50")
 
 
 def _call(pair: _Pair) -> CallKey:

@@ -17,6 +17,8 @@ Map, in reading order:
 `orders`, `silence`                 what other nodes order; when nothing may be transmitted
 `handshake`, `peer`                 HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
+`demand`                            topics that cross only where somebody has subscribed
+`contact`                           heartbeats, and nodes that are not heard any more
 `ranging`, `measurements`           ranges on demand; what the modem measured
 `streams`, `keys`                   names ⇄ bytes, and the digest of the table
 `types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application

@@ -2,8 +2,9 @@
 
 Zenoh tells a publisher whether anybody subscribes to its key (*matching*). So for each on-demand
 topic that this gateway delivers a publisher is declared that never puts anything: on the keys of
-the topic, or, where the name of the node is in them, one for each node that may publish. The
-gateways of this session, and what is on the water already, do not count.
+the topic, or, where the name of the node is in them, one for each node that may publish. What this
+gateway itself has subscribed to does not count; a sibling that forwards the same topic does, it
+subscribes as anybody.
 
 A subscriber that goes is often back at once: its program is restarted, or the router is. So a
 topic is wanted `GRACE_S` longer than anybody looks at it, and nothing crosses the water for that.

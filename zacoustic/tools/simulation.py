@@ -7,7 +7,7 @@ differ (`size_bytes`, `vary`).
 """
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -17,6 +17,7 @@ import msgspec
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.traffic import TrafficSpec
 from zacoustic.config import Config, read_config
+from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
@@ -26,8 +27,9 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.keys import Instance
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import ServiceSpec, Stream, StreamTable, TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.trace import TraceRecord, TraceSink
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5
 from zacoustic.testing.stories.witness import Arrived, Publication
@@ -68,7 +70,11 @@ def simulate(
         )
     configs = _configs(scenario, Path(path))
     tables = _tables(scenario, configs, Path(path))
-    run = _Run(_with_journals(scenario, configs), tables, source=str(path), trace=trace)
+    rules = {
+        address: TransmitRules(contact=config.rules.contact) for address, config in configs.items()
+    }
+    scenario = _with_journals(scenario, configs)
+    run = _Run(scenario, tables, rules, source=str(path), trace=trace)
     run.network.run(until_s=until_s)
     return run.tally.result(run.network, until_s)
 
@@ -80,6 +86,7 @@ class _Run:
         self,
         scenario: Scenario,
         tables: dict[int, StreamTable],
+        rules: dict[int, TransmitRules],
         *,
         source: str,
         trace: Callable[[TraceRecord], None] | None,
@@ -92,9 +99,31 @@ class _Run:
         self._answers: dict[int, object] = {}
         late_after_s: dict[int, float] = {}
         self.tally = Tally(tables, late_after_s)
+
+        def build(
+            *,
+            address: int,
+            table: StreamTable,
+            epoch: int,
+            rng: random.Random,
+            stored: Mapping[str, bytes],
+            trace: TraceSink | None,
+        ) -> Engine:
+            return Engine(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=rng,
+                stored=stored,
+                rules=rules.get(address, TransmitRules()),
+                trace=trace,
+            )
+
         self.network = VirtualNetwork(
-            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live
+            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live, build=build
         )
+        for address in self.network.addresses:
+            self._subscribe(address)
         for index, traffic in enumerate(scenario.traffic):
             stream = self._begin(traffic, f"{source}: traffic[{index}]")
             if traffic.late_after_s is not None:
@@ -218,8 +247,23 @@ class _Run:
         return Arrived(publication=publication, node=node, life=network.life(node), at=network.now)
 
     def _live(self, address: int, is_alive: bool) -> None:
-        if not is_alive:
+        if is_alive:
+            self.network.at(self.network.now / NS_PER_S, partial(self._subscribe, address))
+        else:
             self.tally.crashed(address, self.network.now)
+
+    def _subscribe(self, address: int) -> None:
+        """Want all on-demand topics: somebody looks at everything."""
+        if not self.network.is_running(address):
+            return
+        for stream in self.network.engine(address).table:
+            if stream.is_on_demand and stream.may_subscribe(address):
+                want = partial(_want, stream.stream_id)
+                self.network.apply(address, want)
+
+
+def _want(stream_id: int, engine: Engine, now: int) -> None:
+    engine.demand.want(stream_id, now)
 
 
 class _Sent:
