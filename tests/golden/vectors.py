@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
@@ -216,6 +217,10 @@ def reliable_table() -> StreamTable:
     return StreamTable(specs, types=known.types, nodes=known.nodes)
 
 
+_STEP_S: Final = 50e-6
+"""A dozen round trips of the ideal modem."""
+
+
 def _reliable() -> Iterator[Vector]:
     pair = _Pair(streams=reliable_table())
     order = partial(_publish, 30, b"dive")
@@ -229,6 +234,13 @@ def _reliable() -> Iterator[Vector]:
     yield _vector("reliable_sample", second, "sample 2 of stream 30: dive")
     answer = bytes.fromhex(pair.frames[2][-1])
     yield _vector("ack", answer, "ACK to the destination: of stream 30, number 3 is expected")
+    pair.frames[1].clear()
+    begin_s = pair.network.now / NS_PER_S
+    for step in range(3):
+        pair.network.at(begin_s + step * _STEP_S, partial(pair.network.publish, 1, 30, b"dive"))
+    pair.network.run(until_s=begin_s + 1)
+    third = bytes.fromhex(pair.frames[1][-1])
+    yield _vector("reliable_in_rhythm", third, "sample 5 of stream 30, in rhythm: dive")
     gone = pair.frame(
         1, lambda engine, now: engine.publish(31, None, now, instance=(2,), delete=True)
     )

@@ -101,6 +101,15 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
     less than nothing the publisher may have had more to say."""
 
 
+class _Turn(msgspec.Struct, frozen=True):
+    """How long an ACK waits before it is a reason for a frame of its own."""
+
+    linger_ns: int = 0
+    """For the end of the publisher's frames; each one of them puts it off."""
+    offset_ns: int = 0
+    """Behind that, so that those who answer do not speak all at once."""
+
+
 class _AckWaiting(Waiting):
     """An ACK in the transmit queue."""
 
@@ -171,7 +180,7 @@ class ReliableReceiving:
                 ready = lane.hand_on(max(lane.held, default=lane.expected))
             lane = self._lanes[key] = _ReceiveLane(sync.lineage, sync.floor, is_settled=True)
         if lane is None or (sync is None and not lane.is_settled):
-            self._owe(key, Ack(0, knows=False), None, now, self._turn_ns(stream, arrival))
+            self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
             return "out_of_sync"
         lane.in_sync, lane.is_settled = sync is None, True
         if sync is not None:
@@ -185,14 +194,14 @@ class ReliableReceiving:
             lane.held[number] = sample
             ready += lane.hand_on(number - stream.qos.depth + 1)
         is_first = reason is None and sync is None
-        own_turn_ns = self._turn_ns(stream, arrival, is_first=is_first)
+        turn = self._turn(stream, arrival, is_first=is_first)
         if is_first:
-            self._watch(key, lane, now + own_turn_ns)
-        turn_ns = own_turn_ns if answers else None
+            self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
+        own_turn = turn if answers else None
         if ready:
-            self._keep(key, lane, ready, stream, now, turn_ns)
+            self._keep(key, lane, ready, stream, now, own_turn)
         else:
-            self._owe_ack(key, lane, now, turn_ns)
+            self._owe_ack(key, lane, now, own_turn)
         return reason
 
     # For the timer
@@ -207,7 +216,7 @@ class ReliableReceiving:
                 del self._watched[key]
             elif ask_at <= now:
                 lane.watch.asks(now, self._times)
-                self._owe_ack(key, lane, now, 0)
+                self._owe_ack(key, lane, now, _Turn())
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something is asked for, ns, or None."""
@@ -245,7 +254,7 @@ class ReliableReceiving:
         ready: list[SampleReceived],
         stream: Stream,
         now: int,
-        turn_ns: int | None,
+        turn: _Turn | None,
     ) -> None:
         """Write the position down and hand the samples on; that first, where the topic asks."""
         expected = lane.expected
@@ -255,7 +264,7 @@ class ReliableReceiving:
                 self._emit(sample)
             lane.kept = max(lane.kept, expected)
             if self._lanes.get(key) is lane:
-                self._owe_ack(key, lane, at, turn_ns)
+                self._owe_ack(key, lane, at, turn)
 
         source, stream_id, instance = key
         name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
@@ -267,40 +276,36 @@ class ReliableReceiving:
             self._journal.write(name, position)
             kept(now)
 
-    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn_ns: int | None) -> None:
+    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn: _Turn | None) -> None:
+        """Let an ACK wait; without a turn until it is asked for what is missing."""
         sync = None if lane.in_sync else Sync(lane.lineage, lane.kept)
-        rides_until = lane.watch.ask_at if turn_ns is None else None
-        self._owe(key, lane.ack(), sync, now, turn_ns or 0, rides_until=rides_until)
+        ask_at = lane.watch.ask_at
+        if turn is None and ask_at is not None:
+            self._push(key, lane.ack(), sync, owed_at=ask_at, due_at=ask_at)
+        else:
+            self._owe(key, lane.ack(), sync, now, turn or _Turn())
 
-    def _owe(
-        self,
-        key: _LaneKey,
-        ack: Ack,
-        sync: Sync | None,
-        now: int,
-        turn_ns: int,
-        *,
-        rides_until: int | None = None,
-    ) -> None:
-        """Let an ACK wait for its turn, in the place of one that waits already.
-
-        Args:
-            key: Whose it is.
-            ack: What it says.
-            sync: What stands before it.
-            now: The instant.
-            turn_ns: How long it waits at most for a frame that goes anyway, ns.
-            rides_until: Instead it waits until that instant, however long others have waited.
-        """
+    def _owe(self, key: _LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
+        """Let an ACK wait for its turn."""
         assert self._times is not None
+        source, stream_id, instance = key
+        before = self._queue.first((stream_id, ACK_LANE, source, *instance))
+        owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
+        patient_until = owed_at + self._times.ack_patience_ns
+        due_at = min(now + turn.linger_ns, patient_until) + turn.offset_ns
+        if before is not None and now >= patient_until:
+            due_at = min(due_at, before.queued_at)
+        self._push(key, ack, sync, owed_at=owed_at, due_at=max(now, due_at))
+
+    def _push(
+        self, key: _LaneKey, ack: Ack, sync: Sync | None, *, owed_at: int, due_at: int
+    ) -> None:
+        """Queue an ACK in the place of one that waits already."""
         source, stream_id, instance = key
         lane_key = (stream_id, ACK_LANE, source, *instance)
         largest_bytes = self._queue.largest_bytes
         assert largest_bytes is not None
         head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
-        before = self._queue.first(lane_key)
-        owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
-        due_at = min(now + turn_ns, owed_at + self._times.ack_patience_ns)
         item = _AckWaiting(
             stream_id=stream_id,
             destination=source,
@@ -310,14 +315,14 @@ class ReliableReceiving:
             payload=ack.encode(max(1, largest_bytes - head_bytes)),
             delimits_itself=True,
             cause=Cause.ACK,
-            queued_at=max(now, due_at if rides_until is None else rides_until),
+            queued_at=due_at,
         )
         item.owed_at = owed_at
         item.sync = sync.encode() if sync else b""
         self._queue.drop_lane(lane_key)
         self._queue.push(lane_key, item, _ACK_QOS)
 
-    def _turn_ns(self, stream: Stream, arrival: Arrival, *, is_first: bool = False) -> int:
+    def _turn(self, stream: Stream, arrival: Arrival, *, is_first: bool = False) -> _Turn:
         """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
 
         Receivers answer in the order of their addresses. Where an answer was lost, since they are
@@ -336,7 +341,7 @@ class ReliableReceiving:
         source = arrival.sample.source
         others = sorted(set(self._table.nodes if listed is None else listed) - {source})
         if not is_first:
-            return linger_ns + self._rng.randrange(times.ack_spread_ns(len(others)) + 1)
+            return _Turn(linger_ns, self._rng.randrange(times.ack_spread_ns(len(others)) + 1))
         is_alone = arrival.is_alone or self._address not in others
         rank = 0 if is_alone else others.index(self._address)
-        return linger_ns + rank * times.ack_slot_ns
+        return _Turn(linger_ns, rank * times.ack_slot_ns)

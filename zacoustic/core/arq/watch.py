@@ -84,6 +84,9 @@ class Watch:
                 self._beat.begin(number, at)
             else:
                 self._beat.goes_on(number, at)
+            period_ns = self._beat.period_ns
+            if period_ns is not None and period_ns < times.first_round_trip_ns:
+                self._beat.begin(number, at)  # nothing that could be asked for in time
             self._frames_ns = (self._frames_ns[1], frame_ns)
         if was_known:
             self._missed += ((not is_on_beat) - self._missed) * _SMOOTHING
@@ -125,7 +128,7 @@ class Watch:
         round_trip_ns = times.ask_round_trip_ns(max(self._frames_ns))
         period_ns = self._beat.period_ns
         assert period_ns is not None
-        while self._overdue_at <= self._round_at:
-            self._overdue_at += period_ns
+        beats_over = max(0, (self._round_at - self._overdue_at) // period_ns + 1)
+        self._overdue_at += beats_over * period_ns
         next_at = self._round_at + round_trip_ns
         return next_at if next_at + round_trip_ns <= self._overdue_at else self._overdue_at
