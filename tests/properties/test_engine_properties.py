@@ -14,7 +14,8 @@ from tests.core.rig import End, Rig, link
 from zacoustic.core.events import RequestReceived, ResponseReceived, SampleReceived
 from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Priority, Qos, Stamp
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
@@ -28,6 +29,7 @@ TYPE = TypeSpec(
     ),
 )
 DEEP = Qos(depth=1000)
+LOG = Qos(depth=4, forward=Forward.ON_DEMAND, reliability=Reliability.RELIABLE)
 VALUES = st.fixed_dictionaries(
     {
         "n": st.integers(-(2**31), 2**31 - 1),
@@ -50,6 +52,8 @@ def fleet() -> StreamTable:
             ),
             TopicSpec(stream_id=4, name="one", subscribers=(2,), type_name="T", qos=DEEP),
             TopicSpec(stream_id=5, name="now", qos=Qos(depth=1000, priority=Priority.REAL_TIME)),
+            TopicSpec(stream_id=6, name="view", qos=Qos(forward=Forward.ON_DEMAND)),
+            TopicSpec(stream_id=7, name="log", qos=LOG),
             ServiceSpec(stream_id=20, name="arm", server=2, request_type="T"),
             ServiceSpec(stream_id=21, name="mine", server=1, response_type="T"),
         ],
@@ -131,6 +135,8 @@ PIECES = st.one_of(
         st.integers(0, 255),
         DIGESTS,
     ),
+    st.builds(lambda p, v, s: bytes((0xBC, p, v, s)), *(3 * [st.integers(0, 255)])),
+    st.builds(lambda v, s: bytes((0xBC, 0, v, s)), *(2 * [st.integers(0, 255)])),
     st.builds(lambda s, c: bytes((s,)) + c, st.integers(1, 25), st.binary(max_size=9)),
     st.builds(
         lambda s, c: bytes((0xB2, len(c) + 1, s)) + c, st.integers(1, 25), st.binary(max_size=9)
@@ -150,9 +156,14 @@ def test_made_up_frames_are_counted_and_answered_within_bounds(
 ) -> None:
     end = End(1, fleet(), capabilities=link(**lacks))
     now = 0
-    for frame, source in frames:
+    end.engine.demand.want(6, now)
+    for number, (frame, source) in enumerate(frames):
         now += 10_000_000
-        end.hear(frame, now, source=source)
+        end.hear(frame, now, source=source, destination=(1, BROADCAST)[number % 2])
+        end.engine.publish(6, b"seen?", now)
+        due_at = end.engine.poll_timeout()
+        if due_at is not None and due_at <= now:
+            end.engine.handle_timeout(now)
         for _ in range(100):
             if end.send(now) is None:
                 break
@@ -196,6 +207,11 @@ def real_frames(**lacks: bool) -> list[bytes]:
                 rig.publish(2, 3, b"x", instance=(1,), encoding="application/json")
                 rig[2].engine.call(21, b"please", rig.now)
             rig.publish(1, 1, b"mine")
+            if tables[1] is not other:
+                rig[1].engine.demand.want(6, rig.now, (2,) if number % 2 else ())
+                rig[1].engine.demand.want(7, rig.now, (2,))
+                rig.publish(2, 6, b"view")
+                rig.publish(2, 7, b"log")
             rig.run(1)
             for event in rig[1].got(RequestReceived)[number:]:
                 rig[1].engine.reply(event.call, {"n": 1, "x": None, "list": []}, rig.now)
@@ -231,7 +247,12 @@ def test_a_million_strange_frames_do_no_harm(
         frame = mutated(rng, frames)
         source = rng.choice((0, 1, 2, 2, 2, 3, rng.randrange(256)))
         try:
-            end.hear(frame, now, source=source)
+            destination = 1 if rng.random() < 0.5 else BROADCAST
+            end.hear(frame, now, source=source, destination=destination)
+            if number % 10 == 0:
+                sources = [each for each in NODES if rng.random() < 0.5]
+                end.engine.demand.want(rng.choice((6, 7)), now, sources)
+                end.engine.publish(6, b"seen?", now)
             due_at = end.engine.poll_timeout()
             if due_at is not None and due_at <= now:
                 end.engine.handle_timeout(now)
