@@ -182,7 +182,7 @@ class Protocols:
         self.handshake.use_link(capabilities)
         self.ranging.use_link(capabilities)
         times, settling_ns = LinkTimes(capabilities), self.handshake.settling_ns
-        self.sending.use_link(times, settling_ns, port.access.handle_outcome)
+        self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
         self.repeater.use_link(times, now)

@@ -1,7 +1,6 @@
 """When a sample goes again: how long its receivers are given to answer, and who is waited for."""
 
 import random
-from collections.abc import Callable, Iterable
 from typing import Final
 
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
@@ -31,8 +30,6 @@ class Pacing:
     def __init__(self, table: StreamTable, rng: random.Random) -> None:
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
-        self.tell_outcome: Callable[[bool, int], None] = lambda arrived, now: None
-        """Tells the medium access what became of a frame: acknowledged, or not in time."""
         self._table = table
         self._rng = rng
         self._timings: dict[int, PeerTiming] = {}
@@ -61,15 +58,6 @@ class Pacing:
         lately = now - _CROWD_ROUND_TRIPS * self.times.first_round_trip_ns if self.times else now
         others = any(at > lately for each, at in self._heard_at.items() if each != source)
         self.timing(source).answered(in_crowd=others)
-        self.tell_outcome(True, now)
-
-    def unanswered(self, batch: Iterable[tuple[SendLane, Outgoing]], now: int) -> None:
-        """These samples are repeated: tell the medium access, unless only loss can be the reason.
-
-        That is so where somebody has asked for them, or where there are two nodes in all.
-        """
-        if len(self._table.nodes) > 2 and any(not sample.asked for _, sample in batch):
-            self.tell_outcome(False, now)
 
     def measured(self, lane: SendLane, sample: Outgoing, source: int, now: int) -> None:
         """The sample that was sent last is acknowledged, for the first time."""

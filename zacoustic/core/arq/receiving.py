@@ -25,6 +25,7 @@ LEAST_ACK_BYTES: Final = ACK_HEAD_BYTES + SYNC_BYTES + 1
 """What a frame has to have room for where a topic is reliable, wildcards excepted."""
 _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 _JOURNAL: Final = "in"
+_MOST_UNHEARD: Final = 5
 
 _LaneKey = tuple[int, int, Instance]
 """Source, stream, instance."""
@@ -40,7 +41,16 @@ class _Position(msgspec.Struct, frozen=True, array_like=True):
 class _ReceiveLane:
     """Samples of one key of one publisher."""
 
-    __slots__ = ("expected", "held", "in_sync", "is_settled", "kept", "lineage", "watch")
+    __slots__ = (
+        "expected",
+        "held",
+        "in_sync",
+        "is_settled",
+        "kept",
+        "lineage",
+        "unheard",
+        "watch",
+    )
 
     def __init__(self, lineage: int, expected: int, *, is_settled: bool) -> None:
         self.lineage = lineage
@@ -55,6 +65,8 @@ class _ReceiveLane:
         number cannot be told from one that is 128 ahead."""
         self.in_sync = True
         """The publisher's last sample came without SYNC: a short ACK is understood."""
+        self.unheard = 0
+        """Answers that were followed by nothing new."""
         self.watch = Watch()
         """Asks for what does not come in time."""
 
@@ -194,7 +206,8 @@ class ReliableReceiving:
             lane.held[number] = sample
             ready += lane.hand_on(number - stream.qos.depth + 1)
         is_first = reason is None and sync is None
-        turn = self._turn(stream, arrival, is_first=is_first)
+        turn = self._turn(stream, arrival, is_first=is_first, unheard=lane.unheard)
+        self._count(key, lane, is_new=reason is None)
         if is_first:
             self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
         own_turn = turn if answers else None
@@ -240,6 +253,14 @@ class ReliableReceiving:
             marked=arrival.in_rhythm,
             times=self._times,
         )
+
+    def _count(self, key: _LaneKey, lane: _ReceiveLane, *, is_new: bool) -> None:
+        """Count the answers that were said, and behind which the same comes again."""
+        source, stream_id, instance = key
+        if is_new:
+            lane.unheard = 0
+        elif self._queue.first((stream_id, ACK_LANE, source, *instance)) is None:
+            lane.unheard = min(lane.unheard + 1, _MOST_UNHEARD)
 
     def _watch(self, key: _LaneKey, lane: _ReceiveLane, soon_at: int) -> None:
         assert self._times is not None
@@ -322,12 +343,15 @@ class ReliableReceiving:
         self._queue.drop_lane(lane_key)
         self._queue.push(lane_key, item, _ACK_QOS)
 
-    def _turn(self, stream: Stream, arrival: Arrival, *, is_first: bool = False) -> _Turn:
+    def _turn(
+        self, stream: Stream, arrival: Arrival, *, is_first: bool = False, unheard: int = 0
+    ) -> _Turn:
         """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
 
         Receivers answer in the order of their addresses. Where an answer was lost, since they are
         not equally far away, or one had more to say, the same might be lost in the same way again:
-        a repetition is answered at a random instant.
+        a repetition is answered at a random instant. All may wait for the same pause of the
+        publisher: so the range of that is doubled each time when nothing new follows.
         """
         times = self._times
         assert times is not None
@@ -341,7 +365,10 @@ class ReliableReceiving:
         source = arrival.sample.source
         others = sorted(set(self._table.nodes if listed is None else listed) - {source})
         if not is_first:
-            return _Turn(linger_ns, self._rng.randrange(times.ack_spread_ns(len(others)) + 1))
+            spread_ns = times.ack_spread_ns(len(others))
+            if len(others) > 1:
+                spread_ns <<= unheard
+            return _Turn(linger_ns, self._rng.randrange(spread_ns + 1))
         is_alone = arrival.is_alone or self._address not in others
         rank = 0 if is_alone else others.index(self._address)
         return _Turn(linger_ns, rank * times.ack_slot_ns)

@@ -136,17 +136,9 @@ class ReliableSending:
 
     # For the link
 
-    def use_link(
-        self, times: LinkTimes, settling_ns: int, tell_outcome: Callable[[bool, int], None]
-    ) -> None:
-        """Take a link.
-
-        Args:
-            times: Its airtimes.
-            settling_ns: Within what time a repetition of a frame arrives, ns.
-            tell_outcome: Is told whether something was acknowledged, or not in time.
-        """
-        self._pacing.times, self._pacing.tell_outcome = times, tell_outcome
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self._pacing.times = times
         self._settling_ns = settling_ns
         # There will be no report of what was under way on the link before.
         for _, sample in self._on_air:
@@ -405,7 +397,6 @@ class ReliableSending:
                     if self._pacing.is_doubtful(lane, sample):
                         room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)
                     batch.append((lane, sample))
-        self._pacing.unanswered(batch, now)
         for lane, sample in batch:
             self._pacing.repeats(lane, sample, now)
             self._queue_sample(lane, sample, now)
