@@ -452,10 +452,9 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     (
         "streams.0.codec",
-        "packed",
-        '.streams[0].codec: "packed" is not available yet; allowed: cbor',
+        "dense",
+        '.streams[0].codec: "dense" is not available yet; allowed: cbor, packed',
     ),
-    ("streams.0.codec", "dense", '.streams[0].codec: "dense" is not available yet; allowed: cbor'),
     ("streams.0.forward", "on_demand", '"on_demand" is not available yet; allowed: always'),
     (
         "streams.0.stamp",

@@ -222,7 +222,8 @@ class LinkRunner:
         """Give a report to the engine, and to the permit log."""
         self._guarded(
             lambda: self._log_emission(report),
-            lambda: self.engine.handle_transmit_report(report, self._instant()), self._service
+            lambda: self.engine.handle_transmit_report(report, self._instant()),
+            self._service,
         )
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:

@@ -30,7 +30,7 @@ LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
     "reliability": {"reliable": "best_effort"},
     "durability": {"transient_local": "volatile"},
-    "codec": {"packed": "cbor", "dense": "cbor"},
+    "codec": {"dense": "cbor, packed"},
     "forward": {"on_demand": "always"},
     "stamp": {"time": "none, age"},
 }

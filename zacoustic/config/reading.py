@@ -132,9 +132,7 @@ def config_from_mapping(
         section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
     place = Place(source, section)
     if not isinstance(section, dict):
-        place.complain(
-            allowed="{ address, nodes, links, types, journal, streams, ranging }"
-        )
+        place.complain(allowed="{ address, nodes, links, types, journal, streams, ranging }")
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)

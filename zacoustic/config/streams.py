@@ -12,7 +12,7 @@ from zacoustic.config.sections import ALLOWED, ServiceEntry, StreamEntry, TopicE
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.qos import PRIORITY_NAMES, Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import CODECS, ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
 
@@ -91,6 +91,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         subscribers=entry.subscribers,
         wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
         encoding=entry.encoding,
+        codec=entry.codec or "cbor",
         qos=qos,
         journal=entry.journal,
     )
@@ -118,6 +119,7 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         response_type=entry.response,
         timeout_s=entry.timeout_s,
         encoding=entry.encoding,
+        codec=entry.codec or "cbor",
         qos=qos,
         journal=entry.journal,
     )
@@ -127,7 +129,7 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     """Check codec, encoding and priority."""
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
     if entry.codec is not None:
-        check_word(place.at("codec"), entry.codec, ("cbor",))
+        check_word(place.at("codec"), entry.codec, tuple(CODECS))
         if not is_typed:
             place.at("codec").complain(
                 f'"{entry.codec}" for opaque bytes', allowed="typed streams", hint="add a type"

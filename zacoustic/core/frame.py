@@ -191,9 +191,7 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-Item = (
-    Hello | Tag | Confirm | Ask | TableRow | AccessControl | Fragment | Feedback | Record | Stray
-)
+Item = Hello | Tag | Confirm | Ask | TableRow | AccessControl | Fragment | Feedback | Record | Stray
 
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
 """``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.

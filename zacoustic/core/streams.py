@@ -6,8 +6,8 @@ byte whatever its length. That only works
 while both ends hold the same table, so everything that changes the meaning of bytes goes into a
 digest: of each stream, and of the whole table with its nodes. What only changes *when* something
 is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
-its journal, is left out; each end may tune it alone. The timeout of a service is in it: from it both ends derive when a call
-number may be used again.
+its journal, is left out; each end may tune it alone. The timeout of a service is in it: from it
+both ends derive when a call number may be used again.
 """
 
 import hashlib
@@ -18,7 +18,13 @@ import msgspec
 
 from zacoustic.core.encoding import CBOR, OPAQUE
 from zacoustic.core.keys import Instance, KeyPattern, Wildcard
-from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
+from zacoustic.core.payload import (
+    CborCodec,
+    OpaqueCodec,
+    PackedCodec,
+    PayloadCodec,
+    TypedCodec,
+)
 from zacoustic.core.qos import Qos, Reliability
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
@@ -26,6 +32,9 @@ from zacoustic.errors import ConfigError, UnknownStreamError
 FIRST_STREAM_ID: Final = 1
 LAST_STREAM_ID: Final = 175
 """Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
+
+CODECS: Final[dict[str, type[TypedCodec]]] = {"cbor": CborCodec, "packed": PackedCodec}
+"""How the values of a type can be written on the water, by the word of the configuration."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -49,6 +58,8 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
+    codec: str = "cbor"
+    """How typed samples are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """How samples wait."""
     journal: bool = False
@@ -74,6 +85,8 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
+    codec: str = "cbor"
+    """How typed payloads are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority and linger of requests and responses; depth and lifespan do not apply to calls."""
     journal: bool = True
@@ -106,7 +119,8 @@ class Stream:
             else (spec.request_type, spec.response_type)
         )
         used = [types.by_name(name) if name is not None else None for name in named]
-        codecs: list[PayloadCodec] = [CborCodec(each) if each else OpaqueCodec() for each in used]
+        typed = CODECS[spec.codec]
+        codecs: list[PayloadCodec] = [typed(each) if each else OpaqueCodec() for each in used]
         self.type: TypeSpec | None = used[0]
         """Type of samples or requests; None: opaque."""
         self.response_type: TypeSpec | None = used[-1]
@@ -137,6 +151,8 @@ class Stream:
             each.canonical().decode() if each else None for each in (self.type, self.response_type)
         ]
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
+        if spec.codec != "cbor":
+            head.append(f"codec {spec.codec}")
         if isinstance(spec, ServiceSpec):
             return ["service", *head, spec.server, spec.timeout_s]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
@@ -260,6 +276,8 @@ class StreamTable:
 
 
 def _check(spec: StreamSpec) -> None:
+    if spec.codec not in CODECS:
+        raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")

@@ -17,7 +17,7 @@ from zacoustic.channel.profiles import ModemProfile
 from zacoustic.config import Config
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.payload import CborCodec, PayloadCodec
+from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.qos import Stamp
 from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
 from zacoustic.errors import ZacousticError
@@ -185,7 +185,7 @@ def _sizes(codec: PayloadCodec, head_bytes: int) -> tuple[int, int | None]:
     return head_bytes + codec.smallest_bytes, None if largest is None else head_bytes + largest
 
 
-def _type_row(codec: CborCodec) -> TypeRow:
+def _type_row(codec: TypedCodec) -> TypeRow:
     return TypeRow(
         name=codec.type_spec.name,
         fields=len(codec.type_spec.fields),
