@@ -40,7 +40,7 @@ class TypePacking(Packing):
     """The fields of a type, one after the other."""
 
     def __init__(self, type_spec: TypeSpec) -> None:
-        self._plan = [(field.name, _of_field(type_spec, field)) for field in type_spec.fields]
+        self._plan = [(field.name, field_packing(type_spec, field)) for field in type_spec.fields]
         parts = [packing for _, packing in self._plan]
         self.smallest_bits = sum(packing.smallest_bits for packing in parts)
         self.largest_bits = _sum(packing.largest_bits for packing in parts)
@@ -313,7 +313,8 @@ class _Optional(Packing):
             self._present.skip(reader)
 
 
-def _of_field(type_spec: TypeSpec, field: FieldSpec) -> Packing:
+def field_packing(type_spec: TypeSpec, field: FieldSpec) -> Packing:
+    """Make the packing of a field of a type, arrays and optional ones included."""
     packing: Packing
     if field.is_nested:
         packing = TypePacking(type_spec.nested_type(field.type))

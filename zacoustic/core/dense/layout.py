@@ -1,0 +1,242 @@
+"""The values of a type as a row of integers, and what is no integer.
+
+Prediction needs a fixed row: the same field at the same place in every sample. So a type is taken
+apart once: nested types and short arrays become columns of their own, every scalar that has a
+lattice an integer. An optional field becomes two, whether it is there and what it is, and so does
+one that escapes. Texts, bytes, exact floats and bounded arrays are the *rest* of a sample, carried
+as they are.
+
+A column that is not there in a sample (the value of a missing optional) is None.
+"""
+
+from abc import ABC, abstractmethod
+from typing import Any, Final
+
+from zacoustic.core.dense.curve import LARGEST_SIZE
+from zacoustic.core.payload.exact import ExactNumber
+from zacoustic.core.payload.packing import Packing, field_packing
+from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
+
+import msgspec
+
+# More columns than this in one array, and it is carried as it is: prediction costs their square.
+LONGEST_ARRAY: Final = 32
+
+Row = list[int | None]
+"""An integer for each column; None: not there."""
+
+
+class Column:
+    """One integer of every sample.
+
+    Attributes:
+        name: Path of the field.
+        size: How many values, ≥ 1.
+        wraps: Whether the last value is next to the first.
+        is_ordered: Whether values close to each other mean the same; else they are symbols.
+        zero: The integer of the value 0, where the field has values on both sides of it.
+        guard: Column and value that it must have for this one to be there; None: always.
+    """
+
+    def __init__(self, name: str, lattice: Lattice, guard: tuple[int, int] | None) -> None:
+        self.name = name
+        self.size = lattice.size
+        self.wraps = lattice.wraps
+        self.is_ordered = lattice.is_ordered and lattice.size > 2
+        self.guard = guard
+        self.zero: int | None = None
+        limits = lattice.field.limits
+        if self.is_ordered and not self.wraps and limits is not None and limits[0] < 0 < limits[1]:
+            self.zero = lattice.index(0)
+
+
+class Remainder:
+    """One part of the rest of every sample.
+
+    Attributes:
+        packing: Its bits.
+        is_text: Whether it is a text.
+        guard: As for columns.
+    """
+
+    def __init__(self, packing: Packing, *, is_text: bool, guard: tuple[int, int] | None) -> None:
+        self.packing = packing
+        self.is_text = is_text
+        self.guard = guard
+
+
+class Layout:
+    """Where the parts of a type are.
+
+    Args:
+        type_spec: The type, resolved.
+    """
+
+    def __init__(self, type_spec: TypeSpec) -> None:
+        self.type_spec = type_spec
+        self.columns: list[Column] = []
+        self.remainders: list[Remainder] = []
+        self._whole: _Part = _Fields(self, type_spec, "", None)
+
+    def split(self, value: dict[str, Any]) -> tuple[Row, list[Any]]:
+        """Take a validated value within bounds apart: its row and its rest."""
+        row: Row = [None] * len(self.columns)
+        rest: list[Any] = [None] * len(self.remainders)
+        self._whole.split(value, row, rest)
+        return row, rest
+
+    def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
+        """Put a value together."""
+        value: dict[str, Any] = self._whole.join(row, rest)
+        return value
+
+
+class _Part(ABC):
+    @abstractmethod
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None: ...  # noqa: ANN401
+
+    @abstractmethod
+    def join(self, row: Row, rest: list[Any]) -> Any: ...  # noqa: ANN401
+
+
+class _Fields(_Part):
+    def __init__(
+        self, layout: Layout, type_spec: TypeSpec, path: str, guard: tuple[int, int] | None
+    ) -> None:
+        self._parts = [
+            (field.name, _of_field(layout, type_spec, field, f"{path}{field.name}", guard))
+            for field in type_spec.fields
+        ]
+
+    def split(self, value: dict[str, Any], row: Row, rest: list[Any]) -> None:
+        for name, part in self._parts:
+            part.split(value[name], row, rest)
+
+    def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
+        return {name: part.join(row, rest) for name, part in self._parts}
+
+
+class _Number(_Part):
+    def __init__(
+        self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
+    ) -> None:
+        lattice = Lattice(field)
+        self._place = len(layout.columns)
+        self._index, self._value = lattice.index, lattice.value
+        layout.columns.append(Column(path, lattice, guard))
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
+        row[self._place] = self._index(value)
+
+    def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
+        index = row[self._place]
+        assert index is not None
+        return self._value(index)
+
+
+class _Escaping(_Part):
+    def __init__(
+        self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
+    ) -> None:
+        assert field.range is not None
+        self._low, self._high = field.range
+        self._exact = ExactNumber(field)
+        self._flag = _flag(layout, f"{path}?", guard)
+        self._inside = _Number(layout, field, path, (self._flag, 1))
+        anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
+        self._beyond = _Other(layout, field_packing(layout.type_spec, anything), (self._flag, 0))
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
+        if not self._low <= value <= self._high:
+            value = self._exact.rounded(value)
+        inside = self._low <= value <= self._high
+        row[self._flag] = int(inside)
+        (self._inside if inside else self._beyond).split(value, row, rest)
+
+    def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
+        return (self._inside if row[self._flag] else self._beyond).join(row, rest)
+
+
+class _Maybe(_Part):
+    def __init__(self, flag: int, present: _Part) -> None:
+        self._flag = flag
+        self._present = present
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
+        row[self._flag] = int(value is not None)
+        if value is not None:
+            self._present.split(value, row, rest)
+
+    def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
+        return self._present.join(row, rest) if row[self._flag] else None
+
+
+class _Several(_Part):
+    def __init__(self, elements: list[_Part]) -> None:
+        self._elements = elements
+
+    def split(self, value: list[Any], row: Row, rest: list[Any]) -> None:
+        for part, element in zip(self._elements, value, strict=True):
+            part.split(element, row, rest)
+
+    def join(self, row: Row, rest: list[Any]) -> list[Any]:
+        return [part.join(row, rest) for part in self._elements]
+
+
+class _Other(_Part):
+    def __init__(
+        self,
+        layout: Layout,
+        packing: Packing,
+        guard: tuple[int, int] | None,
+        *,
+        is_text: bool = False,
+    ) -> None:
+        self._place = len(layout.remainders)
+        layout.remainders.append(Remainder(packing, is_text=is_text, guard=guard))
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
+        rest[self._place] = value
+
+    def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
+        return rest[self._place]
+
+
+def _flag(layout: Layout, path: str, guard: tuple[int, int] | None) -> int:
+    layout.columns.append(Column(path, Lattice(FieldSpec(name="f", type="bool")), guard))
+    return len(layout.columns) - 1
+
+
+def _of_field(
+    layout: Layout, type_spec: TypeSpec, field: FieldSpec, path: str, guard: tuple[int, int] | None
+) -> _Part:
+    if field.optional:
+        flag = _flag(layout, f"{path}?", guard)
+        present = msgspec.structs.replace(field, optional=False, default=None)
+        return _Maybe(flag, _of_field(layout, type_spec, present, path, (flag, 1)))
+    if field.is_bounded_array or (field.length or 0) * _width(type_spec, field) > LONGEST_ARRAY:
+        return _Other(layout, field_packing(type_spec, field), guard)
+    if field.length is not None:
+        element = msgspec.structs.replace(field, length=None)
+        return _Several(
+            [
+                _of_field(layout, type_spec, element, f"{path}[{index}]", guard)
+                for index in range(field.length)
+            ]
+        )
+    if field.is_nested:
+        return _Fields(layout, type_spec.nested_type(field.type), f"{path}.", guard)
+    if Lattice.has_lattice(field) and Lattice(field).size <= LARGEST_SIZE:
+        make = _Escaping if field.escapes else _Number
+        return make(layout, field, path, guard)
+    return _Other(
+        layout, field_packing(type_spec, field), guard, is_text=field.type == "string"
+    )
+
+
+def _width(type_spec: TypeSpec, field: FieldSpec) -> int:
+    """Columns of one element, at most."""
+    if not field.is_nested:
+        return 2
+    inner = type_spec.nested_type(field.type)
+    return sum((each.length or 1) * _width(inner, each) + 1 for each in inner.fields)
