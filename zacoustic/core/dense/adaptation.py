@@ -22,6 +22,12 @@ RESTING: Final = 0
 LONGEST_STEPS: Final = 16
 """Steps behind the reference are counted up to this."""
 
+SITUATIONS: Final = 16
+"""How many situations are told apart, see `zacoustic.core.dense.rowmodel`."""
+
+WIDTH_BITS: Final = 8
+"""Widths are multiples of 2**-8."""
+
 # Adaptations by steps: 1, 2, 3, 4…5, 6…8, 9…15, 16 and more.
 _CLASSES: Final = (RESTING, 1, 2, 3, 4, 4, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 7)
 
@@ -46,24 +52,38 @@ class Adaptation:
         weights: Of all quantities, see `zacoustic.core.dense.leastsquares`.
         energies: Of all quantities.
         scales: Mean miss of what was predicted, by column, 2**-12 steps.
-        misses: Mean miss of each way of predicting (hold, trend, weights), by column.
+        widths: How much wider or narrower that is, 2**-8: for each column `SITUATIONS` of them.
+        hold_misses: Mean miss of the prediction that a column stays, by column, 2**-12 steps.
+        linear_misses: Mean miss of what the weights predict, by column, 2**-12 steps.
         holds: How often a column stays as it was, by column, 2**-16.
     """
 
-    __slots__ = ("energies", "holds", "misses", "scales", "weights")
+    __slots__ = (
+        "energies",
+        "hold_misses",
+        "holds",
+        "linear_misses",
+        "scales",
+        "weights",
+        "widths",
+    )
 
     def __init__(
         self,
         weights: Weights,
         energies: list[int],
         scales: list[int],
-        misses: list[tuple[int, int, int]],
+        widths: list[int],
+        hold_misses: list[int],
+        linear_misses: list[int],
         holds: list[int],
     ) -> None:
         self.weights = weights
         self.energies = energies
         self.scales = scales
-        self.misses = misses
+        self.widths = widths
+        self.hold_misses = hold_misses
+        self.linear_misses = linear_misses
         self.holds = holds
 
 
@@ -79,7 +99,9 @@ def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
         weights=[[0] * row for row in range(quantities)],
         energies=[_START_ENERGY] * quantities,
         scales=scales,
-        misses=[(scale, scale, scale) for scale in scales],
+        widths=[1 << WIDTH_BITS] * (SITUATIONS * len(sizes)),
+        hold_misses=scales,
+        linear_misses=scales,
         holds=[_START_HOLD] * len(sizes),
     )
 

@@ -41,7 +41,7 @@ class Course:
         self._speed = speed
         self.before = before
 
-    def ways(self, new: Row, old: Row, steps: int) -> tuple[int, int]:
+    def ways(self, new: Row, old: Row, steps: int) -> list[int]:
         """Return the ways along and across heading 0, 1/16 of a speed's step times `steps`."""
         north = east = 0
         for row in (new, old):
@@ -53,7 +53,7 @@ class Course:
             if heading is not None:
                 north += speed * cosine(heading, self._size)
                 east += speed * sine(heading, self._size)
-        return north * steps >> _SHIFT, east * steps >> _SHIFT
+        return [north * steps >> _SHIFT, east * steps >> _SHIFT]
 
 
 def course_of(columns: Sequence[Column], order: Sequence[int]) -> Course | None:

@@ -4,25 +4,29 @@ Symbols (flags, enums) come first: each stays as it was with a probability that 
 did. Then the numbers, in the order of their number of values, so that a speed, a pitch and a
 heading are known when the position is coded, which has the most values.
 
-Three predictions are made of a number: it stays (*hold*), it goes on as it went (*trend*), and what
-least squares make of everything known by then. They are mixed by how far each was off lately, to
-the fourth power: a choice that is not abrupt. How far the mix was off lately is the scale of the
-curve on which the number lies. A number that did not change at all has a share of its own, which
-follows how often that happens: for switches, and for sensors that report the same value again.
+Two predictions are made of a number: it stays (*hold*), and what least squares make of everything
+known by then. They are mixed by how far each was off lately, to the fourth power: a choice that is
+not abrupt. How far the mix was off lately is the scale of the curve on which the number lies, times
+a width that depends on the situation: how surprising the sample has been so far, and how far the
+number is expected to go. In a turn everything is less certain. A number that did not change at all
+has a share of its own, which follows how often that happens: for switches, and for sensors that
+report the same value again.
 
 The quantities of `leastsquares`, in this order:
 
-1. of the reference, the level of every field that has values on both sides of zero and is not a
+1. one, times the steps: for what drifts steadily, as a current does;
+2. of the reference, the level of every field that has values on both sides of zero and is not a
    position: a pitch or a rate of turn says where things are going;
-2. the way that every other number makes in the steps to this sample, at the reference's velocity;
-3. the number of each column less that of the reference, in coding order; before the first position,
+3. the way that every other number makes in the steps to this sample, at the reference's velocity;
+4. the number of each column less that of the reference, in coding order; before the first position,
    where the type has a heading and positions, the way north and east at the mean course and speed.
-
 """
 
 from typing import Final
 
 from zacoustic.core.dense.adaptation import (
+    SITUATIONS,
+    WIDTH_BITS,
     Adaptation,
     StreamState,
     nearest,
@@ -30,22 +34,29 @@ from zacoustic.core.dense.adaptation import (
     step_class,
 )
 from zacoustic.core.dense.arithmetic import Coder
+from zacoustic.core.dense.course import course_of
 from zacoustic.core.dense.curve import POINT_BITS, SCALE_BITS, Curve
 from zacoustic.core.dense.layout import Column, Row
 from zacoustic.core.dense.leastsquares import Explained
-from zacoustic.core.dense.course import course_of
 
 # A field with more values than this is a position (or the like), and its level says nothing.
 _LEVEL_SIZE: Final = 1 << 13
 
 _SCALE_SHIFT: Final = 3  # scales follow the last eight samples
-_MISS_SHIFT: Final = 5  # the choice of predictions the last 32
+_MISS_SHIFT: Final = 5  # the choice of predictions, and the widths, the last 32
 _HOLD_SHIFT: Final = 5
 _MISS_LIMIT: Final = 4  # a miss counts as at most that many scales and two steps
+_MISS_BITS: Final = SCALE_BITS - POINT_BITS
 _LEAST_SCALE: Final = 1 << SCALE_BITS - 4
 _LEAST_HOLD: Final = 200
 _MOST_HOLD: Final = (1 << 16) - 1400
-_MISS_BITS: Final = SCALE_BITS - POINT_BITS
+_SEEN_HOLD: Final = 1 << 13  # a hold below this is chance where the scale is small
+_LEAST_WIDTH: Final = 1 << WIDTH_BITS - 2
+_MOST_WIDTH: Final = 1 << WIDTH_BITS + 4
+_ONE: Final = 64 << POINT_BITS
+# A sample of which a field is further off than this counts less, by the square; in 1/256 scales.
+_TRUSTED_MISS: Final = 800
+_LEAST_TRUST: Final = 1 << 6
 
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
@@ -68,6 +79,9 @@ class RowModel:
             (n for n, column in enumerate(columns) if column.is_ordered),
             key=lambda n: (columns[n].size, n),
         )
+        self._plan = [
+            (n, columns[n].size, columns[n].wraps, columns[n].guard) for n in self.numbers
+        ]
         self._levels = [
             (n, zero)
             for n in self.numbers
@@ -78,7 +92,11 @@ class RowModel:
         self._course = course_of(columns, self.numbers)
         self._course_before = self._course.before if self._course is not None else None
         self.quantities = (
-            len(self._levels) + len(self._ways) + len(self.numbers) + 2 * (self._course is not None)
+            1
+            + len(self._levels)
+            + len(self._ways)
+            + len(self.numbers)
+            + 2 * (self._course is not None)
         )
 
     def start(self) -> Adaptation:
@@ -112,24 +130,22 @@ class RowModel:
     def code_plainly(self, coder: Coder, row: Row) -> None:
         """Write or read a row with every value as likely as any other."""
         for n in (*self.symbols, *self.numbers):
-            if self._is_there(n, row):
+            guard = self.columns[n].guard
+            if guard is None or row[guard[0]] == guard[1]:
                 row[n] = coder.uniform(self.sizes[n], row[n] or 0)
 
-    def _is_there(self, n: int, row: Row) -> bool:
-        guard = self.columns[n].guard
-        return guard is None or row[guard[0]] == guard[1]
-
     def _code_symbols(self, coder: Coder, row: Row, reference: StreamState) -> list[int]:
-        steadiness = reference.steadiness
-        if not self.symbols:
-            return steadiness
-        steadiness = list(steadiness)
+        steadiness = reference.steadiness[:]
         for n in self.symbols:
-            if not self._is_there(n, row):
+            guard = self.columns[n].guard
+            if guard is not None and row[guard[0]] != guard[1]:
                 continue
             size, old, new = self.sizes[n], reference.row[n], row[n] or 0
             if old is None:
                 row[n] = coder.uniform(size, new)
+                continue
+            if size == 1:
+                row[n] = 0
                 continue
             steady = steadiness[n]
             if coder.flag(steady, new == old):
@@ -145,37 +161,57 @@ class RowModel:
     def _code_numbers(
         self, coder: Coder, row: Row, reference: StreamState, before: Adaptation, steps: int
     ) -> tuple[list[int], Adaptation]:
-        """Write or read the numbers; gives their velocity, and what was learnt."""
-        old_row = reference.row
-        old_velocity = reference.velocity
+        """Write or read the numbers; gives their velocity, and what was learnt.
+
+        One long function: it runs at both ends for every field of every sample, and in Python a
+        call costs as much as five multiplications.
+        """
+        old_row, old_velocity = reference.row, reference.velocity
         velocity = [0] * len(row)
         trends = velocity if old_velocity is None else [way * steps for way in old_velocity]
-        scales, misses, holds = list(before.scales), list(before.misses), list(before.holds)
+        scales, widths, holds = before.scales[:], before.widths[:], before.holds[:]
+        hold_misses, linear_misses = before.hold_misses[:], before.linear_misses[:]
         explained = Explained(before.weights, before.energies)
-        self._add_known(explained, old_row, trends)
-        for n in self.numbers:
+        explained.add_known(self._known(old_row, trends, steps))
+        surprise = greatest = 0
+        for n, size, wraps, guard in self._plan:
             if n == self._course_before and self._course is not None:
-                for way in self._course.ways(row, old_row, steps):
-                    explained.add(way, explained.predict())
+                explained.add_known(self._course.ways(row, old_row, steps))
             linear = explained.predict()
             old = old_row[n]
-            if old is None or not self._is_there(n, row):
-                if old is None and self._is_there(n, row):
-                    row[n] = coder.uniform(self.sizes[n], row[n] or 0)
+            if guard is not None and row[guard[0]] != guard[1]:
                 explained.add(linear, linear)
                 continue
-            trend = trends[n]
-            hold_miss, trend_miss, linear_miss = misses[n]
-            least = min(hold_miss, trend_miss, linear_miss)
-            hold_part = ((least << 8) // hold_miss) ** 4
-            trend_part = ((least << 8) // trend_miss) ** 4
-            linear_part = ((least << 8) // linear_miss) ** 4
-            expected = (trend * trend_part + linear * linear_part) // (
-                hold_part + trend_part + linear_part
-            )
-            scale, hold = scales[n], holds[n]
-            size = self.sizes[n]
-            if self.columns[n].wraps:
+            if old is None:
+                row[n] = coder.uniform(size, row[n] or 0)
+                explained.add(linear, linear)
+                continue
+
+            hold_miss, linear_miss = hold_misses[n], linear_misses[n]
+            if linear_miss < hold_miss:
+                part = (linear_miss << 8) // hold_miss
+                part *= part
+                expected = (linear << 32) // ((1 << 32) + part * part)
+            else:
+                part = (hold_miss << 8) // linear_miss
+                part *= part
+                part *= part
+                expected = linear * part // ((1 << 32) + part)
+
+            hold, base = holds[n], scales[n]
+            far = ((linear if linear > 0 else -linear) << 16) // base
+            situation = SITUATIONS * n + (
+                (0 if far < 128 else 1)
+                if far < 400
+                else (2 if far < 1000 else 3)
+            )  # fmt: skip
+            if surprise >= 300:
+                situation += 4 if surprise < 600 else 8 if surprise < 1000 else 12
+            width = widths[situation]
+            scale = base * width >> WIDTH_BITS
+            if scale < _LEAST_SCALE:
+                scale = _LEAST_SCALE
+            if wraps:
                 # Seen from the reference: it is in the middle, and both ways round are near.
                 half = size >> 1
                 curve = Curve(size, (half << POINT_BITS) + expected, scale, half, hold << 11)
@@ -189,35 +225,52 @@ class RowModel:
             moved = change << POINT_BITS
             velocity[n] = moved // steps
             explained.add(moved, linear)
+
             # Learn. A wild value must not make the curve wide for long.
+            miss = moved - expected
+            miss = (miss if miss > 0 else -miss) << _MISS_BITS
             limit = _MISS_LIMIT * scale + (2 << SCALE_BITS)
-            miss = abs(moved - expected) << _MISS_BITS
-            scale += (min(miss, limit) - scale) >> _SCALE_SHIFT
-            scales[n] = max(scale, _LEAST_SCALE)
-            misses[n] = (
-                _followed(hold_miss, abs(moved) << _MISS_BITS, limit),
-                _followed(trend_miss, abs(moved - trend) << _MISS_BITS, limit),
-                _followed(linear_miss, abs(moved - linear) << _MISS_BITS, limit),
-            )
+            ratio = (miss << 8) // scale
+            if ratio > greatest:
+                greatest = ratio
+            if miss > limit:
+                miss = limit
+                ratio = (miss << 8) // scale
+            if ratio > surprise:
+                surprise = ratio
+            base += (miss << WIDTH_BITS) // width - base >> _SCALE_SHIFT
+            scales[n] = base if base > _LEAST_SCALE else _LEAST_SCALE
+            width += (ratio * width >> 8) - width >> _MISS_SHIFT
+            if _LEAST_WIDTH < width < _MOST_WIDTH:
+                widths[situation] = width
+            off = (moved if moved > 0 else -moved) << _MISS_BITS
+            hold_miss += (off if off < limit else limit) - hold_miss >> _MISS_SHIFT
+            hold_misses[n] = hold_miss if hold_miss > _LEAST_SCALE else _LEAST_SCALE
+            off = moved - linear
+            off = (off if off > 0 else -off) << _MISS_BITS
+            linear_miss += (off if off < limit else limit) - linear_miss >> _MISS_SHIFT
+            linear_misses[n] = linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE
             if change:
-                holds[n] = max(_LEAST_HOLD, hold - (hold >> _HOLD_SHIFT))
-            elif hold > 1 << 13 or scale > 1 << SCALE_BITS + 1:
+                if hold > _LEAST_HOLD:
+                    holds[n] = hold - (hold >> _HOLD_SHIFT)
+            elif hold > _SEEN_HOLD or base > 2 << SCALE_BITS:
                 holds[n] = min(_MOST_HOLD, hold + ((1 << 16) - hold >> _HOLD_SHIFT))
+
         if explained.is_broken:
             return velocity, self.start()
-        weights, energies = explained.moved()
-        return velocity, Adaptation(weights, energies, scales, misses, holds)
+        trust = 1 << 16
+        if greatest > _TRUSTED_MISS:
+            trust = max(trust * _TRUSTED_MISS**2 // greatest**2, _LEAST_TRUST)
+        weights, energies = explained.moved(trust)
+        return velocity, Adaptation(
+            weights, energies, scales, widths, hold_misses, linear_misses, holds
+        )
 
-    def _add_known(self, explained: Explained, old_row: Row, trends: list[int]) -> None:
+    def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""
+        known = [_ONE * steps]
         for n, zero in self._levels:
             old = old_row[n]
-            level = 0 if old is None else old - zero << POINT_BITS
-            explained.add(level, explained.predict())
-        for n in self._ways:
-            explained.add(trends[n], explained.predict())
-
-
-def _followed(mean: int, miss: int, limit: int) -> int:
-    """The mean miss of a prediction, with one more."""
-    return max(mean + ((min(miss, limit) - mean) >> _MISS_SHIFT), _LEAST_SCALE)
+            known.append(0 if old is None else old - zero << POINT_BITS)
+        known.extend([trends[n] for n in self._ways])
+        return known
