@@ -14,7 +14,6 @@ time a distance occurs, its adaptation starts as a copy of the nearest that has 
 from typing import Any, Final
 
 from zacoustic.core.dense.curve import SCALE_BITS
-from zacoustic.core.dense.leastsquares import Weights
 
 RESTING: Final = 0
 """The adaptation for references whose velocity is not known."""
@@ -49,7 +48,7 @@ class Adaptation:
     """What was learnt of samples at one distance from their reference.
 
     Attributes:
-        weights: Of all quantities, see `zacoustic.core.dense.leastsquares`.
+        weights: Of all quantities, packed, see `zacoustic.core.dense.leastsquares`.
         energies: Of all quantities.
         scales: Mean miss of what was predicted, by column, 2**-12 steps.
         widths: How much wider or narrower that is, 2**-8: for each column `SITUATIONS` of them.
@@ -70,7 +69,7 @@ class Adaptation:
 
     def __init__(
         self,
-        weights: Weights,
+        weights: list[int],
         energies: list[int],
         scales: list[int],
         widths: list[int],
@@ -96,7 +95,7 @@ def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
     """
     scales = [min(_WIDEST_START, 1 + size // _START_PART) << SCALE_BITS for size in sizes]
     return Adaptation(
-        weights=[[0] * row for row in range(quantities)],
+        weights=[0] * quantities,
         energies=[_START_ENERGY] * quantities,
         scales=scales,
         widths=[1 << WIDTH_BITS] * (SITUATIONS * len(sizes)),

@@ -20,7 +20,14 @@ Energies forget, so that weights can follow. A sample far off what was expected 
 dead reckoning) is an exception more often than a rule, and is trusted less: without that the weights
 of the long straight legs are spoiled by every turn, which costs a tenth of all bits.
 
-Units: quantities and innovations in 1/16 of a step, weights in 2**-16, energies in their squares.
+A row of weights at a time would cost a hundred multiplications; but all that an innovation explains
+are multiples of it. So the weights *of* one innovation, for all quantities after it, stand side by
+side in one long integer, 96 bits each, and one multiplication of Python's does them all. The last
+quantity stands in the lowest bits: later innovations have fewer weights, and shorter integers.
+
+Units: quantities and innovations in 1/16 of a step, weights in 2**-16, energies in 1/256 of a step
+squared. Values that do not fit their 96 bits spill into their neighbours, at both ends alike: the
+predictions are then nonsense, are found to be, and learning starts again.
 
 Invariant: nothing is changed in place. A sample's weights are those of its reference, moved; the
 reference's own stay, since the next sample may refer to it again.
@@ -29,8 +36,6 @@ Source: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt al
 least-squares estimation", IEEE Trans. ASSP 34 (1986) 829.
 """
 
-from itertools import accumulate
-from operator import mul
 from typing import Final
 
 WEIGHT_BITS: Final = 16
@@ -43,35 +48,76 @@ _STEP_SHIFT: Final = 34
 # Prediction beyond which weights are taken for broken, in 1/16 of a step: no field is that wide.
 _BROKEN: Final = 1 << 32
 
-Weights = list[list[int]]
-"""For each quantity the weights of those before it: row k has k of them."""
+_LANE_BITS: Final = 96
+_LANE: Final = (1 << _LANE_BITS - WEIGHT_BITS) - 1
+_HALF_LANE: Final = 1 << _LANE_BITS - WEIGHT_BITS - 1
+
+
+class Shape:
+    """Where the weights of so many quantities stand.
+
+    Args:
+        quantities: How many.
+    """
+
+    def __init__(self, quantities: int) -> None:
+        self.quantities = quantities
+        self.places = [_LANE_BITS * (quantities - 1 - k) for k in range(quantities)]
+        """By quantity: the place of its lane, bits."""
+        ones = [sum(1 << place for place in self.places[k + 1 :]) for k in range(quantities)]
+        # By innovation, for the lanes of all quantities after it: half a lane, which makes every
+        # lane positive; what is left of a lane after a shift; and half of that.
+        self.halves = [one << _LANE_BITS - 1 for one in ones]
+        self.masks = [one * ((1 << _LANE_BITS - _STEP_SHIFT) - 1) for one in ones]
+        self.shifted_halves = [one << _LANE_BITS - 1 - _STEP_SHIFT for one in ones]
+
+    def packed(self, weights: list[list[int]]) -> list[int]:
+        """Pack weights given by quantity, each with one for every quantity before it."""
+        return [
+            sum(weights[k][i] << self.places[k] for k in range(i + 1, self.quantities))
+            for i in range(self.quantities)
+        ]
 
 
 class Explained:
     """The quantities of one sample, as far as they are known.
 
     Args:
-        weights: Those of the reference.
+        shape: How many there are.
+        weights: Those of the reference, packed, one for each quantity.
         energies: Those of the reference, one for each quantity.
     """
 
-    __slots__ = ("_energies", "_quantities", "_sums", "_weights", "innovations", "is_broken")
+    __slots__ = (
+        "_energies",
+        "_explained",
+        "_innovations",
+        "_places",
+        "_quantities",
+        "_shape",
+        "_stages",
+        "_weights",
+        "is_broken",
+    )
 
-    def __init__(self, weights: Weights, energies: list[int]) -> None:
+    def __init__(self, shape: Shape, weights: list[int], energies: list[int]) -> None:
+        self._shape = shape
+        self._places = shape.places
         self._weights = weights
         self._energies = energies
-        self._sums: list[list[int]] = []
-        self._quantities: list[int] = []
-        self.innovations: list[int] = []
+        self._innovations: list[int] = []
+        # What all innovations so far explain of each quantity; and the same after each of them.
+        self._explained = 0
+        self._stages: list[int] = []
+        self._quantities = 0
         self.is_broken = False
 
     def predict(self) -> int:
         """The next quantity as the ones before it explain it."""
-        innovations = self.innovations
-        # What all before each quantity explain together; the last of them is the prediction.
-        sums = list(accumulate(map(mul, self._weights[len(innovations)], innovations), initial=0))
-        self._sums.append(sums)
-        prediction = sums[-1] >> WEIGHT_BITS
+        place = self._places[len(self._innovations)]
+        prediction = self._explained >> place + WEIGHT_BITS & _LANE
+        if prediction >= _HALF_LANE:
+            prediction -= _LANE + 1
         if -_BROKEN < prediction < _BROKEN:
             return prediction
         self.is_broken = True
@@ -79,19 +125,15 @@ class Explained:
 
     def add(self, quantity: int, prediction: int) -> None:
         """Tell what the quantity is that was predicted."""
-        self._quantities.append(quantity)
-        self.innovations.append(quantity - prediction)
+        innovations = self._innovations
+        k = len(innovations)
+        innovation = quantity - prediction
+        innovations.append(innovation)
+        self._quantities += quantity << self._places[k]
+        self._explained += innovation * self._weights[k]
+        self._stages.append(self._explained)
 
-    def add_known(self, quantities: list[int]) -> None:
-        """Tell quantities of which no prediction is asked."""
-        weights, sums, innovations = self._weights, self._sums, self.innovations
-        for row, quantity in zip(weights[len(innovations) :], quantities, strict=False):
-            explained = list(accumulate(map(mul, row, innovations), initial=0))
-            sums.append(explained)
-            innovations.append(quantity - (explained[-1] >> WEIGHT_BITS))
-        self._quantities.extend(quantities)
-
-    def moved(self, trust: int) -> tuple[Weights, list[int]]:
+    def moved(self, trust: int) -> tuple[list[int], list[int]]:
         """Learn the sample, all of whose quantities must be known.
 
         Args:
@@ -100,25 +142,26 @@ class Explained:
         Returns:
             The weights and energies with it.
         """
-        gains, energies = [], []
-        for energy, innovation in zip(self._energies, self.innovations, strict=True):
+        shape = self._shape
+        whole = self._quantities << WEIGHT_BITS
+        weights, energies = [], []
+        for weight, energy, innovation, stage, half, mask, shifted in zip(
+            self._weights,
+            self._energies,
+            self._innovations,
+            self._stages,
+            shape.halves,
+            shape.masks,
+            shape.shifted_halves,
+            strict=True,
+        ):
             kept = energy - (energy >> _FORGET_BITS)
             lever = trust * innovation
             more = kept + (lever * innovation >> 16) or 1
-            gains.append((lever << _GAIN_SHIFT) // more)
+            gain = (lever << _GAIN_SHIFT) // more
             energies.append(more)
             trust = trust * kept // more
-        weights = []
-        for row, quantity, sums in zip(self._weights, self._quantities, self._sums, strict=True):
-            whole = quantity << WEIGHT_BITS
-            # The innovation itself is what was left of a quantity by all before it, hence the
-            # second entry of the sums for the first weight.
-            explained = iter(sums)
-            next(explained)
-            weights.append(
-                [
-                    weight + (gain * (whole - part) >> _STEP_SHIFT)
-                    for weight, gain, part in zip(row, gains, explained, strict=False)
-                ]
-            )
+            if gain:
+                weight += ((gain * (whole - stage) + half) >> _STEP_SHIFT & mask) - shifted
+            weights.append(weight)
         return weights, energies

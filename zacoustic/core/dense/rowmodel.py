@@ -37,7 +37,7 @@ from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.course import course_of
 from zacoustic.core.dense.curve import POINT_BITS, SCALE_BITS, Curve
 from zacoustic.core.dense.layout import Column, Row
-from zacoustic.core.dense.leastsquares import Explained
+from zacoustic.core.dense.leastsquares import Explained, Shape
 
 # A field with more values than this is a position (or the like), and its level says nothing.
 _LEVEL_SIZE: Final = 1 << 13
@@ -91,17 +91,12 @@ class RowModel:
         self._ways = [n for n in self.numbers if n not in with_level]
         self._course = course_of(columns, self.numbers)
         self._course_before = self._course.before if self._course is not None else None
-        self.quantities = (
-            1
-            + len(self._levels)
-            + len(self._ways)
-            + len(self.numbers)
-            + 2 * (self._course is not None)
-        )
+        known = 1 + len(self._levels) + len(self._ways)
+        self.shape = Shape(known + len(self.numbers) + 2 * (self._course is not None))
 
     def start(self) -> Adaptation:
         """Make the adaptation of who knows nothing."""
-        return new_adaptation(self.sizes, self.quantities)
+        return new_adaptation(self.sizes, self.shape.quantities)
 
     def code(self, coder: Coder, row: Row, reference: StreamState, steps: int) -> StreamState:
         """Write or read a row.
@@ -171,12 +166,14 @@ class RowModel:
         trends = velocity if old_velocity is None else [way * steps for way in old_velocity]
         scales, widths, holds = before.scales[:], before.widths[:], before.holds[:]
         hold_misses, linear_misses = before.hold_misses[:], before.linear_misses[:]
-        explained = Explained(before.weights, before.energies)
-        explained.add_known(self._known(old_row, trends, steps))
+        explained = Explained(self.shape, before.weights, before.energies)
+        for quantity in self._known(old_row, trends, steps):
+            explained.add(quantity, explained.predict())
         surprise = greatest = 0
         for n, size, wraps, guard in self._plan:
             if n == self._course_before and self._course is not None:
-                explained.add_known(self._course.ways(row, old_row, steps))
+                for way in self._course.ways(row, old_row, steps):
+                    explained.add(way, explained.predict())
             linear = explained.predict()
             old = old_row[n]
             if guard is not None and row[guard[0]] != guard[1]:
