@@ -21,6 +21,7 @@ that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a 
 The first byte's two highest bits are the marker of a dense frame, and no part of the number.
 """
 
+from collections.abc import Sequence
 from typing import Final
 
 from zacoustic.core.dense.curve import Curve
@@ -111,6 +112,13 @@ class Writer:
             share = TOTAL_BITS - width
             self.narrow((value & (1 << width) - 1) << share, 1 << share)
         return value
+
+    def choice(self, shares: Sequence[int], index: int) -> int:
+        """Write the position in a list of relative shares, each > 0."""
+        whole, before = sum(shares), sum(shares[:index])
+        start = before * TOTAL // whole
+        self.narrow(start, (before + shares[index]) * TOTAL // whole - start)
+        return index
 
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
@@ -220,6 +228,19 @@ class Reader:
             width -= chunk
         return value
 
+    def choice(self, shares: Sequence[int], index: int = 0) -> int:
+        """Read the position in a list of relative shares."""
+        whole, place = sum(shares), self._place()
+        start = before = index = 0
+        for index, share in enumerate(shares):
+            before += share
+            end = before * TOTAL // whole
+            if place < end:
+                self._narrow(start, end - start)
+                break
+            start = end
+        return index
+
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
         value, start, end = curve.find(self._place())
@@ -284,4 +305,4 @@ class Reader:
 
 
 Coder = Writer | Reader
-"""What models are written for: both have `flag`, `uniform`, `raw`, `number`."""
+"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `number`."""

@@ -24,8 +24,11 @@ POINT_BITS: Final = 4
 SCALE_BITS: Final = 12
 """Scales are multiples of 1/4096 of a step."""
 
-LARGEST_SIZE: Final = 1 << 24
+LARGEST_SIZE: Final = 1 << 22
 """Most values that a number on a curve may have."""
+
+MOST_HOLD: Final = (1 << 16) - 1400
+"""Greatest share of a held value, 2**-16: the curve and the floor of all values need some."""
 
 _CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
 _FINE_BITS: Final = 9
@@ -93,7 +96,7 @@ class Curve:
         center: Where it is expected, 1/16 of a step; may lie outside.
         scale: Mean distance from there, 1/4096 of a step, > 0.
         held: A value with a share of its own.
-        hold: That share, 0…2**27.
+        hold: That share, 0…`MOST_HOLD`, 2**-16.
     """
 
     __slots__ = ("_center", "_floor", "_held", "_hold", "_mass", "_scale", "size")
@@ -103,7 +106,7 @@ class Curve:
         self._center = center + 8  # boundaries lie half a step below values
         self._scale = scale
         self._held = held
-        self._hold = hold
+        self._hold = hold = hold << SHARE_BITS - 16
         self._floor = _FLOOR // size or 1
         self._mass = _TOTAL - self._floor * size - hold
 

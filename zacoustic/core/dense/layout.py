@@ -12,7 +12,6 @@ A column that is not there in a sample (the value of a missing optional) is None
 from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from zacoustic.core.dense.curve import LARGEST_SIZE
 from zacoustic.core.payload.exact import ExactNumber
 from zacoustic.core.payload.packing import Packing, field_packing
 from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
@@ -56,12 +55,16 @@ class Remainder:
     Attributes:
         packing: Its bits.
         is_text: Whether it is a text.
+        longest: Most bytes of a text; None: no bound.
         guard: As for columns.
     """
 
-    def __init__(self, packing: Packing, *, is_text: bool, guard: tuple[int, int] | None) -> None:
+    def __init__(
+        self, packing: Packing, guard: tuple[int, int] | None, *, is_text: bool, longest: int | None
+    ) -> None:
         self.packing = packing
         self.is_text = is_text
+        self.longest = longest
         self.guard = guard
 
 
@@ -191,9 +194,10 @@ class _Other(_Part):
         guard: tuple[int, int] | None,
         *,
         is_text: bool = False,
+        longest: int | None = None,
     ) -> None:
         self._place = len(layout.remainders)
-        layout.remainders.append(Remainder(packing, is_text=is_text, guard=guard))
+        layout.remainders.append(Remainder(packing, guard, is_text=is_text, longest=longest))
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
         rest[self._place] = value
@@ -226,11 +230,13 @@ def _of_field(
         )
     if field.is_nested:
         return _Fields(layout, type_spec.nested_type(field.type), f"{path}.", guard)
-    if Lattice.has_lattice(field) and Lattice(field).size <= LARGEST_SIZE:
+    if Lattice.has_lattice(field):
         make = _Escaping if field.escapes else _Number
         return make(layout, field, path, guard)
+    is_text = field.type == "string"
+    longest = field.max_length
     return _Other(
-        layout, field_packing(type_spec, field), guard, is_text=field.type == "string"
+        layout, field_packing(type_spec, field), guard, is_text=is_text, longest=longest
     )
 
 

@@ -35,7 +35,7 @@ from zacoustic.core.dense.adaptation import (
 )
 from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.course import course_of
-from zacoustic.core.dense.curve import POINT_BITS, SCALE_BITS, Curve
+from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS, Curve
 from zacoustic.core.dense.layout import Column, Row
 from zacoustic.core.dense.leastsquares import Explained, Shape
 
@@ -44,13 +44,15 @@ _LEVEL_SIZE: Final = 1 << 13
 
 _SCALE_SHIFT: Final = 3  # scales follow the last eight samples
 _MISS_SHIFT: Final = 5  # the choice of predictions, and the widths, the last 32
-_HOLD_SHIFT: Final = 5
+_HOLD_SHIFT: Final = 5  # how often a number stays, the last 32 as well
 _MISS_LIMIT: Final = 4  # a miss counts as at most that many scales and two steps
 _MISS_BITS: Final = SCALE_BITS - POINT_BITS
 _LEAST_SCALE: Final = 1 << SCALE_BITS - 4
 _LEAST_HOLD: Final = 200
-_MOST_HOLD: Final = (1 << 16) - 1400
-_SEEN_HOLD: Final = 1 << 13  # a hold below this is chance where the scale is small
+# The share that the curve itself has for staying: of a Laplace distribution 1/(2·scale), 2**-16.
+_PEAK: Final = 1 << 15 + SCALE_BITS
+_SURE: Final = 60000
+_NARROW: Final = _PEAK // _SURE
 _LEAST_WIDTH: Final = 1 << WIDTH_BITS - 2
 _MOST_WIDTH: Final = 1 << WIDTH_BITS + 4
 _ONE: Final = 64 << POINT_BITS
@@ -62,6 +64,10 @@ _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
 START_STEADY: Final = (1 << 16) - (1 << 12)
 """How often a symbol of which nothing is known stays as it was, 2**-16."""
+
+
+class TooFarError(Exception):
+    """A number of more values than a curve has is too far from its reference for this way."""
 
 
 class RowModel:
@@ -80,8 +86,12 @@ class RowModel:
             key=lambda n: (columns[n].size, n),
         )
         self._plan = [
-            (n, columns[n].size, columns[n].wraps, columns[n].guard) for n in self.numbers
-        ]
+            # Seen from the reference where the field goes round, so that both ways are near, and
+            # where it has more values than a curve can have; else from the least value.
+            (n, columns[n].size, columns[n].wraps or columns[n].size > LARGEST_SIZE,
+             columns[n].guard)
+            for n in self.numbers
+        ]  # fmt: skip
         self._levels = [
             (n, zero)
             for n in self.numbers
@@ -109,6 +119,9 @@ class RowModel:
 
         Returns:
             The state of the sample, still with the rest of the reference.
+
+        Raises:
+            TooFarError: The row cannot be written against this reference.
         """
         steadiness = self._code_symbols(coder, row, reference)
         place = step_class(steps, moving=reference.velocity is not None)
@@ -170,7 +183,7 @@ class RowModel:
         for quantity in self._known(old_row, trends, steps):
             explained.add(quantity, explained.predict())
         surprise = greatest = 0
-        for n, size, wraps, guard in self._plan:
+        for n, size, is_relative, guard in self._plan:
             if n == self._course_before and self._course is not None:
                 for way in self._course.ways(row, old_row, steps):
                     explained.add(way, explained.predict())
@@ -208,15 +221,14 @@ class RowModel:
             scale = base * width >> WIDTH_BITS
             if scale < _LEAST_SCALE:
                 scale = _LEAST_SCALE
-            if wraps:
-                # Seen from the reference: it is in the middle, and both ways round are near.
-                half = size >> 1
-                curve = Curve(size, (half << POINT_BITS) + expected, scale, half, hold << 11)
-                number = coder.number(curve, ((row[n] or 0) - old + half) % size)
-                change = number - half
-                row[n] = (old + change) % size
+            if is_relative:
+                span = size if size < LARGEST_SIZE else LARGEST_SIZE
+                half = span >> 1
+                curve = Curve(span, (half << POINT_BITS) + expected, scale, half, hold)
+                change = self._code_change(coder, curve, (row[n] or 0) - old, n) - half
+                new = row[n] = (old + change) % size
             else:
-                curve = Curve(size, (old << POINT_BITS) + expected, scale, old, hold << 11)
+                curve = Curve(size, (old << POINT_BITS) + expected, scale, old, hold)
                 new = row[n] = coder.number(curve, row[n] or 0)
                 change = new - old
             moved = change << POINT_BITS
@@ -250,8 +262,12 @@ class RowModel:
             if change:
                 if hold > _LEAST_HOLD:
                     holds[n] = hold - (hold >> _HOLD_SHIFT)
-            elif hold > _SEEN_HOLD or base > 2 << SCALE_BITS:
-                holds[n] = min(_MOST_HOLD, hold + ((1 << 16) - hold >> _HOLD_SHIFT))
+            else:
+                # It may have stayed by chance, as the curve has it.
+                chance = _PEAK // scale if scale > _NARROW else _SURE
+                cause = (hold << 16) // (hold + ((1 << 16) - hold) * chance // (1 << 16))
+                hold += cause - hold >> _HOLD_SHIFT
+                holds[n] = hold if hold < MOST_HOLD else MOST_HOLD
 
         if explained.is_broken:
             return velocity, self.start()
@@ -262,6 +278,15 @@ class RowModel:
         return velocity, Adaptation(
             weights, energies, scales, widths, hold_misses, linear_misses, holds
         )
+
+    def _code_change(self, coder: Coder, curve: Curve, change: int, n: int) -> int:
+        """Write or read the change of a column as the distance from the least change."""
+        size, half = self.sizes[n], curve.size >> 1
+        if self.columns[n].wraps:
+            change = (change + half) % size - half
+        if not -half <= change < curve.size - half:
+            raise TooFarError
+        return coder.number(curve, change + half)
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""

@@ -1,9 +1,36 @@
 """Bit strings: numbers of any width, most significant bit first, padded with zeros to a byte."""
 
+from abc import ABC, abstractmethod
+
 from zacoustic.core.payload.codec import PayloadError
 
 
-class BitWriter:
+class BitSink(ABC):
+    """What numbers are written to."""
+
+    @abstractmethod
+    def write(self, number: int, width: int) -> None:
+        """Append `number`, 0…2**width-1, in `width` bits."""
+
+
+class BitSource(ABC):
+    """What numbers are read from; `PayloadError` where there are none."""
+
+    @property
+    @abstractmethod
+    def bits_left(self) -> int:
+        """Bits behind the current position."""
+
+    @abstractmethod
+    def read(self, width: int) -> int:
+        """Take the next `width` bits."""
+
+    @abstractmethod
+    def skip(self, width: int) -> int:
+        """Leave the next `width` bits out; what it gives means nothing here."""
+
+
+class BitWriter(BitSink):
     """Collects numbers as bits."""
 
     def __init__(self) -> None:
@@ -28,7 +55,7 @@ class BitWriter:
         return bytes(self._full) + tail
 
 
-class BitReader:
+class BitReader(BitSource):
     """Gives the numbers of a bit string back.
 
     Args:

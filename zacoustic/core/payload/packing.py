@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
 
-from zacoustic.core.payload.bits import BitReader, BitWriter
+from zacoustic.core.payload.bits import BitSink, BitSource
 from zacoustic.core.payload.codec import PayloadError
 from zacoustic.core.payload.exact import ExactNumber
 from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
@@ -24,15 +24,15 @@ class Packing(ABC):
     """Size of the largest value, bits; None: no bound."""
 
     @abstractmethod
-    def write(self, writer: BitWriter, value: Any) -> None:  # noqa: ANN401 (one kind per class)
+    def write(self, writer: BitSink, value: Any) -> None:  # noqa: ANN401 (one kind per class)
         """Append a value that was validated and clamped."""
 
     @abstractmethod
-    def read(self, reader: BitReader) -> Any:  # noqa: ANN401
+    def read(self, reader: BitSource) -> Any:  # noqa: ANN401
         """Take a value; `PayloadError` where there is none."""
 
     @abstractmethod
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         """Leave a value out, looking at no more than its size; `PayloadError` if it has none."""
 
 
@@ -45,16 +45,16 @@ class TypePacking(Packing):
         self.smallest_bits = sum(packing.smallest_bits for packing in parts)
         self.largest_bits = _sum(packing.largest_bits for packing in parts)
 
-    def write(self, writer: BitWriter, value: dict[str, Any]) -> None:
+    def write(self, writer: BitSink, value: dict[str, Any]) -> None:
         """Append the fields."""
         for name, packing in self._plan:
             packing.write(writer, value[name])
 
-    def read(self, reader: BitReader) -> dict[str, Any]:
+    def read(self, reader: BitSource) -> dict[str, Any]:
         """Take the fields."""
         return {name: packing.read(reader) for name, packing in self._plan}
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         """Leave the fields out."""
         for _, packing in self._plan:
             packing.skip(reader)
@@ -73,7 +73,7 @@ class _Index(Packing):
         self.largest_bits = self._width + (self._exact.width if self._exact else 0)
         self._range = field.range
 
-    def write(self, writer: BitWriter, value: Any) -> None:  # noqa: ANN401
+    def write(self, writer: BitSink, value: Any) -> None:  # noqa: ANN401
         if self._exact is not None and not self._is_inside(value):
             rounded = self._exact.rounded(value)
             if not self._is_inside(rounded):
@@ -83,7 +83,7 @@ class _Index(Packing):
             value = rounded
         writer.write(self._lattice.index(value), self._width)
 
-    def read(self, reader: BitReader) -> Any:  # noqa: ANN401
+    def read(self, reader: BitSource) -> Any:  # noqa: ANN401
         index = reader.read(self._width)
         if index < self._lattice.size:
             return self._lattice.value(index)
@@ -94,7 +94,7 @@ class _Index(Packing):
             raise PayloadError(f"{self._name} is {number} in a longer form than needed")
         return number
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         if self._exact is None:
             reader.skip(self._width)
         elif reader.read(self._width) == self._lattice.size:
@@ -118,14 +118,14 @@ class _Count(Packing):
         self.smallest_bits = self._head_bits
         self.largest_bits = self._head_bits + self._widths
 
-    def write(self, writer: BitWriter, value: float) -> None:
+    def write(self, writer: BitSink, value: float) -> None:
         count = self._quantiser.count(value)
         width = abs(count).bit_length()
         writer.write(width, self._head_bits)
         if width:  # the first bit of the magnitude is 1: the sign takes its place
             writer.write(abs(count) ^ (1 << width - 1 if count > 0 else 0), width)
 
-    def read(self, reader: BitReader) -> float:
+    def read(self, reader: BitSource) -> float:
         width = reader.read(self._head_bits)
         if width > self._widths:
             raise PayloadError(f"{self._name} has {width} bits; allowed: {self._widths}")
@@ -137,7 +137,7 @@ class _Count(Packing):
             raise PayloadError(f"{self._name} is {count} steps")
         return self._quantiser.value(count)
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         reader.skip(reader.read(self._head_bits))
 
 
@@ -156,12 +156,12 @@ class _Exact(Packing):
             self._least = self._exact.rounded(self._range[0])
             self._greatest = self._exact.rounded(self._range[1])
 
-    def write(self, writer: BitWriter, value: float) -> None:
+    def write(self, writer: BitSink, value: float) -> None:
         if self._wraps and self._range is not None and self._exact.rounded(value) >= self._range[1]:
             value = self._range[0]  # rounded, a value just below the top becomes the bottom
         writer.write(self._exact.bits(value), self._exact.width)
 
-    def read(self, reader: BitReader) -> float:
+    def read(self, reader: BitSource) -> float:
         number = self._exact.number(reader.read(self._exact.width))
         if self._range is None:
             return number
@@ -170,7 +170,7 @@ class _Exact(Packing):
             raise PayloadError(f"{self._name} is {number}; allowed: {low}..{high}")
         return min(max(number, low), high)
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         reader.skip(self._exact.width)
 
 
@@ -182,7 +182,7 @@ class _Length:
         self._longest = longest
         self.bits = 8 if longest is None else longest.bit_length()
 
-    def write(self, writer: BitWriter, count: int) -> None:
+    def write(self, writer: BitSink, count: int) -> None:
         if self._longest is not None:
             writer.write(count, self.bits)
             return
@@ -191,7 +191,7 @@ class _Length:
             count >>= 7
         writer.write(count, 8)
 
-    def read(self, reader: BitReader, element_bits: int) -> int:
+    def read(self, reader: BitSource, element_bits: int) -> int:
         """Take the count; what is left must hold that many elements."""
         count = reader.read(self.bits)
         if self._longest is None:
@@ -202,7 +202,7 @@ class _Length:
             raise PayloadError(f"{self._name} has {count} elements in {reader.bits_left} bits")
         return count
 
-    def _read_sevens(self, reader: BitReader, first: int) -> int:
+    def _read_sevens(self, reader: BitSource, first: int) -> int:
         count, shift, group = first & 0x7F, 0, first
         while group & 0x80:
             shift += 7
@@ -225,7 +225,7 @@ class _Octets(Packing):
         if field.max_length is not None:
             self.largest_bits = self.smallest_bits + 8 * field.max_length
 
-    def write(self, writer: BitWriter, value: str | bytes) -> None:
+    def write(self, writer: BitSink, value: str | bytes) -> None:
         width = 8
         if isinstance(value, str):
             width = 7 if value.isascii() else 8
@@ -235,7 +235,7 @@ class _Octets(Packing):
         for octet in value:
             writer.write(octet, width)
 
-    def read(self, reader: BitReader) -> str | bytes:
+    def read(self, reader: BitSource) -> str | bytes:
         width = self._read_width(reader)
         count = self._length.read(reader, width)
         content = bytes(reader.read(width) for _ in range(count))
@@ -248,11 +248,11 @@ class _Octets(Packing):
         except UnicodeDecodeError:
             raise PayloadError(f"{self._name} is not UTF-8") from None
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         width = self._read_width(reader)
         reader.skip(self._length.read(reader, width) * width)
 
-    def _read_width(self, reader: BitReader) -> int:
+    def _read_width(self, reader: BitSource) -> int:
         return 8 - reader.read(1) if self._is_text else 8
 
 
@@ -273,20 +273,20 @@ class _Elements(Packing):
                 (_times(element.largest_bits, field.max_length), self._length.bits)
             )
 
-    def write(self, writer: BitWriter, value: list[Any]) -> None:
+    def write(self, writer: BitSink, value: list[Any]) -> None:
         if self._fixed is None:
             self._length.write(writer, len(value))
         for element in value:
             self._element.write(writer, element)
 
-    def read(self, reader: BitReader) -> list[Any]:
+    def read(self, reader: BitSource) -> list[Any]:
         return [self._element.read(reader) for _ in range(self._count(reader))]
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         for _ in range(self._count(reader)):
             self._element.skip(reader)
 
-    def _count(self, reader: BitReader) -> int:
+    def _count(self, reader: BitSource) -> int:
         if self._fixed is not None:
             return self._fixed
         return self._length.read(reader, self._element.smallest_bits)
@@ -300,15 +300,15 @@ class _Optional(Packing):
         self.smallest_bits = 1
         self.largest_bits = _sum((present.largest_bits, 1))
 
-    def write(self, writer: BitWriter, value: object) -> None:
+    def write(self, writer: BitSink, value: object) -> None:
         writer.write(value is not None, 1)
         if value is not None:
             self._present.write(writer, value)
 
-    def read(self, reader: BitReader) -> Any:  # noqa: ANN401
+    def read(self, reader: BitSource) -> Any:  # noqa: ANN401
         return self._present.read(reader) if reader.read(1) else None
 
-    def skip(self, reader: BitReader) -> None:
+    def skip(self, reader: BitSource) -> None:
         if reader.read(1):
             self._present.skip(reader)
 

@@ -1,0 +1,266 @@
+"""The samples of one stream as symbols: against a reference, by the model alone, or plainly.
+
+A sample is usually coded as what its reference does not tell. Where there is no reference, the
+model says what is likely; where neither helps (a jump, a value never seen) every value is as likely
+as any other, which bounds what a sample can cost to that of `packed` and a few bits. Which of the
+three it is costs a fraction of a bit; the writer tries the next one when one has been dear.
+"""
+
+import math
+from typing import Any, Final
+
+from zacoustic.core.dense.adaptation import StreamState
+from zacoustic.core.dense.arithmetic import Coder, Reader, Writer
+from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, Curve
+from zacoustic.core.dense.layout import Layout, Remainder, Row
+from zacoustic.core.dense.prior import (
+    First,
+    StreamPrior,
+    adaptations_of,
+    check_prior,
+    lines_of,
+)
+from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
+from zacoustic.core.dense.text import RECENT_LINES, TextModel
+from zacoustic.core.payload import PayloadError
+from zacoustic.core.payload.bits import BitSink, BitSource
+from zacoustic.core.types import OutsideNumbers, TypeSpec
+
+_AGAINST, _FIRST, _PLAIN = 0, 1, 2
+# Shares of the three ways where there is a reference, and of the last two where there is none.
+_WAYS: Final = (60, 3, 1)
+_WAYS_ALONE: Final = (7, 1)
+_SAME: Final = 1 << 13  # how often the rest of a sample is that of its reference, 2**-16
+_DEAR_BITS: Final = 2  # by so many bits more than plainly, another way is tried
+
+Beside = dict[int, Row]
+"""Rows of other streams that both ends know, by stream id."""
+
+
+class StreamCodec:
+    """How samples of a stream are written and read.
+
+    Args:
+        stream_id: Of the stream.
+        type_spec: Its type, resolved.
+        prior: What a fit says of it.
+
+    Raises:
+        ConfigError: The prior is for another type.
+    """
+
+    def __init__(
+        self, stream_id: int, type_spec: TypeSpec, prior: StreamPrior | None = None
+    ) -> None:
+        self.stream_id = stream_id
+        self.type_spec = type_spec
+        self.outside = OutsideNumbers(type_spec)
+        """What was clamped or escaped of the values written so far."""
+        self.layout = Layout(type_spec)
+        self.model = RowModel(self.layout.columns)
+        self.prior = prior
+        if prior is not None:
+            check_prior(prior, self.model, f"model.streams.{stream_id}")
+        self._adaptations = {} if prior is None else adaptations_of(prior, self.model)
+        columns = len(self.layout.columns)
+        self._steadiness = list(prior.steadiness) if prior is not None else []
+        self._steadiness = self._steadiness or [START_STEADY] * columns
+        has_text = any(remainder.is_text for remainder in self.layout.remainders)
+        self._text = TextModel(lines_of(prior)) if has_text else TextModel()
+        # What the row costs plainly, the ways included, bits.
+        self.plain_bits = sum(math.ceil(math.log2(size)) for size in self.model.sizes if size > 1)
+
+    def split(self, value: object) -> tuple[Row, list[Any]]:
+        """Take a value of the application apart.
+
+        Raises:
+            PayloadInvalidError: It is not of the stream's type.
+        """
+        return self.layout.split(self.outside.bound(self.type_spec.validate(value)))
+
+    def write(
+        self,
+        coder: Writer,
+        parts: tuple[Row, list[Any]],
+        reference: StreamState | None,
+        steps: int,
+        beside: Beside,
+    ) -> StreamState:
+        """Write a sample in the shortest way; gives its state."""
+        row, rest = parts
+        before = coder.mark()
+        limit = coder.bits + self.plain_bits + _DEAR_BITS
+        best, fewest = _PLAIN, 1 << 60
+        for way in (_AGAINST, _FIRST, _PLAIN) if reference is not None else (_FIRST, _PLAIN):
+            coder.rewind(before)
+            try:
+                state = self._code_row(coder, way, list(row), reference, steps, beside)
+            except TooFarError:
+                continue
+            if coder.bits < fewest:
+                best, fewest = way, coder.bits
+            if fewest <= limit:
+                break
+        if best != way:
+            coder.rewind(before)
+            state = self._code_row(coder, best, list(row), reference, steps, beside)
+        return self._code_rest(coder, row, rest, state)
+
+    def read(
+        self, coder: Coder, reference: StreamState | None, steps: int, beside: Beside
+    ) -> tuple[dict[str, Any], StreamState]:
+        """Read a sample: its value and its state.
+
+        Raises:
+            PayloadError: There is none.
+        """
+        row: Row = [None] * len(self.layout.columns)
+        state = self._code_row(coder, None, row, reference, steps, beside)
+        rest: list[Any] = [None] * len(self.layout.remainders)
+        state = self._code_rest(coder, row, rest, state)
+        return self.layout.join(row, rest), state
+
+    def _code_row(
+        self,
+        coder: Coder,
+        way: int | None,
+        row: Row,
+        reference: StreamState | None,
+        steps: int,
+        beside: Beside,
+    ) -> StreamState:
+        if reference is not None:
+            way = coder.choice(_WAYS, way or 0)
+            if way == _AGAINST:
+                return self.model.code(coder, row, reference, steps)
+        else:
+            way = 1 + coder.choice(_WAYS_ALONE, (way or 1) - 1)
+        if way == _FIRST and self.prior is not None and self.prior.firsts:
+            self._code_first(coder, row, self.prior.firsts, beside)
+        else:
+            self.model.code_plainly(coder, row)
+        known = row if reference is None else reference.row
+        return StreamState(
+            row=[old if new is None else new for new, old in zip(row, known, strict=True)],
+            velocity=None,
+            rest=[None] * len(self.layout.remainders) if reference is None else reference.rest,
+            adaptations=self._adaptations if reference is None else reference.adaptations,
+            steadiness=self._steadiness if reference is None else reference.steadiness,
+        )
+
+    def _code_first(
+        self, coder: Coder, row: Row, firsts: tuple[First, ...], beside: Beside
+    ) -> None:
+        """Write or read a row as the model expects it."""
+        model = self.model
+        for n in (*model.symbols, *model.numbers):
+            guard = model.columns[n].guard
+            if guard is not None and row[guard[0]] != guard[1]:
+                continue
+            first, size = firsts[n], model.sizes[n]
+            center, scale = first.center, first.scale
+            companion = first.companion
+            if companion is not None:
+                own = companion.stream_id == self.stream_id
+                other_row = row if own else beside.get(companion.stream_id, ())
+                other = other_row[companion.column] if companion.column < len(other_row) else None
+                if other is not None:
+                    center = companion.offset + (other * companion.slope >> 16 - POINT_BITS)
+                    scale = companion.scale
+            if scale and size > 1:
+                center = min(max(center, -size << POINT_BITS), size << POINT_BITS + 1)
+                row[n] = _code_around(coder, center, scale, first, size, row[n] or 0)
+            elif size > 1 and coder.flag(max(first.hold, 1), row[n] == first.held % size):
+                row[n] = first.held % size
+            else:
+                row[n] = coder.uniform(size, row[n] or 0)
+
+    def _code_rest(
+        self, coder: Coder, row: Row, rest: list[Any], state: StreamState
+    ) -> StreamState:
+        if not self.layout.remainders:
+            return state
+        known = list(state.rest)
+        for place, remainder in enumerate(self.layout.remainders):
+            guard = remainder.guard
+            if guard is None or row[guard[0]] == guard[1]:
+                rest[place] = self._code_remainder(coder, remainder, rest[place], known, place)
+        return StreamState(
+            state.row, state.velocity, known, state.adaptations, state.steadiness
+        )
+
+    def _code_remainder(
+        self, coder: Coder, remainder: Remainder, value: Any, known: list[Any], place: int  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401
+        """Write or read a part of the rest, and put it where the next sample finds it."""
+        old = known[place]
+        if remainder.is_text:
+            recent: tuple[bytes, ...] = old or ()
+            content = b"" if value is None else value.encode()
+            same = bool(recent) and coder.flag(_SAME, content == recent[-1])
+            if same:
+                content = recent[-1]
+            else:
+                content = self._text.code(coder, content, recent, remainder.longest)
+            known[place] = (*recent, content)[-RECENT_LINES:]
+            try:
+                return content.decode()
+            except UnicodeDecodeError:
+                raise PayloadError("a text that is not UTF-8") from None
+        if old is not None and coder.flag(_SAME, _is_same(value, old[0])):
+            return old[0]
+        if isinstance(coder, Reader):
+            value = remainder.packing.read(_Source(coder))
+        else:
+            remainder.packing.write(_Sink(coder), value)
+        known[place] = (value,)
+        return value
+
+
+def _code_around(
+    coder: Coder, center: int, scale: int, first: First, size: int, value: int
+) -> int:
+    """Write or read a number around a center; one of many values by its distance from there."""
+    least = 0
+    span = size
+    if size > LARGEST_SIZE:
+        span = LARGEST_SIZE
+        least = min(max((center >> POINT_BITS) - (span >> 1), 0), size - span)
+        if not coder.is_reader and not least <= value < least + span:
+            raise TooFarError
+    curve = Curve(
+        span, center - (least << POINT_BITS), scale, first.held - least, min(first.hold, MOST_HOLD)
+    )
+    return coder.number(curve, value - least) + least
+
+
+def _is_same(value: Any, old: Any) -> bool:  # noqa: ANN401
+    """Whether both are one payload: zeros differ by their sign, and nan is itself."""
+    return bool(value == old) and repr(value) == repr(old)
+
+
+class _Sink(BitSink):
+    """A writer as what a packing writes its bits to."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+
+    def write(self, number: int, width: int) -> None:
+        self._writer.raw(width, number)
+
+
+class _Source(BitSource):
+    """A reader as what a packing reads its bits from."""
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+
+    @property
+    def bits_left(self) -> int:
+        return self._reader.bits_left
+
+    def read(self, width: int) -> int:
+        return self._reader.raw(width)
+
+    def skip(self, width: int) -> int:
+        return self._reader.raw(width)
