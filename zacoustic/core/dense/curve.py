@@ -27,7 +27,7 @@ SCALE_BITS: Final = 12
 LARGEST_SIZE: Final = 1 << 22
 """Most values that a number on a curve may have."""
 
-MOST_HOLD: Final = (1 << 16) - 1400
+MOST_HOLD: Final = (1 << 16) - 330
 """Greatest share of a held value, 2**-16: the curve and the floor of all values need some."""
 
 _CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
@@ -106,9 +106,12 @@ class Curve:
         self._center = center + 8  # boundaries lie half a step below values
         self._scale = scale
         self._held = held
-        self._hold = hold = hold << SHARE_BITS - 16
-        self._floor = _FLOOR // size or 1
-        self._mass = _TOTAL - self._floor * size - hold
+        self._floor = floor = _FLOOR // size or 1
+        hold <<= SHARE_BITS - 16
+        if size > _FLOOR and hold > _TOTAL - 2 * size:
+            hold = _TOTAL - 2 * size
+        self._hold = hold
+        self._mass = _TOTAL - floor * size - hold
 
     def below(self, value: int) -> int:
         """The sum of the shares of all values below `value`, 0…size."""

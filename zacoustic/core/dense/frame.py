@@ -12,7 +12,7 @@ A frame is, in this order (shares in `_KINDS` and `_GAPS`; the first two bits ar
 2. number, 4 bits; how many frames back the reference is;
 3. for each stream, by id: are there samples? then each of them, with the steps from the one that it
    is coded against and, behind it, whether another one follows;
-4. the check of `arithmetic`: of the stream table, the model and the reference, in at least 4 bits
+4. the check of `arithmetic`: of the stream table, the model and the reference, in at least 3 bits
    where there is a reference, and in what the rounding to bytes leaves over anyway.
 
 The order of samples of one stream is kept; that of different streams is not.
@@ -41,10 +41,10 @@ from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
 
 _ALONE, _NUMBERED, _REFERRING = 0, 1, 2
-_KINDS: Final = (6, 2, 8)
+_KINDS: Final = (4, 1, 11)
 # How likely a reference is that many frames back, 1…15.
 _GAPS: Final = (20, 24, 16, 12, 10, 7, 5, 4, 3, 2, 2, 1, 1, 1, 1)
-_CHECK_WAYS: Final = 16  # at least 4 bits of check where there is a reference
+_CHECK_WAYS: Final = 8  # at least 3 bits of check, on average 6, where there is a reference
 
 
 class DenseSample(msgspec.Struct, frozen=True):

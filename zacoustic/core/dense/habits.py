@@ -15,8 +15,8 @@ MOST_SAMPLES: Final = 255
 """Most samples of a stream in a frame."""
 
 _COUNTED: Final = 12  # after so many samples, all are alike
-_SHIFT: Final = 3
-_LEAST: Final = 1 << 10
+_SHIFT: Final = 2
+_LEAST: Final = 1 << 9
 _MOST: Final = (1 << 16) - _LEAST
 _EVEN: Final = 1 << 15
 _OFTEN: Final = 7 << 13

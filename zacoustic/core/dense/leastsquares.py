@@ -79,6 +79,16 @@ class Shape:
         ]
 
 
+    def unpacked(self, weights: list[int]) -> list[list[int]]:
+        """Give the weights by quantity, one for every quantity before it."""
+        rows: list[list[int]] = [[] for _ in range(self.quantities)]
+        for i, packed in enumerate(weights):
+            for k in range(i + 1, self.quantities):
+                lane = ((packed + self.halves[i]) >> self.places[k]) & (1 << _LANE_BITS) - 1
+                rows[k].append(lane - (1 << _LANE_BITS - 1))
+        return rows
+
+
 class Explained:
     """The quantities of one sample, as far as they are known.
 

@@ -247,7 +247,20 @@ class RowModel:
                 ratio = (miss << 8) // scale
             if ratio > surprise:
                 surprise = ratio
-            base += (miss << WIDTH_BITS) // width - base >> _SCALE_SHIFT
+            if change:
+                if hold > _LEAST_HOLD:
+                    holds[n] = hold - (hold >> _HOLD_SHIFT)
+                base += (miss << WIDTH_BITS) // width - base >> _SCALE_SHIFT
+            else:
+                # Did it stay by chance, as the curve has it? Otherwise the curve has nothing to
+                # learn: it is about how far the number goes when it does not stay.
+                chance = _PEAK // scale if scale > _NARROW else _SURE
+                cause = (hold << 16) // (hold + ((1 << 16) - hold) * chance // (1 << 16))
+                hold += cause - hold >> _HOLD_SHIFT
+                holds[n] = hold if hold < MOST_HOLD else MOST_HOLD
+                base += ((miss << WIDTH_BITS) // width - base) * ((1 << 16) - cause) >> (
+                    16 + _SCALE_SHIFT
+                )
             scales[n] = base if base > _LEAST_SCALE else _LEAST_SCALE
             width += (ratio * width >> 8) - width >> _MISS_SHIFT
             if _LEAST_WIDTH < width < _MOST_WIDTH:
@@ -259,15 +272,6 @@ class RowModel:
             off = (off if off > 0 else -off) << _MISS_BITS
             linear_miss += (off if off < limit else limit) - linear_miss >> _MISS_SHIFT
             linear_misses[n] = linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE
-            if change:
-                if hold > _LEAST_HOLD:
-                    holds[n] = hold - (hold >> _HOLD_SHIFT)
-            else:
-                # It may have stayed by chance, as the curve has it.
-                chance = _PEAK // scale if scale > _NARROW else _SURE
-                cause = (hold << 16) // (hold + ((1 << 16) - hold) * chance // (1 << 16))
-                hold += cause - hold >> _HOLD_SHIFT
-                holds[n] = hold if hold < MOST_HOLD else MOST_HOLD
 
         if explained.is_broken:
             return velocity, self.start()
