@@ -12,11 +12,12 @@ A column that is not there in a sample (the value of a missing optional) is None
 from abc import ABC, abstractmethod
 from typing import Any, Final
 
-from zacoustic.core.payload.exact import ExactNumber
-from zacoustic.core.payload.packing import Packing, field_packing
-from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
-
 import msgspec
+
+from zacoustic.core.dense.attitude import Attitude, quaternion_at
+from zacoustic.core.payload.exact import ExactNumber
+from zacoustic.core.payload.packing import Packing, TypePacking, field_packing
+from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
 
 # More columns than this in one array, and it is carried as it is: prediction costs their square.
 LONGEST_ARRAY: Final = 32
@@ -37,16 +38,22 @@ class Column:
         guard: Column and value that it must have for this one to be there; None: always.
     """
 
-    def __init__(self, name: str, lattice: Lattice, guard: tuple[int, int] | None) -> None:
+    def __init__(
+        self,
+        name: str,
+        size: int,
+        guard: tuple[int, int] | None,
+        *,
+        wraps: bool = False,
+        is_ordered: bool = False,
+        zero: int | None = None,
+    ) -> None:
         self.name = name
-        self.size = lattice.size
-        self.wraps = lattice.wraps
-        self.is_ordered = lattice.is_ordered and lattice.size > 2
+        self.size = size
         self.guard = guard
-        self.zero: int | None = None
-        limits = lattice.field.limits
-        if self.is_ordered and not self.wraps and limits is not None and limits[0] < 0 < limits[1]:
-            self.zero = lattice.index(0)
+        self.wraps = wraps
+        self.is_ordered = is_ordered and size > 2
+        self.zero = zero if self.is_ordered else None
 
 
 class Remainder:
@@ -106,17 +113,74 @@ class _Fields(_Part):
     def __init__(
         self, layout: Layout, type_spec: TypeSpec, path: str, guard: tuple[int, int] | None
     ) -> None:
-        self._parts = [
-            (field.name, _of_field(layout, type_spec, field, f"{path}{field.name}", guard))
-            for field in type_spec.fields
-        ]
+        self._parts: list[tuple[str, _Part]] = []
+        self._quaternions: list[tuple[tuple[str, ...], _Quaternion]] = []
+        fields, place = type_spec.fields, 0
+        self._names = [field.name for field in fields]
+        while place < len(fields):
+            attitude = quaternion_at(fields, place)
+            if attitude is not None:
+                group = fields[place : place + 4]
+                quaternion = _Quaternion(layout, attitude, group, path, guard)
+                self._quaternions.append((tuple(field.name for field in group), quaternion))
+                place += 4
+                continue
+            field = fields[place]
+            part = _of_field(layout, type_spec, field, f"{path}{field.name}", guard)
+            self._parts.append((field.name, part))
+            place += 1
 
     def split(self, value: dict[str, Any], row: Row, rest: list[Any]) -> None:
         for name, part in self._parts:
             part.split(value[name], row, rest)
+        for names, quaternion in self._quaternions:
+            quaternion.split([value[name] for name in names], row, rest)
 
     def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
-        return {name: part.join(row, rest) for name, part in self._parts}
+        value = {name: part.join(row, rest) for name, part in self._parts}
+        if not self._quaternions:
+            return value
+        for names, quaternion in self._quaternions:
+            value.update(zip(names, quaternion.join(row, rest), strict=True))
+        return {name: value[name] for name in self._names}
+
+
+class _Quaternion(_Part):
+    def __init__(
+        self,
+        layout: Layout,
+        attitude: Attitude,
+        group: tuple[FieldSpec, ...],
+        path: str,
+        guard: tuple[int, int] | None,
+    ) -> None:
+        self._attitude = attitude
+        self._flag = _flag(layout, f"{path}attitude?", guard)
+        circle, inside = attitude.circle, (self._flag, 1)
+        self._place = len(layout.columns)
+        layout.columns += [
+            Column(f"{path}sign", 2, inside),
+            Column(f"{path}roll", circle + 1, inside, is_ordered=True, zero=circle // 2),
+            Column(f"{path}pitch", circle // 2 + 1, inside, is_ordered=True, zero=circle // 4),
+            Column(f"{path}yaw", circle, inside, is_ordered=True, wraps=True),
+        ]
+        self._names = [field.name for field in group]
+        bare = TypeSpec(name="Quaternion", fields=group)
+        self._plain = _Other(layout, TypePacking(bare), (self._flag, 0))
+
+    def split(self, value: list[float], row: Row, rest: list[Any]) -> None:
+        angles = self._attitude.angles(value)
+        row[self._flag] = int(angles is not None)
+        if angles is None:
+            self._plain.split(dict(zip(self._names, value, strict=True)), row, rest)
+        else:
+            row[self._place : self._place + 4] = angles
+
+    def join(self, row: Row, rest: list[Any]) -> list[float]:
+        if not row[self._flag]:
+            return list(self._plain.join(row, rest).values())
+        angles = [count or 0 for count in row[self._place : self._place + 4]]
+        return [min(max(part, -1.0), 1.0) for part in self._attitude.parts(angles)]
 
 
 class _Number(_Part):
@@ -126,7 +190,15 @@ class _Number(_Part):
         lattice = Lattice(field)
         self._place = len(layout.columns)
         self._index, self._value = lattice.index, lattice.value
-        layout.columns.append(Column(path, lattice, guard))
+        limits = field.limits
+        both_sides = limits is not None and limits[0] < 0 < limits[1] and not field.wraps
+        is_ordered = lattice.is_ordered
+        zero = lattice.index(0) if is_ordered and both_sides else None
+        layout.columns.append(
+            Column(
+                path, lattice.size, guard, wraps=field.wraps, is_ordered=is_ordered, zero=zero
+            )
+        )
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
         row[self._place] = self._index(value)
@@ -207,7 +279,7 @@ class _Other(_Part):
 
 
 def _flag(layout: Layout, path: str, guard: tuple[int, int] | None) -> int:
-    layout.columns.append(Column(path, Lattice(FieldSpec(name="f", type="bool")), guard))
+    layout.columns.append(Column(path, 2, guard))
     return len(layout.columns) - 1
 
 
