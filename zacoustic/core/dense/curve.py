@@ -46,9 +46,9 @@ def _densities() -> list[int]:
     laplace, gauss, ratio = one, one, gauss_step
     cells = []
     for cell in range(_REACH):
-        # Heights at 0 are those of the densities: 0.6·1.15/2, 0.3·0.9/√(2π), 0.1/π.
-        cauchy = one * 1024 // (1024 + cell * cell)
-        cells.append((34500 * laplace + 10771 * gauss + 3183 * cauchy) >> 30)
+        # Heights at 0 are those of the densities: 0.6·1.15/2, 0.3·0.9/√(2π), 0.1/2π.
+        cauchy = one * 4096 // (4096 + cell * cell)
+        cells.append((34500 * laplace + 10771 * gauss + 1592 * cauchy) >> 30)
         laplace = laplace * laplace_step >> 60
         gauss = gauss * ratio >> 60
         ratio = ratio * gauss_square >> 60
@@ -58,7 +58,7 @@ def _densities() -> list[int]:
 def _tails() -> list[int]:
     """Mass beyond each entry of the table, of one side, in shares."""
     cells = _densities()
-    beyond = cells[-1] * _REACH  # ∫ dz/z² from the end of the table on
+    beyond = cells[-1] * _REACH  # ∫ dz/z² from the end of the table on, all that is left there
     tail, masses = beyond, [beyond]
     for mass in reversed(cells):
         tail += mass

@@ -18,8 +18,8 @@ The quantities of `leastsquares`, in this order:
 2. of the reference, the level of every field that has values on both sides of zero and is not a
    position: a pitch or a rate of turn says where things are going;
 3. the way that every other number makes in the steps to this sample, at the reference's velocity;
-4. the number of each column less that of the reference, in coding order; before the first position,
-   where the type has a heading and positions, the way north and east at the mean course and speed.
+4. the number of each column less that of the reference, in coding order; before the first position
+   of a type that has a heading, what `course` says.
 """
 
 from typing import Final
@@ -98,11 +98,13 @@ class RowModel:
             if (zero := columns[n].zero) is not None and columns[n].size <= _LEVEL_SIZE
         ]
         with_level = {n for n, _ in self._levels}
-        self._ways = [n for n in self.numbers if n not in with_level]
         self._course = course_of(columns, self.numbers)
-        self._course_before = self._course.before if self._course is not None else None
+        positions = self._course.positions if self._course is not None else []
+        self._ways = [n for n in self.numbers if n not in with_level and n not in positions]
+        self._course_before = positions[0] if positions else None
         known = 1 + len(self._levels) + len(self._ways)
-        self.shape = Shape(known + len(self.numbers) + 2 * (self._course is not None))
+        on_course = 2 + len(positions) if self._course is not None else 0
+        self.shape = Shape(known + len(self.numbers) + on_course)
 
     def start(self) -> Adaptation:
         """Make the adaptation of who knows nothing."""
@@ -185,7 +187,7 @@ class RowModel:
         surprise = greatest = 0
         for n, size, is_relative, guard in self._plan:
             if n == self._course_before and self._course is not None:
-                for way in self._course.ways(row, old_row, steps):
+                for way in self._course.ways(row, old_row, trends, steps):
                     explained.add(way, explained.predict())
             linear = explained.predict()
             old = old_row[n]
