@@ -231,14 +231,14 @@ class Reader:
     def choice(self, shares: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of relative shares."""
         whole, place = sum(shares), self._place()
-        start = before = index = 0
-        for index, share in enumerate(shares):
+        start = before = 0
+        for index, share in enumerate(shares):  # noqa: B007 (the last one is the answer)
             before += share
             end = before * TOTAL // whole
             if place < end:
-                self._narrow(start, end - start)
                 break
             start = end
+        self._narrow(start, end - start)
         return index
 
     def number(self, curve: Curve, value: int = 0) -> int:

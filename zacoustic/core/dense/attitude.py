@@ -80,7 +80,7 @@ class Attitude:
 
 
 def quaternion_at(fields: Sequence[FieldSpec], place: int) -> Attitude | None:
-    """Return how the quaternion travels that begins at a place among fields; None: there is none."""
+    """Return how the quaternion that begins at a place among fields travels; None: it is none."""
     group = fields[place : place + 4]
     if len(group) < 4 or [field.name[-1:].lower() for field in group] != list(_PARTS):
         return None

@@ -3,8 +3,8 @@
 Position is the one field of a vehicle that no sum of other fields predicts: the way made north is
 the speed times the cosine of the heading. So two quantities are made of them, the ways north and
 east at the mean of two samples, and least squares find out how many steps of which position they
-are worth, how far magnetic north is off, and what the current does. While the heading stays, the way
-that the position made last is the better guess; so it is a quantity too, but only then.
+are worth, how far magnetic north is off, and what the current does. While the heading stays, the
+way that the position made last is the better guess; so it is a quantity too, but only then.
 
 A heading is the first number that wraps; a position is a number of many values; a speed is a number
 called so. Who has no speed is taken to be always as fast.

@@ -9,8 +9,10 @@ fitted lose to plain coders on half of all real logs.
 Means, not last values: the weights at the end of a recording are those of its last minutes.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any, Final
 
 from zacoustic.core.dense.adaptation import (
@@ -37,6 +39,8 @@ _LEAST_ROWS: Final = 64
 _MOST_ROWS: Final = 4000
 _MOST_TEXT_BYTES: Final = 24000
 _UNUSUAL: Final = 1 << 12  # 1/16: what a frame costs that holds something else is 4 bits a stream
+_FEW: Final = 8
+_OFTEN: Final = 7 << 13
 _WORTH: Final = 4  # a companion must leave at most this part of the scale
 _WIDER: Final = 5, 4  # other missions differ from each other more than this one from itself
 
@@ -131,9 +135,7 @@ class _StreamFitting:
     def _steadiness(self, n: int) -> int:
         if self.model.columns[n].is_ordered:
             return START_STEADY
-        pairs = [
-            (old[n], new[n]) for run in self.runs for old, new in zip(run, run[1:], strict=False)
-        ]
+        pairs = [(old[n], new[n]) for run in self.runs for old, new in pairwise(run)]
         return _chance(sum(1 for old, new in pairs if old == new), len(pairs))
 
     def _first(self, n: int, stream_id: int) -> First:
@@ -248,8 +250,10 @@ class _Mean:
         self._model = model
         self.count = -self._WARM
         self._weights = [[0] * row for row in range(model.shape.quantities)]
-        names = ("energies", "scales", "widths", "hold_misses", "linear_misses", "holds")
-        self._sums: dict[str, list[int]] = {name: [] for name in names}
+        self._sums: dict[str, list[int]] = {name: [] for name in ("energies", "widths", "holds")}
+        # Of these the geometric mean: they are small most of the time, and large in turns.
+        names = ("scales", "hold_misses", "linear_misses")
+        self._logs: dict[str, list[float]] = {name: [] for name in names}
 
     def add(self, adaptation: Adaptation) -> None:
         self.count += 1
@@ -265,23 +269,30 @@ class _Mean:
             self._sums[name] = (
                 [a + b for a, b in zip(sums, values, strict=True)] if sums else list(values)
             )
+        for name, logs in self._logs.items():
+            more_logs = [math.log(each) for each in getattr(adaptation, name)]
+            self._logs[name] = (
+                [a + b for a, b in zip(logs, more_logs, strict=True)] if logs else more_logs
+            )
 
     def learnt(self) -> Learnt:
         count = self.count
+        means = {
+            name: tuple(max(each // count, 1) for each in sums) for name, sums in self._sums.items()
+        }
+        means["energies"] = tuple(max(each // _RESTLESS, 1) for each in means["energies"])
+        for name, logs in self._logs.items():
+            means[name] = tuple(max(round(math.exp(each / count)), 1) for each in logs)
         return Learnt(
             weights=tuple(tuple(weight // count for weight in row) for row in self._weights),
-            **{
-                name: tuple(
-                    max(each // count // (_RESTLESS if name == "energies" else 1), 1)
-                    for each in sums
-                )
-                for name, sums in self._sums.items()
-            },
+            **means,
         )
 
 
 def _usual(often: int, of: int) -> int:
     """A probability in 2**-16 that leaves room for frames of another kind."""
+    if of < _FEW:  # more than there ever was in a window: then frames are being filled
+        return _OFTEN
     return max(_UNUSUAL, min((1 << 16) - _UNUSUAL, _chance(often, of)))
 
 

@@ -195,9 +195,7 @@ class _Number(_Part):
         is_ordered = lattice.is_ordered
         zero = lattice.index(0) if is_ordered and both_sides else None
         layout.columns.append(
-            Column(
-                path, lattice.size, guard, wraps=field.wraps, is_ordered=is_ordered, zero=zero
-            )
+            Column(path, lattice.size, guard, wraps=field.wraps, is_ordered=is_ordered, zero=zero)
         )
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
@@ -307,9 +305,7 @@ def _of_field(
         return make(layout, field, path, guard)
     is_text = field.type == "string"
     longest = field.max_length
-    return _Other(
-        layout, field_packing(type_spec, field), guard, is_text=is_text, longest=longest
-    )
+    return _Other(layout, field_packing(type_spec, field), guard, is_text=is_text, longest=longest)
 
 
 def _width(type_spec: TypeSpec, field: FieldSpec) -> int:

@@ -17,8 +17,8 @@ moves towards explaining what was left over, by a share that is the innovation's
 sample over its energy so far; this is recursive least squares in the form that rounding does not
 disturb (modified Gram-Schmidt with error feedback), for the cost of one triangle for all fields.
 Energies forget, so that weights can follow. A sample far off what was expected (a turn, a fix after
-dead reckoning) is an exception more often than a rule, and is trusted less: without that the weights
-of the long straight legs are spoiled by every turn, which costs a tenth of all bits.
+dead reckoning) is an exception more often than a rule, and is trusted less: without that the
+weights of the long straight legs are spoiled by every turn, which costs a tenth of all bits.
 
 A row of weights at a time would cost a hundred multiplications; but all that an innovation explains
 are multiples of it. So the weights *of* one innovation, for all quantities after it, stand side by
@@ -77,7 +77,6 @@ class Shape:
             sum(weights[k][i] << self.places[k] for k in range(i + 1, self.quantities))
             for i in range(self.quantities)
         ]
-
 
     def unpacked(self, weights: list[int]) -> list[list[int]]:
         """Give the weights by quantity, one for every quantity before it."""

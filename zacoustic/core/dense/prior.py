@@ -160,5 +160,3 @@ def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]
 def lines_of(prior: StreamPrior | None) -> tuple[str, ...]:
     """The texts that a stream's texts are like."""
     return prior.lines if prior is not None and prior.lines else LINES
-
-

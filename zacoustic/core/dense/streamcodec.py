@@ -185,12 +185,15 @@ class StreamCodec:
             guard = remainder.guard
             if guard is None or row[guard[0]] == guard[1]:
                 rest[place] = self._code_remainder(coder, remainder, rest[place], known, place)
-        return StreamState(
-            state.row, state.velocity, known, state.adaptations, state.steadiness
-        )
+        return StreamState(state.row, state.velocity, known, state.adaptations, state.steadiness)
 
     def _code_remainder(
-        self, coder: Coder, remainder: Remainder, value: Any, known: list[Any], place: int  # noqa: ANN401
+        self,
+        coder: Coder,
+        remainder: Remainder,
+        value: Any,
+        known: list[Any],
+        place: int,
     ) -> Any:  # noqa: ANN401
         """Write or read a part of the rest, and put it where the next sample finds it."""
         old = known[place]
@@ -217,9 +220,7 @@ class StreamCodec:
         return value
 
 
-def _code_around(
-    coder: Coder, center: int, scale: int, first: First, size: int, value: int
-) -> int:
+def _code_around(coder: Coder, center: int, scale: int, first: First, size: int, value: int) -> int:
     """Write or read a number around a center; one of many values by its distance from there."""
     least = 0
     span = size

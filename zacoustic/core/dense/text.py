@@ -1,10 +1,10 @@
 """Log lines, by what letters followed the same letters before.
 
-The problem: a line of text of a vehicle is the same few dozen sentences with other numbers in them,
-and costs a byte a letter. The idea (prediction by partial matching): look at the six letters before;
-what followed them in the texts known to both ends? If the next letter is among it, it costs a
-fraction of a bit; if not, say so (*escape*) and look at the five letters before, and so on down to
-any letter. What an escape is worth follows from how many different letters were seen, and how
+The problem: a line of text of a vehicle is the same few dozen sentences with other numbers in
+them, and costs a byte a letter. The idea (prediction by partial matching): look at the six letters
+before; what followed them in the texts known to both ends? If the next letter is among it, it costs
+a fraction of a bit; if not, say so (*escape*) and look at the five letters before, and so on down
+to any letter. What an escape is worth follows from how many different letters were seen, and how
 often.
 
 Known to both ends are the lines of the model (those that a fit has found, or the shipped ones), and
