@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from zacoustic.config import Config, config_from_mapping, read_config
 from zacoustic.config.later import LATER_KEYS
 from zacoustic.config.sections import ALLOWED, RECORDS, ServiceEntry, TopicEntry
-from zacoustic.core.qos import Priority, Stamp
+from zacoustic.core.qos import Priority, Reliability, Stamp
 from zacoustic.core.streams import ServiceSpec, TopicSpec
 from zacoustic.core.types import Bounds, FieldSpec
 from zacoustic.errors import ConfigError
@@ -153,9 +153,43 @@ def test_nodes_share_a_digest_whatever_their_address() -> None:
     assert one.table.digest == config_from_mapping(SECTION, source="-", address=2).table.digest
 
 
+def test_reliable_topic_is_one_for_both_ends_with_its_depth() -> None:
+    usual = config_from_mapping(SECTION, source="-").table
+    reliable = config_from_mapping(changed("streams.0.reliability", "reliable"), source="-").table
+    assert reliable.by_id(10).qos.reliability is Reliability.RELIABLE
+    section = changed("streams.0.reliability", "reliable")
+    section["streams"][0]["depth"] = 4
+    deeper = config_from_mapping(section, source="-").table
+    assert len({usual.digest, reliable.digest, deeper.digest}) == 3
+
+
+@pytest.mark.parametrize(
+    ("audience", "expected"),
+    [
+        ({"subscribers": None}, "subscribers: is missing, and so is nodes: nobody is known to ack"),
+        ({"subscribers": [2]}, "subscribers: nobody but the publisher; allowed: at least one node"),
+        ({"subscribers": [1]}, ""),
+        ({"subscribers": [1, 2]}, ""),
+    ],
+)
+def test_reliable_topic_needs_somebody_who_acknowledges(
+    audience: dict[str, object], expected: str
+) -> None:
+    entry = {"id": 1, "topic": "a", "publishers": [2], "reliability": "reliable"}
+    entry |= {key: value for key, value in audience.items() if value is not None}
+    section = {"address": 2, "streams": [entry]}
+    if not expected:
+        assert config_from_mapping(section, source="-").table.by_id(1)
+        return
+    with pytest.raises(ConfigError, match=re.escape(expected)):
+        config_from_mapping(section, source="-")
+
+
 def test_what_a_node_keeps_in_its_journal_is_its_own_affair() -> None:
-    usual = config_from_mapping(SECTION, source="-")
-    section = changed("streams.0.journal", True)
+    section = changed("streams.0.reliability", "reliable")
+    usual = config_from_mapping(section, source="-")
+    section = changed("streams.0.reliability", "reliable")
+    section["streams"][0]["journal"] = True
     section["streams"][2]["journal"] = False
     tuned = config_from_mapping(section, source="-")
     assert [stream.spec.journal for stream in usual.table] == [False, False, True]
@@ -221,9 +255,13 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.topic",
         ...,
-        ".streams[0]: neither topic nor service; allowed: one of topic, service",
+        ".streams[0]: none of topic, service, action; allowed: one of topic, service, action",
     ),
-    ("streams.2.topic", "a", ".streams[2]: both topic and service; allowed: one of topic, service"),
+    (
+        "streams.2.topic",
+        "a",
+        ".streams[2]: topic and service; allowed: one of topic, service, action",
+    ),
     ("streams.2.server", ..., ".streams[2].server: is missing; allowed: the address of a node"),
     (
         "address",
@@ -249,8 +287,12 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     ("types.0.fields.0.step", "x", '.types[0].fields[0].step: "x"; allowed: a number above 0'),
     ("types.0.fields.1.values", "a", '.types[0].fields[1].values: "a"; allowed: a list of texts'),
-    ("streams", {}, ".streams: {}; allowed: a list of { id, topic, … } or { id, service, … }"),
-    ("streams.0", 3, ".streams[0]: 3; allowed: a list of { id, topic, … } or"),
+    (
+        "streams",
+        {},
+        ".streams: {}; allowed: a list of { id, topic, … }, { id, service, … } or { id, action",
+    ),
+    ("streams.0", 3, ".streams[0]: 3; allowed: a list of { id, topic, … }, {"),
     ("streams.0.id", "10", '.streams[0].id: "10"; allowed: a number, 1..175'),
     ("streams.0.publishers", 2, ".streams[0].publishers: 2; allowed: a list of addresses of nodes"),
     ("streams.0.publishers", ["x"], '.streams[0].publishers[0]: "x"; allowed: a list of addresses'),
@@ -426,7 +468,17 @@ MISTAKES: list[tuple[str, object, str]] = [
         '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams',
     ),
     ("streams.0.codec", "zip", '.streams[0].codec: "zip"; allowed: cbor'),
-    ("streams.0.reliability", "no", '.streams[0].reliability: "no"; allowed: best_effort'),
+    (
+        "streams.0.reliability",
+        "no",
+        '.streams[0].reliability: "no"; allowed: best_effort, reliable',
+    ),
+    (
+        "streams.0.journal",
+        True,
+        ".streams[0].journal: true for a best-effort topic, of which nothing is promised; allowed: "
+        "with reliability: reliable (say reliability, or leave journal out)",
+    ),
     # later
     ("ros", {"domain": 0}, '.ros: {"domain": 0} is not available yet: ROS 2; allowed: types, to'),
     ("overlays", [], ".overlays: [] is not available yet: bounds for ROS 2 types; allowed: "),
@@ -439,11 +491,6 @@ MISTAKES: list[tuple[str, object, str]] = [
         "links.1",
         {"locator": "a/b"},
         ".links: 2 links; more than one is not available yet; allowed: ",
-    ),
-    (
-        "streams.0.reliability",
-        "reliable",
-        f'.streams[0].reliability: "reliable" is not available yet; allowed: best_effort {LATER}',
     ),
     (
         "streams.0.durability",
@@ -464,7 +511,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.ros",
         {},
-        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic and service of",
+        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic, service and action of",
     ),
     (
         "streams.0.deadline_s",
@@ -473,8 +520,38 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     (
         "streams.3",
-        {"id": 30, "action": "auv1/goto", "goal": "Nav", "server": 2},
-        '.streams[3].action: "auv1/goto" is not available yet: actions; allowed: topic, service',
+        {"id": 30, "action": "auv1/goto", "goal": "Nav"},
+        ".streams[3].server: is missing; allowed: the address of a node",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "goal": "Nov", "server": 2},
+        '.streams[3].goal: "Nov" is not known; allowed: ',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "feedback": "Nov", "server": 2},
+        '.streams[3].feedback: "Nov" is not known; allowed: ',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 9},
+        ".streams[3].server: 9 is no node; allowed: 1",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/{node}", "server": 2},
+        '.streams[3].action: "auv1/{node}" has a placeholder; allowed in topics only',
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 2, "result_timeout_s": 0},
+        ".streams[3].result_timeout_s: 0",
+    ),
+    (
+        "streams.3",
+        {"id": 30, "action": "auv1/goto", "server": 2, "depth": 3},
+        ".streams[3].depth: unknown key; allowed: id, priority",
     ),
 ]
 

@@ -11,11 +11,13 @@ from zacoustic.errors import (
     CallTimeoutError,
     ConfigError,
     DeliveryError,
+    JournalUnavailableError,
     LinkClosedError,
     LinkError,
     LinkOpenError,
     LinkUnavailableError,
     LocalError,
+    OutcomeUnknownError,
     PayloadInvalidError,
     PayloadTooLargeError,
     QueueFullError,
@@ -28,34 +30,51 @@ from zacoustic.errors import (
 
 if TYPE_CHECKING:
     from zacoustic.config import Config, read_config
+    from zacoustic.core.actions.news import GoalStatus
+    from zacoustic.core.events import DeliveryOutcome
     from zacoustic.core.measurements import Range
-    from zacoustic.core.qos import Priority, Qos, Stamp
+    from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
+        ActionClient,
+        ActionServer,
         CallContext,
         Client,
+        Delivery,
+        GoalHandle,
+        GoalResult,
         Node,
         Publisher,
         Sample,
+        ServerGoalHandle,
         Service,
         Subscription,
         blocking,
     )
 
 __all__ = [
+    "ActionClient",
+    "ActionServer",
     "Bounds",
     "CallContext",
     "CallTimeoutError",
     "Client",
     "Config",
     "ConfigError",
+    "Delivery",
     "DeliveryError",
+    "DeliveryOutcome",
+    "GoalHandle",
+    "GoalResult",
+    "GoalStatus",
+    "JournalUnavailableError",
     "LinkClosedError",
     "LinkError",
     "LinkOpenError",
     "LinkUnavailableError",
     "LocalError",
     "Node",
+    "OutcomeUnknownError",
     "PayloadInvalidError",
     "PayloadTooLargeError",
     "Priority",
@@ -64,7 +83,9 @@ __all__ = [
     "QueueFullError",
     "Range",
     "RangeUnavailableError",
+    "Reliability",
     "Sample",
+    "ServerGoalHandle",
     "Service",
     "ServiceError",
     "SessionError",
@@ -78,11 +99,14 @@ __all__ = [
 
 _HOMES: Final = {
     "zacoustic.config": ("Config", "read_config"),
+    "zacoustic.core.actions.news": ("GoalStatus",),
+    "zacoustic.core.events": ("DeliveryOutcome",),
     "zacoustic.core.measurements": ("Range",),
-    "zacoustic.core.qos": ("Priority", "Qos", "Stamp"),
+    "zacoustic.core.qos": ("Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (
-        "CallContext", "Client", "Node", "Publisher", "Sample", "Service", "Subscription",
+        "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",
+        "GoalResult", "Node", "Publisher", "Sample", "ServerGoalHandle", "Service", "Subscription",
     ),
 }  # fmt: skip
 

@@ -8,9 +8,11 @@
      │   ├─ PayloadTooLargeError       a payload that fits no frame of this link
      │   ├─ PayloadInvalidError (ValueError)    a value that its type does not allow
      │   ├─ UnknownStreamError         a name or id that the stream table does not have
-     │   └─ QueueFullError             a bounded queue whose policy is to refuse
+     │   ├─ QueueFullError             a bounded queue whose policy is to refuse
+     │   └─ JournalUnavailableError    what is to survive a restart, and cannot be written down
      ├─ DeliveryError                  it did not get there: link down, rejected, expired
-     │   └─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
+     │   ├─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
+     │   └─ OutcomeUnknownError        the server ended without an answer; it may have run
      ├─ ServiceError                   the remote handler failed; carries its text
      ├─ SessionError                   Zenoh: router unreachable, port in use
      └─ LinkError
@@ -68,12 +70,20 @@ class QueueFullError(LocalError):
     """A bounded queue is full and its policy is to refuse."""
 
 
+class JournalUnavailableError(LocalError):
+    """The journal cannot be written now, so what is to survive a restart is not accepted."""
+
+
 class DeliveryError(ZacousticError):
     """A payload did not reach the other engine."""
 
 
 class CallTimeoutError(DeliveryError, TimeoutError):
     """No answer arrived before the deadline of the call, or of the range that was asked for."""
+
+
+class OutcomeUnknownError(DeliveryError):
+    """The server ended without an answer: whether it has done its work is unknown."""
 
 
 class ServiceError(ZacousticError):

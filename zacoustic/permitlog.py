@@ -128,3 +128,12 @@ def emission(
         destination=destination,
         outcome=outcome,
     )
+
+
+def open_permit_log(path: Path | None) -> PermitLog | None:
+    """Open the log that a config names, if it names one.
+
+    Raises:
+        ConfigError: It cannot be appended to.
+    """
+    return None if path is None else PermitLog(path)

@@ -131,15 +131,18 @@ class LinkRunner:
 
         Raises:
             LinkOpenError: The link cannot be opened; the runner is closed then.
+            ConfigError: The link cannot do what the config asks of it; the same.
         """
         self._loop = asyncio.get_running_loop()
         self._guarded(self._tell_clock)
         try:
             await self.link.open(self)
+            self._guarded(self._service)
+            if isinstance(self.failure, ZacousticError):
+                raise self.failure
         except BaseException:
             await self.close()
             raise
-        self._guarded(self._service)
 
     async def close(self) -> None:
         """Stop the link, then the journal; leaves no task, thread or descriptor.
@@ -402,7 +405,8 @@ class LinkRunner:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
+        if not isinstance(error, ZacousticError):  # those say by themselves what is wrong
+            _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
         self.failure = error
         self._stop_timer()
         self._ended.set()

@@ -149,6 +149,21 @@ def test_journal_whose_folder_cannot_be_made_is_noted(
     assert f"note: journal: this user cannot write {folder}" in capsys.readouterr().out
 
 
+def test_access_that_cannot_work_with_the_modem_is_noted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    access = {
+        "method": "tdma", "slots": [1], "slot_s": 1.9, "max_range_m": 1500, "clock_error_s": 0.01,
+    }  # fmt: skip
+    assert main(["check", str(write(tmp_path, changed("links.0.access", access)))]) == 0
+    printed = capsys.readouterr().out
+    assert "note: with a modem like evologics_s2c_18_34: access.slot_s: 1.9 s; the large" in printed
+    assert "note: access: node 2 has no turn in it, so it never transmits" in printed
+    sound = access | {"slots": [1, 2], "slot_s": 3.0}
+    assert main(["check", str(write(tmp_path, changed("links.0.access", sound)))]) == 0
+    assert "access." not in capsys.readouterr().out
+
+
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
     for address in ("1", "2"):
@@ -183,7 +198,7 @@ WRONG = [
     ("streams.0.topic", "/auv1/nav", ["streams[0].topic", "/auv1/nav"]),
     ("streams.0.depth", 0, ["streams[0].depth", "0", "1..65535"]),
     ("streams.0.lifespan_s", -1, ["streams[0].lifespan_s", "-1", "above 0"]),
-    ("streams.0.reliability", "reliable", ["streams[0].reliability", "reliable", "best_effort"]),
+    ("streams.0.reliability", "relible", ["streams[0].reliability", "relible", "reliable"]),
     ("streams.2.server", 9, ["streams[2].server", "9", "1 (shore)"]),
     ("links.0.wire", "morse", ["links[0].wire", "morse", "native"]),
 ]  # fmt: skip

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from zacoustic.cli import main
 from zacoustic.config import read_config
-from zacoustic.core.calls import CallKind, encode_call_byte, encode_error
+from zacoustic.core.calls import (
+    NAMED,
+    CallKind,
+    encode_call_byte,
+    encode_error,
+    encode_name,
+)
 from zacoustic.core.events import CallFailure
 from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.streams import StreamTable
@@ -80,6 +86,14 @@ def test_calls_are_told_with_their_numbers(table: StreamTable) -> None:
     )
     (item,) = decode_frame(refused, table)
     assert item.text == "stream 20 auv1/arm, error of call 9: handler: leak"
+    head = bytes((20, encode_call_byte(NAMED, 9)))
+    named = head + encode_name(CallKind.ERROR, 70) + encode_error(CallFailure.UNKNOWN, "")
+    (item,) = decode_frame(named, table, source=2)
+    assert item.text == "stream 20 auv1/arm, error of call 9 of a life 6 mod 64: unknown: "
+    (item,) = decode_frame(head + encode_name(CallKind.CONFIRM, 70), table, source=2)
+    assert item.kind == "call_confirm"
+    (item,) = decode_frame(head, table, source=2)
+    assert item.kind == "record"
 
 
 def test_what_does_not_decode_says_why(table: StreamTable) -> None:

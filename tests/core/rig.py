@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from zacoustic.core.clock import seconds_to_ns
@@ -38,21 +39,33 @@ class End:
         epoch: int = 1,
         capabilities: LinkCapabilities | None = None,
         commits: bool = True,
+        journal: Mapping[str, bytes] = MappingProxyType({}),
+        now: int = 0,
     ) -> None:
         self.address = address
+        self.journal = dict(journal)
+        """What has been committed, in this life and before."""
         self.engine = Engine(
-            address=address, table=table, epoch=epoch, rng=random.Random(f"{address}/{epoch}")
+            address=address,
+            table=table,
+            epoch=epoch,
+            rng=random.Random(f"{address}/{epoch}"),
+            stored=dict(journal),
         )
         self.capabilities = capabilities or link()
         self.events: list[Event] = []
         self.commits = commits
-        self.now = 0
-        self.engine.handle_link_state(LinkState.UP, 0, self.capabilities)
+        self.now = now
+        self.engine.handle_link_state(LinkState.UP, now, self.capabilities)
         self.settle()
 
     def settle(self) -> None:
         """Commit what is to be written down, and take the events."""
         while self.commits and (write := self.engine.poll_journal()) is not None:
+            if write.value is None:
+                self.journal.pop(write.key, None)
+            else:
+                self.journal[write.key] = write.value
             self.engine.handle_journal_committed(write.write_id, self.now)
         while (event := self.engine.poll_event()) is not None:
             self.events.append(event)
@@ -135,11 +148,17 @@ class Rig:
     def __getitem__(self, address: int) -> End:
         return self.ends[address]
 
-    def restart(self, address: int, table: StreamTable) -> None:
-        """Begin a new life of a node."""
-        epoch = self.ends[address].engine.epoch + 1
-        self.ends[address] = End(address, table, epoch=epoch, capabilities=self.capabilities)
-        self.ends[address].now = self.now
+    def restart(self, address: int, table: StreamTable, *, keeps: bool = False) -> None:
+        """Begin a new life of a node, with its journal or without."""
+        last = self.ends[address]
+        self.ends[address] = End(
+            address,
+            table,
+            epoch=last.engine.epoch + 1,
+            capabilities=self.capabilities,
+            journal=last.journal if keeps else {},
+            now=self.now,
+        )
 
     def publish(self, address: int, stream_id: int, value: object, **settings: Any) -> None:
         """Publish without sending."""

@@ -1,32 +1,62 @@
-"""Calls: 64 numbers, each used once until no answer to its last use can arrive."""
+"""Calls: 64 numbers, each used again only when its last use is closed at the server."""
+
+import random
+from typing import Any, cast
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from zacoustic.core.calls import (
     CALL_NUMBERS,
     LONGEST_ERROR_TEXT_BYTES,
+    WINDOW,
     Answer,
     CallKind,
     ClientCalls,
+    Served,
     ServerCalls,
+    _Numbers,
     decode_call_byte,
     decode_error,
+    decode_name,
     encode_call_byte,
     encode_error,
+    encode_name,
 )
 from zacoustic.core.events import CallFailure, CallKey
+from zacoustic.core.qos import Qos
+from zacoustic.core.repeating import Repetition
 from zacoustic.errors import QueueFullError
 
 ANSWER = Answer(CallKind.RESPONSE, b"done")
-KEY = CallKey(client=1, epoch=1, stream_id=20, number=0)
+SETTLING_NS = 5
 
 
-def begin(
-    calls: ClientCalls, now: int = 0, *, wait: int = 100, served: int = 100
-) -> tuple[int, int]:
-    return calls.begin(20, 2, deadline_at=now + wait, served_ns=served, now=now)
+def key(number: int = 0, *, client: int = 1, epoch: int = 1, stream_id: int = 20) -> CallKey:
+    return CallKey(client=client, epoch=epoch, stream_id=stream_id, number=number)
+
+
+def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
+    """Return a request that was last sent then, or is just being sent."""
+    repetition = Repetition((20, 1, 2), cast("Any", None), Qos(), until=1 << 60)
+    repetition.tries = int(sent_at is not None or on_air)
+    repetition.sent_at, repetition.is_on_air = sent_at or 0, on_air
+    return repetition
+
+
+def begin(calls: ClientCalls, now: int = 0, *, wait: int = 100) -> tuple[int, int]:
+    return calls.begin(20, 2, deadline_at=now + wait, now=now)
+
+
+def take(calls: ServerCalls, call: CallKey, now: int = 0) -> Served | None:
+    for closed in calls.closed_by(call, settling_ns=SETTLING_NS, now=now):
+        calls.forget(closed)
+    return calls.take(call, timeout_ns=100, settling_ns=SETTLING_NS, now=now)
+
+
+# On the wire
 
 
 def test_call_byte_holds_kind_and_number() -> None:
@@ -39,56 +69,230 @@ def test_call_byte_holds_kind_and_number() -> None:
     assert seen == set(range(256))
 
 
-@given(st.sampled_from(CallFailure), st.text())
-def test_error_text_is_cut_at_a_character(failure: CallFailure, text: str) -> None:
-    payload = encode_error(failure, text)
-    assert len(payload) <= 1 + LONGEST_ERROR_TEXT_BYTES
+@given(st.sampled_from(CallFailure), st.text(), st.integers(-5, 60))
+def test_error_text_is_cut_at_a_character(failure: CallFailure, text: str, longest: int) -> None:
+    payload = encode_error(failure, text, longest)
+    assert len(payload) <= 1 + max(0, min(longest, LONGEST_ERROR_TEXT_BYTES))
     decoded = decode_error(payload)
     assert decoded is not None
     assert decoded[0] is failure
     assert text.startswith(decoded[1])
 
 
-@pytest.mark.parametrize("payload", [b"", b"\x00text", b"\x08text", b"\x01\xff"])
+@pytest.mark.parametrize("payload", [b"", b"\x00text", b"\x09text", b"\x01\xff"])
 def test_payload_that_is_no_error_is_none(payload: bytes) -> None:
     assert decode_error(payload) is None
 
 
-def test_64_calls_have_64_numbers_and_the_next_is_refused() -> None:
+@given(st.sampled_from(CallKind), st.integers(0, 0xFFFF), st.integers(0, 0xFFFF), st.binary())
+def test_named_answer_is_for_one_life(
+    kind: CallKind, epoch: int, other: int, payload: bytes
+) -> None:
+    content = encode_name(kind, epoch) + payload
+    assert decode_name(content, epoch) is kind
+    if (epoch ^ other) & 0x3F:
+        assert decode_name(content, other) is None
+    assert decode_name(b"", epoch) is None
+
+
+# Numbers
+
+
+def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
     calls = ClientCalls()
-    assert sorted(begin(calls)[1] for _ in range(CALL_NUMBERS)) == list(range(CALL_NUMBERS))
-    with pytest.raises(QueueFullError, match="all 64 call numbers to node 2 are in use"):
+    assert [begin(calls)[1] for _ in range(WINDOW)] == list(range(WINDOW))
+    with pytest.raises(QueueFullError, match="16 calls to node 2 are under way"):
         begin(calls)
-    calls.begin(21, 2, deadline_at=9, served_ns=9, now=0)
-    calls.begin(20, 3, deadline_at=9, served_ns=9, now=0)
+    calls.begin(21, 2, deadline_at=9, now=0)
+    calls.begin(20, 3, deadline_at=9, now=0)
 
 
-def test_lives_in_a_row_begin_with_numbers_of_their_own() -> None:
+def test_numbers_go_round() -> None:
     assert begin(ClientCalls(first_number=40))[1] == 40
     calls = ClientCalls(first_number=63)
     assert [begin(calls)[1] for _ in range(3)] == [63, 0, 1]
 
 
-def test_number_of_an_answered_call_rests_for_two_settling_times() -> None:
+def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled() -> None:
     calls = ClientCalls()
-    first, *_ = [begin(calls)[0] for _ in range(CALL_NUMBERS)]
-    calls.respond(first, "value", now=10, settling_ns=5)
+    calls.settling_ns = SETTLING_NS
+    first, second, *_ = [begin(calls)[0] for _ in range(WINDOW)]
+    calls.attach(first, request(sent_at=20))
+    calls.respond(second, "value")
     with pytest.raises(QueueFullError):
-        begin(calls, 19)
-    assert begin(calls, 20)[1] == 0
+        begin(calls, 20)
+    calls.fail(first, CallFailure.TIMED_OUT, "")
+    with pytest.raises(QueueFullError):
+        begin(calls, 24)
+    assert begin(calls, 25)[1] == WINDOW
+    assert begin(calls, 25)[1] == WINDOW + 1
+    with pytest.raises(QueueFullError):
+        begin(calls, 25)
 
 
-@pytest.mark.parametrize("failure", [CallFailure.TIMED_OUT, CallFailure.CANCELLED])
-def test_number_of_an_unanswered_call_rests_until_the_server_has_given_it_up(
-    failure: CallFailure,
-) -> None:
+def test_request_that_is_still_being_sent_holds_the_window() -> None:
     calls = ClientCalls()
-    # The caller waits for 10 only; the server, by its own definition, works for 100.
-    first, *_ = [begin(calls, wait=10)[0] for _ in range(CALL_NUMBERS)]
-    calls.fail(first, failure, "", now=10, settling_ns=5)
+    first, *_ = [begin(calls)[0] for _ in range(WINDOW)]
+    sending = request(on_air=True)
+    calls.attach(first, sending)
+    calls.fail(first, CallFailure.CANCELLED, "")
     with pytest.raises(QueueFullError):
-        begin(calls, 10 + 100 + 2 * 5 - 1)
-    assert begin(calls, 10 + 100 + 2 * 5)[1] == 0
+        begin(calls, 1000)
+    sending.is_on_air = False
+    begin(calls, 1000)
+
+
+def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed() -> None:
+    numbers = _Numbers(0)
+    for index in range(CALL_NUMBERS):
+        assert numbers.may_begin(index, 0)
+        assert numbers.take()[0] == index
+        numbers.ended(index, None)
+    assert numbers.is_exhausted
+    assert not numbers.may_begin(1 << 50, 0)
+    # Of index 60 the server would close 12…44: whether 0…11 are closed is not known.
+    numbers.proved(60)
+    assert numbers.is_exhausted
+    numbers.proved(40)
+    assert not numbers.is_exhausted
+    assert [numbers.take()[1] for _ in range(25)] == list(range(25))
+    assert numbers.is_exhausted
+    numbers.proved(60)
+    assert not numbers.is_exhausted
+
+
+def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
+    calls = ClientCalls()
+    for _ in range(CALL_NUMBERS):
+        call_id, _ = begin(calls)
+        assert not calls.needs_new_epoch(20, 2)
+        calls.fail(call_id, CallFailure.TIMED_OUT, "")
+    other, _ = calls.begin(20, 3, deadline_at=9, now=0)
+    assert not calls.needs_new_epoch(20, 2)
+    calls.fail(other, CallFailure.TIMED_OUT, "")
+    assert calls.needs_new_epoch(20, 2)
+    calls.begin_epoch(23)
+    assert begin(calls)[1] == 23
+
+
+class NumbersInTheWater(RuleBasedStateMachine):
+    """One client and one server, where anything may be lost, late, or come twice.
+
+    The server is the real one, without the forgetting by time, which only comes when nothing can
+    arrive any more. Requests and answers live for the settling time after each transmission. Each
+    rule is a spell of weather, since a number comes again only after dozens of calls.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = 0
+        self.server = ServerCalls()
+        self.open: dict[int, tuple[int, Repetition]] = {}
+        """Index → number and request of the calls that have not ended."""
+        self.requests: list[tuple[int, int, int]] = []
+        """``(index, number, until)``: what can still arrive."""
+        self.answers: list[tuple[int, int, int]] = []
+        self.taken: dict[int, int] = {}
+        """Number → index of what the server remembers."""
+        self.executed: set[int] = set()
+
+    @initialize(first=st.integers(0, CALL_NUMBERS - 1))
+    def start(self, first: int) -> None:
+        self.numbers = _Numbers(first)
+
+    @rule(
+        seed=st.integers(0, 1 << 30),
+        steps=st.integers(1, 300),
+        arrives=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
+        returns=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
+        patience=st.sampled_from((0.0, 0.1, 1.0)),
+        keeps=st.sampled_from((0, 1)),
+        pace=st.sampled_from((0.02, 0.2)),
+    )
+    def spell(
+        self,
+        seed: int,
+        steps: int,
+        arrives: float,
+        returns: float,
+        patience: float,
+        keeps: int,
+        pace: float,
+    ) -> None:
+        rng = random.Random(seed)
+        for _ in range(steps):
+            self.begin()
+            self.send(rng)
+            if rng.random() < arrives:
+                self.receive(rng)
+            if rng.random() < returns:
+                self.be_answered(rng)
+            if rng.random() >= patience and len(self.open) > keeps:
+                self.end(rng.choice(sorted(self.open)[: len(self.open) - keeps]))
+            if rng.random() < pace:
+                self.wait(rng.randint(1, SETTLING_NS))
+
+    @rule()
+    def calm(self) -> None:
+        self.wait(SETTLING_NS)
+
+    def begin(self) -> None:
+        if self.numbers.may_begin(self.now, SETTLING_NS):
+            index, number = self.numbers.take()
+            assert number not in {other for other, _ in self.open.values()}
+            self.open[index] = (number, request())
+
+    def send(self, rng: random.Random) -> None:
+        if self.open:
+            index = rng.choice(sorted(self.open))
+            number, repetition = self.open[index]
+            repetition.tries += 1
+            repetition.sent_at = self.now
+            self.requests.append((index, number, self.now + SETTLING_NS))
+
+    def receive(self, rng: random.Random) -> None:
+        if not self.requests:
+            return
+        index, number, _ = rng.choice(self.requests)
+        if self.server.find(key(number)) is not None:
+            assert self.taken[number] == index, "taken for a call that is long over"
+        else:
+            assert index not in self.executed, "executed twice"
+            self.executed.add(index)
+            for closed in self.server.closed_by(key(number), settling_ns=0, now=self.now):
+                self.server.forget(closed)
+                del self.taken[closed.number]
+            assert self.server.take(key(number), timeout_ns=1, settling_ns=1, now=0) is not None
+            self.taken[number] = index
+        known = rng.choice(sorted(self.taken))
+        self.answers.append((self.taken[known], known, self.now + SETTLING_NS))
+
+    def be_answered(self, rng: random.Random) -> None:
+        if not self.answers:
+            return
+        index, number, _ = rng.choice(self.answers)
+        for waiting, (its_number, _) in list(self.open.items()):
+            if its_number == number:
+                assert waiting == index, "answered with the answer to another call"
+                self.numbers.proved(index)
+                if rng.random() < 0.5:
+                    self.end(index)
+
+    def wait(self, by: int) -> None:
+        self.now += by
+        self.requests = [each for each in self.requests if each[2] > self.now]
+        self.answers = [each for each in self.answers if each[2] > self.now]
+
+    def end(self, index: int) -> None:
+        _, repetition = self.open.pop(index)
+        self.numbers.ended(index, repetition)
+
+
+TestNumbersInTheWater = NumbersInTheWater.TestCase
+TestNumbersInTheWater.settings = settings(stateful_step_count=15, max_examples=100, deadline=None)
+
+
+# Clients
 
 
 def test_answer_finds_its_call_by_server_stream_and_number() -> None:
@@ -98,7 +302,7 @@ def test_answer_finds_its_call_by_server_stream_and_number() -> None:
     assert calls.find(3, 20, number) is None
     assert calls.find(2, 21, number) is None
     assert calls.locate(call_id) == (20, 2, number)
-    calls.respond(call_id, None, now=1, settling_ns=1)
+    calls.respond(call_id, None)
     assert calls.find(2, 20, number) is None
     assert calls.locate(call_id) is None
 
@@ -112,47 +316,62 @@ def test_deadlines_come_in_their_order() -> None:
     assert calls.due(100) == [late, soon]
 
 
-def test_repeated_request_runs_once_and_gets_the_first_answer_again() -> None:
+# Servers
+
+
+def test_call_is_known_until_nothing_of_it_can_arrive() -> None:
     calls = ServerCalls()
-    assert calls.take(KEY, timeout_ns=100, now=0) is True
-    assert calls.take(KEY, timeout_ns=100, now=1) is False
-    assert calls.answer(KEY, ANSWER, now=2, settling_ns=10) == 100
-    assert calls.take(KEY, timeout_ns=100, now=3) == ANSWER
-    assert calls.answer(KEY, ANSWER, now=3, settling_ns=10) is None
+    served = take(calls, key())
+    assert served is not None
+    assert calls.find(key()) is served
+    assert calls.answerable(key(), 99) is served
+    assert calls.answerable(key(), 100) is None
+    served.answer = ANSWER
+    assert calls.answerable(key(), 50) is None
+    assert calls.next_forget_at() == 2 * (100 + SETTLING_NS)
+    assert calls.due(2 * (100 + SETTLING_NS) - 1) == []
+    assert calls.due(2 * (100 + SETTLING_NS)) == [key()]
+    calls.forget(key())
+    assert calls.find(key()) is None
+    assert calls.next_forget_at() is None
 
 
-def test_answered_call_is_forgotten_after_the_settling_time() -> None:
+def test_request_closes_what_is_a_window_behind_it() -> None:
     calls = ServerCalls()
-    calls.take(KEY, timeout_ns=100, now=0)
-    calls.answer(KEY, ANSWER, now=2, settling_ns=10)
-    assert calls.take(KEY, timeout_ns=100, now=11) == ANSWER
-    assert calls.take(KEY, timeout_ns=100, now=12) is True
+    others = [key(30, client=2), key(30, stream_id=21), key(30, epoch=2)]
+    for each in [*map(key, range(CALL_NUMBERS)), *others]:
+        calls.take(each, timeout_ns=100, settling_ns=0, now=0)
+    closed = calls.closed_by(key(50), settling_ns=0, now=0)
+    assert [each.number for each in closed] == [*range(2, 50 - WINDOW + 1)]
+    assert not set(others) & set(closed)
 
 
-def test_answer_after_the_deadline_is_worthless() -> None:
+def test_calls_of_a_former_life_are_known_until_nothing_of_it_can_arrive() -> None:
     calls = ServerCalls()
-    calls.take(KEY, timeout_ns=100, now=0)
-    assert calls.answer(KEY, ANSWER, now=100, settling_ns=10) is None
-
-
-def test_calls_of_a_former_life_are_given_up_and_never_run_again() -> None:
-    calls = ServerCalls()
-    new = CallKey(client=1, epoch=2, stream_id=20, number=0)
-    other = CallKey(client=3, epoch=1, stream_id=20, number=0)
-    for key in (KEY, other, new):
-        assert calls.take(key, timeout_ns=100, now=0) is True
-    assert calls.abandon(1, 2, now=1, settling_ns=10) == [KEY]
-    assert calls.answer(KEY, ANSWER, now=2, settling_ns=10) is None
-    assert calls.take(KEY, timeout_ns=100, now=3) is False
-    assert calls.answer(new, ANSWER, now=2, settling_ns=10) == 100
-    assert calls.answer(other, ANSWER, now=2, settling_ns=10) == 100
+    old = take(calls, key())
+    assert old is not None
+    old.abandoned_at = 3
+    assert take(calls, key(epoch=2), now=4) is not None
+    assert calls.find(key()) is old
+    assert take(calls, key(1, epoch=2), now=3 + 2 * SETTLING_NS - 1) is not None
+    assert calls.find(key()) is old
+    assert take(calls, key(2, epoch=2), now=3 + 2 * SETTLING_NS) is not None
+    assert calls.find(key()) is None
 
 
 def test_one_client_holds_a_bounded_number_of_calls_whatever_epochs_it_claims() -> None:
     calls = ServerCalls()
-    taken = [
-        calls.take(CallKey(1, epoch, 20, epoch % 64), timeout_ns=10**9, now=epoch)
-        for epoch in range(5000)
-    ]
-    assert sum(each is True for each in taken) == 2 * CALL_NUMBERS
-    assert calls.take(CallKey(2, 1, 20, 0), timeout_ns=100, now=5000) is True
+    taken = [take(calls, key(epoch % 64, epoch=epoch), now=epoch) for epoch in range(5000)]
+    assert sum(each is not None for each in taken) == 2 * CALL_NUMBERS
+    assert take(calls, key(client=2), now=5000) is not None
+
+
+def test_restored_calls_have_no_times_before_the_link_is_up() -> None:
+    calls = ServerCalls()
+    served = calls.restore(key(), ANSWER)
+    assert calls.next_forget_at() is None
+    assert calls.restored() == [(key(), served)]
+    calls.begin(served, timeout_ns=100, settling_ns=SETTLING_NS, now=7)
+    assert calls.restored() == []
+    assert calls.next_forget_at() == 7 + 2 * (100 + SETTLING_NS)
+    assert served.is_answerable

@@ -140,7 +140,7 @@ def test_nothing_is_sent_before_the_link_is_up_or_while_it_is_down() -> None:
     assert engine.poll_timeout() is None
     assert engine.capabilities is None
     engine.handle_link_state(LinkState.UP, 5, link())
-    assert engine.poll_timeout() == 0
+    assert engine.poll_timeout() == 5
     engine.handle_link_state(LinkState.DOWN, 6)
     assert engine.poll_transmit(7) is None
     assert engine.poll_timeout() is None
@@ -188,11 +188,11 @@ def test_frame_before_the_link_is_up_and_stray_report_are_counted() -> None:
         (lambda e: e.call(21, b"", 0), LocalError, "own is served by this node, 1"),
         (lambda e: e.call(20, 5, 0), PayloadInvalidError, "allowed: bytes"),
         (lambda e: e.call(20, bytes(60), 0), PayloadTooLargeError, "62 bytes"),
-        (lambda e: [e.call(20, b"", 0) for _ in range(65)], QueueFullError, "all 64"),
+        (lambda e: [e.call(20, b"", 0) for _ in range(65)], QueueFullError, "16 calls to node 2"),
         (lambda e: e.declare(TopicSpec(stream_id=1, name="b"), 0), ConfigError, "id: 1 is taken"),
         (lambda e: e.reply(CallKey(2, 1, 9, 0), b"", 0), UnknownStreamError, "no stream has id"),
         (lambda e: e.reply(CallKey(2, 1, 21, 0), 5, 0), PayloadInvalidError, "allowed: bytes"),
-        (lambda e: e.reply(CallKey(2, 1, 21, 0), bytes(99), 0), PayloadTooLargeError, "101 bytes"),
+        (lambda e: e.reply(CallKey(2, 1, 21, 0), bytes(99), 0), PayloadTooLargeError, "102 bytes"),
     ],
 )
 def test_misused_command_raises_and_queues_nothing(

@@ -37,6 +37,9 @@ TYPES: Final[list[dict[str, Any]]] = [
     },
     {"name": "Arm", "fields": [{"name": "arm", "type": "bool"}]},
     {"name": "Armed", "fields": [{"name": "ok", "type": "bool"}]},
+    {"name": "Goto", "fields": [{"name": "depth", "type": "float64"}]},
+    {"name": "Progress", "fields": [{"name": "left", "type": "float64"}]},
+    {"name": "Arrived", "fields": [{"name": "depth", "type": "float64"}]},
 ]
 SENSORS: Final = [{"name": "sensor", "values": ["ctd", "sonar"]}]
 STREAMS: Final[list[dict[str, Any]]] = [
@@ -49,6 +52,15 @@ STREAMS: Final[list[dict[str, Any]]] = [
     {"id": 20, "service": "auv1/arm", "request": "Arm", "response": "Armed", "server": 2},
     {"id": 21, "service": "auv1/echo", "server": 2, "timeout_s": 10},
     {"id": 22, "service": "auv1/hasty", "server": 2, "timeout_s": 0.2},
+    {
+        "id": 50,
+        "action": "auv1/goto",
+        "goal": "Goto",
+        "feedback": "Progress",
+        "result": "Arrived",
+        "server": 2,
+    },
+    {"id": 51, "action": "auv1/raw", "server": 2, "encoding": JSON, "timeout_s": 5},
 ]
 SECTION: Final[dict[str, Any]] = {
     "address": 1,

@@ -6,17 +6,34 @@ changed wire version. After adding one: ``python -m tests.golden.vectors`` from 
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.actions.wire import (
+    UNKNOWN_RESULT,
+    Operation,
+    encode_head,
+    encode_refusal,
+    encode_result,
+)
+from zacoustic.core.arq.numbers import Ack
+from zacoustic.core.calls import (
+    NAMED,
+    CallKind,
+    encode_call_byte,
+    encode_error,
+    encode_name,
+)
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.events import CallFailure, CallKey, RequestReceived
-from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
+from zacoustic.core.frame import Ask, Confirm, Control, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
@@ -31,8 +48,8 @@ from zacoustic.core.objects.wire import (
     Reason,
     Refused,
 )
-from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -93,6 +110,8 @@ def vectors() -> Iterator[Vector]:
         yield _vector(name, stream.digest, f"digest of its stream {stream.stream_id}")
     yield from _objects()
     yield from _access()
+    yield from _reliable()
+    yield from _goals()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -154,11 +173,11 @@ def _objects() -> Iterator[Vector]:
 class _Pair:
     """Two nodes that have confirmed each other, and the frames that they send."""
 
-    def __init__(self, *, confirmed: bool = True) -> None:
+    def __init__(self, *, confirmed: bool = True, streams: StreamTable | None = None) -> None:
         self.frames: dict[int, list[str]] = {1: [], 2: []}
         nodes = tuple(NodeSpec(address=each, position=(0.0, 0.0, 0.0)) for each in (1, 2))
         scenario = Scenario(nodes=nodes, profile="ideal", channel="none")
-        self.network = VirtualNetwork(scenario, table(), trace=self._note)
+        self.network = VirtualNetwork(scenario, streams or table(), trace=self._note)
         if confirmed:
             for address in (1, 2, 1, 2):
                 self.network.publish(address, 11, b"")
@@ -174,6 +193,57 @@ class _Pair:
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
         self.network.run(until_s=self.network.now / NS_PER_S + 1)
         return bytes.fromhex(self.frames[node][0])
+
+
+def reliable_table() -> StreamTable:
+    """Return the table of `table` with a reliable topic for each of the two."""
+    known = table()
+    reliable = Qos(reliability=Reliability.RELIABLE, depth=8)
+    specs = [stream.spec for stream in known]
+    specs += [
+        TopicSpec(stream_id=30, name="auv1/orders", subscribers=(2,), qos=reliable),
+        TopicSpec(
+            stream_id=31,
+            name="fleet/{node}/log/{sensor}",
+            wildcards=(Wildcard(name="sensor", values=("ctd", "adcp", "sonar")),),
+            qos=reliable,
+        ),
+    ]
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _reliable() -> Iterator[Vector]:
+    pair = _Pair(streams=reliable_table())
+    order = partial(_publish, 30, b"dive")
+    first = pair.frame(1, order)
+    yield _vector("reliable_first", first, "SYNC: lineage 1, floor 0; sample 0 of stream 30: dive")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("ack_sync", answer, "SYNC: lineage 1, expected 1; ACK: expected 1")
+    pair.network.run(until_s=pair.network.now / NS_PER_S + 60)
+    pair.frame(1, order)
+    second = pair.frame(1, order)
+    yield _vector("reliable_sample", second, "sample 2 of stream 30: dive")
+    answer = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("ack", answer, "ACK to the destination: of stream 30, number 3 is expected")
+    gone = pair.frame(
+        1, lambda engine, now: engine.publish(31, None, now, instance=(2,), delete=True)
+    )
+    yield _vector("reliable_delete", gone, "SYNC; fleet/shore/log/sonar is deleted, number 0")
+    head = bytes((Control.ACK, 30))
+    held = head + Ack(200, 0b1000_0000_0101).encode()
+    yield _vector("ack_holding", held, "ACK: 200 is expected (48), and 201, 203 and 212 are held")
+    asks = head + Ack(0, knows=False).encode()
+    yield _vector("ack_asking", asks, "ACK: the lineage is not known")
+    broadcast = bytes((Control.ACK, 1, 31, 2)) + Ack(5).encode()
+    yield _vector("ack_broadcast", broadcast, "ACK to node 1, in a broadcast frame: sonar, 5")
+    for stream_id in (30, 31):
+        name = f"digest_of_stream_{stream_id}"
+        digest = reliable_table().by_id(stream_id).digest
+        yield _vector(name, digest, f"digest of the reliable stream {stream_id}")
+
+
+def _publish(stream_id: int, value: bytes, engine: Engine, now: int) -> int:
+    return engine.publish(stream_id, value, now)
 
 
 def _topics() -> Iterator[Vector]:
@@ -234,6 +304,94 @@ def _calls() -> Iterator[Vector]:
         2, lambda engine, now: engine.reply_error(_call(pair), failure, "no arm", now)
     )
     yield _vector("error", error, "call 1 of stream 20 failed: the handler says 'no arm'")
+    pair = _Pair()
+    pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    has_request = bytes.fromhex(pair.frames[2][-1])
+    yield _vector("call_confirm_request", has_request, "the server has the request of call 0")
+    pair = _Pair()
+    pair.frame(1, lambda engine, now: engine.call(20, b"\x01", now))
+    pair.frame(2, lambda engine, now: engine.reply(_call(pair), b"ok", now))
+    has_answer = bytes.fromhex(pair.frames[1][-1])
+    yield _vector("call_confirm_answer", has_answer, "the client has the answer to call 0")
+    for kind, payload, what in (
+        (CallKind.CONFIRM, b"", "confirm"),
+        (CallKind.RESPONSE, b"ok", "response"),
+        (CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""), "error"),
+    ):
+        head = bytes((20, encode_call_byte(NAMED, 5))) + encode_name(kind, 0x1234)
+        meaning = f"from the server: named {what}, call 5 of epoch 1234, of stream 20"
+        yield _vector(f"named_{what}", head + payload, meaning)
+
+
+def action_table() -> StreamTable:
+    """Return the table of the vectors of actions."""
+    known = table()
+    specs = [
+        *(stream.spec for stream in known),
+        ActionSpec(stream_id=40, name="auv1/goto", goal_type="Nav", server=2),
+    ]
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _goals() -> Iterator[Vector]:
+    pair = _Pair(streams=action_table())
+    goal = pair.frame(1, lambda engine, now: engine.actions.send_goal(40, NAV_VALUE, now))
+    yield _vector("goal", goal, "GOAL 0 of stream 40: Nav 45.4, 12.3, 271.5, survey")
+    key = GoalKey(1, 1, 40, 0)
+    accepted = pair.frame(2, lambda engine, now: engine.actions.accept(key, now))
+    yield _vector("goal_accepted", accepted, "from the server: goal 0 is ACCEPTED")
+    near = pair.frame(2, lambda engine, now: engine.actions.publish_feedback(key, b"near", now))
+    yield _vector("goal_feedback", near, "FEEDBACK of goal 0: near")
+    cancel = pair.frame(1, lambda engine, now: engine.actions.cancel_goal(key, now))
+    yield _vector("goal_cancel", cancel, "CANCEL goal 0")
+    ends = pair.frame(2, lambda engine, now: engine.actions.answer_cancel(key, now, accepted=True))
+    yield _vector("goal_cancel_accepted", ends, "from the server: goal 0 will end")
+    status = GoalStatus.CANCELED
+    result = pair.frame(2, lambda engine, now: engine.actions.finish(key, status, b"up", now))
+    yield _vector("goal_result", result, "RESULT of goal 0: canceled, with up")
+    confirm = bytes.fromhex(pair.frames[1][-1])
+    yield _vector("goal_confirm", confirm, "from the client: it has the result of goal 0")
+    for name, operation, epoch, payload, meaning in (
+        (
+            "goal_refused",
+            Operation.REFUSED,
+            None,
+            encode_refusal(GoalFailure.REJECTED, "too deep"),
+            "goal 5 is REFUSED: rejected: too deep",
+        ),
+        (
+            "goal_cancel_refused",
+            Operation.REFUSED,
+            None,
+            encode_refusal(GoalFailure.CANCEL_REFUSED, ""),
+            "the cancel of goal 5 is REFUSED",
+        ),
+        (
+            "goal_without_result",
+            Operation.RESULT,
+            None,
+            encode_result(GoalStatus.ABORTED, None),
+            "RESULT of goal 5: aborted, without a result",
+        ),
+        ("goal_unknown", Operation.RESULT, None, UNKNOWN_RESULT, "RESULT of goal 5: unknown"),
+        (
+            "goal_claim",
+            Operation.CLAIM,
+            0x1234,
+            b"",
+            "FORMER: from the client: CLAIM of goal 5 of epoch 1234",
+        ),
+        (
+            "goal_former_result",
+            Operation.RESULT,
+            0x1234,
+            encode_result(GoalStatus.SUCCEEDED, b"up"),
+            "FORMER: RESULT of goal 5 of epoch 1234: succeeded, with up",
+        ),
+    ):
+        yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)
+    digest = action_table().by_id(40).digest
+    yield _vector("digest_of_stream_40", digest, "digest of the action, stream 40")
 
 
 def _call(pair: _Pair) -> CallKey:

@@ -39,6 +39,9 @@ SECTION: Final[dict[str, Any]] = {
         },
         {"name": "ArmRequest", "fields": [{"name": "on", "type": "bool"}]},
         {"name": "ArmResponse", "fields": [{"name": "ok", "type": "bool"}]},
+        {"name": "GotoGoal", "fields": [{"name": "depth", "type": "float64"}]},
+        {"name": "GotoFeedback", "fields": [{"name": "left", "type": "float64"}]},
+        {"name": "GotoResult", "fields": [{"name": "depth", "type": "float64"}]},
     ],
     "streams": [
         {"id": 10, "topic": "auv1/nav", "type": "Nav", "publishers": [2], "depth": 8},
@@ -60,6 +63,15 @@ SECTION: Final[dict[str, Any]] = {
         },
         {"id": 21, "service": "auv1/echo", "server": 2, "timeout_s": 30},
         {"id": 22, "service": "hush", "server": 3, "timeout_s": 30},
+        {
+            "id": 30,
+            "action": "auv1/goto",
+            "goal": "GotoGoal",
+            "feedback": "GotoFeedback",
+            "result": "GotoResult",
+            "server": 2,
+        },
+        {"id": 31, "action": "auv1/raw", "server": 2},
     ],
 }
 
@@ -75,6 +87,17 @@ class Arm:
 
     class Response(msgspec.Struct):
         ok: bool
+
+
+class Goto:
+    class Goal(msgspec.Struct):
+        depth: float
+
+    class Feedback(msgspec.Struct):
+        left: float
+
+    class Result(msgspec.Struct):
+        depth: float
 
 
 class Raw:

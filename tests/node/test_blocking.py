@@ -1,13 +1,14 @@
 """The facade for scripts: the same names, calls that wait, one thread."""
 
+import queue
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
 
-from tests.node.fleet import Arm, Nav, Raw, WaterServer, config, router
-from zacoustic import DeliveryError, LocalError, Sample, ServiceError, blocking
+from tests.node.fleet import Arm, Goto, Nav, Raw, WaterServer, config, router
+from zacoustic import DeliveryError, GoalStatus, LocalError, Sample, ServiceError, blocking
 from zacoustic.core.events import LinkStateChanged
 
 LIMIT_S = 10.0
@@ -152,3 +153,45 @@ def test_a_node_that_is_not_open_says_so() -> None:
             publisher.publish(b"x")
         with pytest.raises(LocalError, match="not open"):
             shore.ledger()
+
+
+@pytest.mark.parametrize("mode", ["link", "zenoh"])
+def test_actions_without_asyncio(mode: str) -> None:
+    heard: queue.SimpleQueue[Goto.Feedback] = queue.SimpleQueue()
+
+    def pursue(
+        handle: blocking.ServerGoalHandle[Goto.Goal, Goto.Feedback, Goto.Result],
+    ) -> Goto.Result:
+        assert threading.current_thread() is not threading.main_thread()
+        # Before the feedback: the client cancels as soon as it has that.
+        assert not handle.wait_cancel(timeout_s=0.001)
+        assert handle.publish_feedback(Goto.Feedback(left=handle.request.depth))
+        if handle.request.depth < 100:
+            handle.succeed()
+        else:
+            assert handle.is_active
+            assert handle.wait_cancel(timeout_s=LIMIT_S)
+            assert handle.is_cancel_requested
+            handle.canceled()
+        return Goto.Result(depth=handle.request.depth)
+
+    with two_nodes(mode) as (shore, auv):
+        server = auv.create_action_server(
+            Goto, "auv1/goto", pursue, goal_callback=lambda goal: goal.depth < 1000
+        )
+        settle(mode, auv)
+        client = shore.create_action_client(Goto, "auv1/goto")
+        assert client.recovered() == []
+        near = client.send_goal(Goto.Goal(depth=5.0), feedback_callback=heard.put)
+        assert near.accepted
+        assert near.result(timeout_s=LIMIT_S).result == Goto.Result(depth=5.0)
+        far = client.send_goal(Goto.Goal(depth=500.0), tag=b"far", feedback_callback=heard.put)
+        assert far.tag == b"far"
+        while heard.get(timeout=LIMIT_S).left != 500.0:
+            pass
+        assert far.cancel()
+        assert far.result(timeout_s=LIMIT_S).status is GoalStatus.CANCELED
+        refused = client.send_goal(Goto.Goal(depth=5000.0))
+        assert (refused.accepted, refused.text) == (False, "rejected")
+        client.close()
+        server.close()

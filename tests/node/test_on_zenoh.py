@@ -32,6 +32,7 @@ from zacoustic import (
     LinkClosedError,
     LocalError,
     Node,
+    OutcomeUnknownError,
     PayloadInvalidError,
     ServiceError,
     UnknownStreamError,
@@ -260,6 +261,7 @@ def test_kinds_of_failure_can_be_told_apart(caplog: pytest.LogCaptureFixture) ->
     ("text", "kind"),
     [
         (b"auv1/echo: TIMED_OUT: no answer before the deadline", CallTimeoutError),
+        (b"auv1/echo: UNKNOWN: the server ended without an answer", OutcomeUnknownError),
         (b"auv1/echo: TABLE_MISMATCH: node 2 defines it in another way", DeliveryError),
         (b"auv1/echo: HANDLER: it burns", ServiceError),
         (b"it burns: NO_SERVER: here", ServiceError),

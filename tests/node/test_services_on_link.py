@@ -57,6 +57,9 @@ def test_a_handler_may_wait_and_may_take_the_context() -> None:
                 answers = await asyncio.gather(client.call(b"abc"), client.call(b"12"))
                 assert list(answers) == [b"cba", b"21"]
                 assert {(each.service, each.client) for each in contexts} == {("auv1/echo", 1)}
+                ids = [each.call_id or "" for each in contexts]
+                assert [len(each.split("/")) for each in ids] == [4, 4]
+                assert ids[0] != ids[1]
                 left_s = (contexts[0].deadline_at - time.monotonic_ns()) / 1e9
                 assert 0 < left_s < 30
 

@@ -284,7 +284,7 @@ class Trial:
         for node, source in itertools.permutations(casts, 2):
             for stream_id, lane in casts[source].lanes.items():
                 spec = lane.spec
-                if isinstance(spec, ServiceSpec) or not self._reaches(spec, source, node):
+                if not isinstance(spec, TopicSpec) or not self._reaches(spec, source, node):
                     continue
                 here = casts[node].table.get(stream_id)
                 way = (node, source, stream_id)

@@ -8,7 +8,8 @@ import pytest
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import AccessSpec, AlohaSpec, CarrierSenseSpec
+from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
+from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Priority, Qos

@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
+from zacoustic.core.access.spec import AccessSpec, AlohaSpec, CarrierSenseSpec, TdmaSpec
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Priority, Qos, Reliability
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LocalError
@@ -220,3 +223,57 @@ def test_cancel_and_refuse() -> None:
     network.run()
     assert network.engine(1).is_idle
     assert network.engine(2).is_idle
+
+
+@pytest.mark.parametrize(
+    "access",
+    [
+        AlohaSpec(),
+        AlohaSpec(slot_s=2.0),
+        CarrierSenseSpec(),
+        TdmaSpec(slots=(1, 2), slot_s=6.0, clock_error_s=0.01, max_range_m=1600),
+        TdmaSpec(slots=(1, 2, 3, 4, 5, 6), slot_s=4.0, clock_error_s=0.01, max_range_m=1600),
+    ],
+    ids=["aloha", "slotted", "carrier_sense", "tdma", "tdma_rare"],
+)
+def test_a_photo_by_any_medium_access(access: AccessSpec) -> None:
+    water = line(0, 1500, channel="none", loss={"frame": 0.3})
+    build = partial(Engine, rules=TransmitRules(access=access))
+    network = VirtualNetwork(water, table(), build=build)
+    sample = payload(4000)
+    network.at(1, lambda: network.publish(2, PHOTO, sample))
+    network.run(until_s=3000)
+    assert [event.value for event in network.samples(1, PHOTO)] == [sample]
+    assert [each.outcome for each in endings(network, 2)] == [DeliveryOutcome.DELIVERED]
+    # 67 source fragments; what is lost, handshake and questions beside it.
+    assert network.engine(2).stats.frames_transmitted < 67 / 0.7 * 1.3
+
+
+def percentage(seed: int, loss: float, *, exclusive: bool) -> float:
+    """Send 10 KiB between engines that know each other; return the share of 539 bit/s, %."""
+    water = line(0, 1500, channel="none", loss={"frame": loss}, seed=seed)
+    network = VirtualNetwork(water, table(exclusive=exclusive))
+    met(network)
+    network.at(300, lambda: network.publish(2, PHOTO, payload(10_240, seed)))
+    network.run(until_s=5000)
+    return 100 * 10_240 * 8 / (endings(network, 2)[0].ended_at / NS_PER_S - 300) / 539
+
+
+@pytest.mark.parametrize(
+    ("loss", "exclusive", "promised"),
+    [
+        (0.0, False, 82),
+        (0.2, False, 62),
+        (0.3, False, 53),
+        (0.5, False, 36),
+        (0.0, True, 90),
+        (0.2, True, 70),
+        (0.3, True, 60),
+        (0.5, True, 42),
+    ],
+)
+def test_share_of_the_bit_rate_between_engines(
+    loss: float, exclusive: bool, promised: int, count: Any
+) -> None:
+    shares = [percentage(seed, loss, exclusive=exclusive) for seed in range(10 * count(200))]
+    assert statistics.fmean(shares) >= promised

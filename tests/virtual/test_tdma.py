@@ -185,6 +185,14 @@ def test_one_node_tells_the_others_the_time(count: Callable[[int], int]) -> None
         assert min(at_s for at_s, node in fleet.sent if node != 1) > first_s
 
 
+def test_idle_nodes_send_nothing_and_have_no_timer() -> None:
+    fleet = Fleet(1)
+    assert fleet.network.is_quiet
+    fleet.network.run(until_s=24 * 3600)
+    assert fleet.sent == []
+    assert all(fleet.network.engine(node).is_idle for node in fleet.addresses)
+
+
 def test_five_nodes_publish_for_a_day_and_nothing_is_lost(count: Callable[[int], int]) -> None:
     hours = count(2400) / 100  # a day in full size
     result = survey(hours)

@@ -1,8 +1,8 @@
 """Throughput of medium access on the simulated channel, and what theory says of it.
 
-Fifty sources with real engines send frames of one length to a receiver that only listens; messages
-come at random (Poisson), any overlap at the receiver destroys both frames. Loads and throughputs
-are in frames per frame's airtime: `G` is what is tried, `S` what arrives.
+A hundred sources with real engines send frames of one length to a receiver that only listens;
+messages come at random (Poisson), any overlap at the receiver destroys both frames. Loads and
+throughputs are in frames per frame's airtime: `G` is what is tried, `S` what arrives.
 """
 
 import math
@@ -14,7 +14,8 @@ import msgspec
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import AccessSpec, AlohaSpec, CarrierSenseSpec
+from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
+from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
@@ -22,7 +23,7 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable, TopicSpec
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
-SOURCES: Final = 50
+SOURCES: Final = 100
 RECEIVER: Final = 1
 _PAYLOAD_BYTES: Final = 40
 FRAME_BYTES: Final = 8 + 1 + _PAYLOAD_BYTES  # nobody confirms: a HELLO in each frame

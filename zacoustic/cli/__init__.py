@@ -40,7 +40,7 @@ EXIT_INTERRUPTED: Final = 130
 """Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
 
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "decode", "sim", "init",
+    "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "decode", "sim", "init",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 

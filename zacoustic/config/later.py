@@ -1,7 +1,7 @@
 """Words of the configuration's format that this version does not have yet.
 
-They are refused by name, never ignored: who writes `reliability: "reliable"` must not get less in
-silence. A later version takes its word out of these tables.
+They are refused by name, never ignored: who writes `durability: "transient_local"` must not get
+less in silence. A later version takes its word out of these tables.
 """
 
 from typing import Final
@@ -10,16 +10,12 @@ from zacoustic.config.complaints import Place, shown
 
 LATER_KEYS: Final = {
     "": {
-        "ros": ("ROS 2", "types, topic and service of Zenoh"),
+        "ros": ("ROS 2", "types, topic, service and action of Zenoh"),
         "overlays": ("bounds for ROS 2 types", "bounds in types"),
     },
     "links": {},
     "streams": {
-        "action": ("actions", "topic, service"),
-        "goal": ("actions", "topic, service"),
-        "feedback": ("actions", "topic, service"),
-        "result": ("actions", "topic, service"),
-        "ros": ("ROS 2", "topic and service of Zenoh"),
+        "ros": ("ROS 2", "topic, service and action of Zenoh"),
         "deadline_s": ("deadlines", "lifespan_s"),
     },
 }
@@ -28,7 +24,6 @@ table; "" for the section."""
 
 LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
-    "reliability": {"reliable": "best_effort"},
     "durability": {"transient_local": "volatile"},
     "codec": {"dense": "cbor, packed"},
     "forward": {"on_demand": "always"},

@@ -9,7 +9,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.encoding import TYPED_ENCODINGS
-from zacoustic.core.qos import PRIORITY_NAMES, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Reliability, Stamp
 from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
 
@@ -37,7 +37,7 @@ ALLOWED: Final = {
     "links": "a list with one { locator }",
     "types": "a list of { name, fields } or { name, python }",
     "fields": "a list of { name, type, … }",
-    "streams": "a list of { id, topic, … } or { id, service, … }",
+    "streams": "a list of { id, topic, … }, { id, service, … } or { id, action, … }",
     "wildcards": "a list of { name, values }",
     "values": "a list of texts",
     "python": 'a text, "module:Class"',
@@ -49,8 +49,12 @@ ALLOWED: Final = {
     "permit_log": "a text, the file to append to",
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
+    "goal": "a text, the name of a type",
+    "feedback": "a text, the name of a type",
+    "result": "a text, the name of a type",
     "topic": "a text, a key expression",
     "service": "a text, a key expression",
+    "action": "a text, a key expression",
     "publishers": "a list of addresses of nodes",
     "subscribers": "a list of addresses of nodes",
     "server": "the address of a node",
@@ -60,9 +64,11 @@ ALLOWED: Final = {
     "min_interval_s": "seconds, 0 or more",
     "linger_s": "seconds, 0 or more",
     "timeout_s": "seconds, above 0",
+    "result_timeout_s": "seconds, above 0",
+    "feedback_interval_s": "seconds, 0 or more",
     "stamp": ", ".join(stamp.value for stamp in Stamp),
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
-    "reliability": '"best_effort"',
+    "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile"',
     "codec": '"cbor", "packed" for typed streams',
     "forward": '"always"',
@@ -146,7 +152,7 @@ class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end
 
 
 class StreamEntry(Entry, frozen=True, kw_only=True):
-    """What topics and services have in common."""
+    """What topics, services and actions have in common."""
 
     id: int
     """Stream id, 1…175: the first byte of each record on the water."""
@@ -208,6 +214,29 @@ class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
     """Time after which a caller gives up, s."""
     journal: bool = True
     """Calls survive a restart of this node."""
+
+
+class ActionEntry(StreamEntry, frozen=True, kw_only=True):
+    """An action."""
+
+    action: str
+    """Key expression."""
+    server: int
+    """Address of the node that serves."""
+    goal: str | None = None
+    """Type of a goal; none: opaque bytes."""
+    feedback: str | None = None
+    """Type of feedback; none: opaque bytes."""
+    result: str | None = None
+    """Type of a result; none: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time after which a client gives up a goal that is not answered, s."""
+    result_timeout_s: float = 3600.0
+    """How long a result is kept for its client, and a client waits while it hears nothing, s."""
+    feedback_interval_s: float = 0.0
+    """Least time between two pieces of feedback on the water, s."""
+    journal: bool = True
+    """Goals survive a restart of this node."""
 
 
 class RangingEntry(Entry, frozen=True, kw_only=True):

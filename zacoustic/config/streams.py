@@ -8,15 +8,22 @@ import msgspec
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.later import check_word, refuse_later_keys
-from zacoustic.config.sections import ALLOWED, ServiceEntry, StreamEntry, TopicEntry
+from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.qos import PRIORITY_NAMES, Qos, Stamp
-from zacoustic.core.streams import CODECS, ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.qos import PRIORITY_NAMES, Qos, Reliability, Stamp
+from zacoustic.core.streams import (
+    CODECS,
+    ActionSpec,
+    ServiceSpec,
+    StreamSpec,
+    StreamTable,
+    TopicSpec,
+)
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
 
-_KINDS: Final = ("topic", "service")
+_KINDS: Final = ("topic", "service", "action")
 # How `Qos` words its refusals: the key, the value, what is allowed.
 _QOS_REFUSAL: Final = re.compile(r"(\w+) is .*; allowed: (.*)")
 
@@ -51,15 +58,19 @@ def _read_stream(place: Place, fleet: Fleet) -> StreamSpec:
     refuse_later_keys(place, "streams")
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:
-        what = "both topic and service" if kinds else "neither topic nor service"
-        place.complain(what, allowed="one of topic, service")
+        what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
+        place.complain(what, allowed=f"one of {', '.join(_KINDS)}")
     if kinds[0] == "topic":
         return _read_topic(place, place.convert(TopicEntry), fleet)
-    return _read_service(place, place.convert(ServiceEntry), fleet)
+    if kinds[0] == "service":
+        return _read_service(place, place.convert(ServiceEntry), fleet)
+    return _read_action(place, place.convert(ActionEntry), fleet)
 
 
 def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
-    check_word(place.at("reliability"), entry.reliability, ("best_effort",))
+    check_word(
+        place.at("reliability"), entry.reliability, tuple(each.value for each in Reliability)
+    )
     check_word(place.at("durability"), entry.durability, ("volatile",))
     check_word(place.at("forward"), entry.forward, ("always",))
     check_word(place.at("stamp"), entry.stamp, tuple(stamp.value for stamp in Stamp))
@@ -75,6 +86,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         place,
         lambda: Qos(
             priority=PRIORITY_NAMES[entry.priority],
+            reliability=Reliability(entry.reliability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
             min_interval_s=entry.min_interval_s,
@@ -83,6 +95,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             stamp=Stamp(entry.stamp),
         ),
     )
+    _check_reliability(place, entry, fleet)
     return TopicSpec(
         stream_id=entry.id,
         name=entry.topic,
@@ -123,6 +136,59 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         qos=qos,
         journal=entry.journal,
     )
+
+
+def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
+    names = {"goal": entry.goal, "feedback": entry.feedback, "result": entry.result}
+    for key, name in names.items():
+        _check_type(place.at(key), name, fleet)
+    _check_codec(place, entry, is_typed=any(name is not None for name in names.values()))
+    check_address(place.at("server"), entry.server, fleet)
+    qos = _read_qos(
+        place,
+        lambda: Qos(
+            priority=PRIORITY_NAMES[entry.priority],
+            linger_s=entry.linger_s,
+            max_airtime=entry.max_airtime,
+        ),
+    )
+    return ActionSpec(
+        stream_id=entry.id,
+        name=entry.action,
+        server=entry.server,
+        goal_type=entry.goal,
+        feedback_type=entry.feedback,
+        result_type=entry.result,
+        timeout_s=entry.timeout_s,
+        result_timeout_s=entry.result_timeout_s,
+        feedback_interval_s=entry.feedback_interval_s,
+        encoding=entry.encoding,
+        codec=entry.codec or "cbor",
+        qos=qos,
+        journal=entry.journal,
+    )
+
+
+def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
+    """Check that somebody acknowledges, and that a journal has something to keep."""
+    if entry.reliability == Reliability.RELIABLE.value:
+        if entry.subscribers is None and not fleet.nodes:
+            place.at("subscribers").complain(
+                "is missing, and so is nodes: nobody is known to acknowledge a reliable topic",
+                allowed=ALLOWED["subscribers"],
+                hint="list the subscribers here, or the fleet under nodes",
+            )
+        others = set(fleet.nodes if entry.subscribers is None else entry.subscribers)
+        if entry.publishers is not None and others == set(entry.publishers) and len(others) == 1:
+            place.at("subscribers").complain(
+                "nobody but the publisher", allowed="at least one node that does not publish"
+            )
+    elif entry.journal:
+        place.at("journal").complain(
+            "true for a best-effort topic, of which nothing is promised",
+            allowed="with reliability: reliable",
+            hint="say reliability, or leave journal out",
+        )
 
 
 def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
@@ -188,7 +254,9 @@ def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
 
 def _in_written_keys(error: ConfigError, spec: StreamSpec) -> ConfigError:
     """The error with the key of the file in place of `name`, which the core says."""
-    kind = "service" if isinstance(spec, ServiceSpec) else "topic"
+    kind = "topic"
+    if not isinstance(spec, TopicSpec):
+        kind = "service" if isinstance(spec, ServiceSpec) else "action"
     message = str(error.args[0])
     if message.startswith("name: "):
         message = kind + message.removeprefix("name")

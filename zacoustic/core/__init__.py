@@ -12,7 +12,8 @@ Map, in reading order:
 `engine`                            the wiring, and the contract for whoever drives it
 `queue`, `qos`, `composer`          what waits, what it is worth, how it becomes a frame
 `receiver`, `topics`, `services`,   what arrives, and what becomes of it
-`calls`
+`answering`, `calls`, `repeating`
+`large`, `objects`                  samples that are larger than a frame
 `handshake`, `peer`                 HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
 `ranging`, `measurements`           ranges on demand; what the modem measured

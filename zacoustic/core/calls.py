@@ -13,16 +13,21 @@ running when the server died is answered `UNKNOWN`.
 
 Numbers come again, so both ends must agree when one is free. The client keeps three rules:
 
-1. No call is begun before the one `WINDOW` numbers earlier has ended, a settling time ago: so all
-   requests in the water are of `WINDOW` successive numbers.
+1. No call is begun before the one `WINDOW` numbers earlier has ended, and nothing of its request
+   can arrive any more: so all requests in the water are of `WINDOW` successive numbers.
 2. A request closes at its server all calls `WINDOW` to 64 - `WINDOW` numbers earlier, since by rule
    1 they have ended; they are forgotten there.
 3. A number is used again only when an answer has proved that its last use was closed so. If none
    comes, and nothing is under way, the client begins a new boot epoch instead.
+
+Numbers come again in the client's next life, too, and an answer tells no epoch: the server may
+still answer the former life. So a client takes an answer only if it has been told in this life
+that the server knows its epoch (`Handshake.knows_us`); then the server has given up the calls of
+all other lives. Until it is told so its frames begin with HELLO or TAG, and from that the server
+knows it: to such a request it gives a *named* answer, which has the epoch in it.
 """
 
 import enum
-from collections import deque
 from typing import Final
 
 import msgspec
@@ -31,7 +36,6 @@ from zacoustic.core.events import (
     CallFailed,
     CallFailure,
     CallKey,
-    RequestReceived,
     ResponseReceived,
 )
 from zacoustic.core.repeating import Repetition
@@ -41,6 +45,8 @@ CALL_NUMBERS: Final = 64
 """Calls of one client to one service that can be distinguished."""
 WINDOW: Final = 16
 """Calls of one client to one service that can be under way at once."""
+NAME_BYTES: Final = 1
+"""What a named answer is longer than another one."""
 _LIVES: Final = 2
 _NEVER: Final = 1 << 62
 LONGEST_ERROR_TEXT_BYTES: Final = 48
@@ -57,6 +63,11 @@ class CallKind(enum.IntEnum):
     """From the server: it has the request. From the client: it has the answer."""
 
 
+NAMED: Final = CallKind.REQUEST
+"""From the server: a response, an error or a confirm that names the client's life. A byte comes
+before its payload: two bits kind, and the lower six bits of the epoch."""
+
+
 def encode_call_byte(kind: CallKind, number: int) -> int:
     """Return the byte behind the stream id of a service's record."""
     return kind << 6 | number
@@ -67,9 +78,29 @@ def decode_call_byte(byte: int) -> tuple[CallKind, int]:
     return CallKind(byte >> 6), byte & 0x3F
 
 
-def encode_error(failure: CallFailure, text: str) -> bytes:
+def encode_name(kind: CallKind, epoch: int) -> bytes:
+    """Return what a named answer has behind its call byte."""
+    return bytes((kind << 6 | epoch & 0x3F,))
+
+
+def decode_name(content: bytes, epoch: int) -> CallKind | None:
+    """Return the kind of a named answer to the life of this epoch; None: it is for another one.
+
+    Args:
+        content: Begins behind the call byte.
+        epoch: Of this node.
+    """
+    if not content or (content[0] ^ epoch) & 0x3F:
+        return None
+    return CallKind(content[0] >> 6)
+
+
+def encode_error(
+    failure: CallFailure, text: str, longest_bytes: int = LONGEST_ERROR_TEXT_BYTES
+) -> bytes:
     """Return the payload of an error: its number and its text, cut at a character."""
-    cut = text.encode()[:LONGEST_ERROR_TEXT_BYTES].decode(errors="ignore")
+    longest_bytes = max(0, min(longest_bytes, LONGEST_ERROR_TEXT_BYTES))
+    cut = text.encode(errors="replace")[:longest_bytes].decode(errors="ignore")
     return bytes((failure,)) + cut.encode()
 
 
@@ -103,7 +134,7 @@ class _Numbers:
         self._next = 0
         self._closed_below = 0
         self._open: set[int] = set()
-        self._ended: deque[tuple[int, int]] = deque()
+        self._ended: dict[int, Repetition | None] = {}
 
     def take(self) -> tuple[int, int]:
         """Return index and number of a call that begins."""
@@ -112,12 +143,12 @@ class _Numbers:
         self._open.add(index)
         return index, (self._first_number + index) % CALL_NUMBERS
 
-    def may_begin(self, now: int) -> bool:
+    def may_begin(self, now: int, settling_ns: int) -> bool:
         """Rules 1 and 3: tell whether the next call may begin."""
-        while self._ended and self._ended[0][1] <= now:
-            self._ended.popleft()
-        unsettled = min((index for index, _ in self._ended), default=self._next)
-        oldest = min(min(self._open, default=self._next), unsettled)
+        for index, request in list(self._ended.items()):
+            if request is None or request.is_settled(now, settling_ns):
+                del self._ended[index]
+        oldest = min((*self._open, *self._ended), default=self._next)
         return self._next - oldest < WINDOW and not self.is_exhausted
 
     @property
@@ -130,10 +161,10 @@ class _Numbers:
         if self._closed_below >= index - (CALL_NUMBERS - WINDOW):
             self._closed_below = max(self._closed_below, index - WINDOW + 1)
 
-    def ended(self, index: int, settled_at: int) -> None:
-        """A call has ended; its last request has arrived at that instant, if at all."""
+    def ended(self, index: int, request: Repetition | None) -> None:
+        """A call has ended; its request is not sent any more."""
         self._open.discard(index)
-        self._ended.append((index, settled_at))
+        self._ended[index] = request
 
 
 class ClientCalls:
@@ -150,6 +181,8 @@ class ClientCalls:
         self._by_number: dict[tuple[int, int, int], int] = {}
         self._lanes: dict[tuple[int, int], _Numbers] = {}
         self._next_call_id = 1
+        self.settling_ns = 0
+        """A request arrives for the last time so long after its last transmission, at most, ns."""
 
     def begin(self, stream_id: int, server: int, *, deadline_at: int, now: int) -> tuple[int, int]:
         """Reserve a number for a call; returns ``(call_id, number)``.
@@ -164,7 +197,7 @@ class ClientCalls:
             QueueFullError: As many calls as can be under way are, or have been just now.
         """
         lane = self._lane(server, stream_id)
-        if not lane.may_begin(now):
+        if not lane.may_begin(now, self.settling_ns):
             raise QueueFullError(
                 f"stream {stream_id}: {WINDOW} calls to node {server} are under way, or no number "
                 "is proved free",
@@ -202,18 +235,14 @@ class ClientCalls:
         call = self._calls[call_id]
         call.lane.proved(call.index)
 
-    def respond(
-        self, call_id: int, value: object, *, now: int, settling_ns: int
-    ) -> ResponseReceived:
-        """End a call with its response."""
-        call = self._end(call_id, now + settling_ns)
+    def respond(self, call_id: int, value: object) -> ResponseReceived:
+        """End a call with its response; its request has been stopped."""
+        call = self._end(call_id)
         return ResponseReceived(call_id=call_id, stream_id=call.stream_id, value=value)
 
-    def fail(
-        self, call_id: int, failure: CallFailure, text: str, *, now: int, settling_ns: int
-    ) -> CallFailed:
-        """End a call without one."""
-        call = self._end(call_id, now + settling_ns)
+    def fail(self, call_id: int, failure: CallFailure, text: str) -> CallFailed:
+        """End a call without one; its request has been stopped."""
+        call = self._end(call_id)
         return CallFailed(call_id=call_id, stream_id=call.stream_id, failure=failure, text=text)
 
     def locate(self, call_id: int) -> tuple[int, int, int] | None:
@@ -243,10 +272,10 @@ class ClientCalls:
             lane = self._lanes[server, stream_id] = _Numbers(self._first_number)
         return lane
 
-    def _end(self, call_id: int, settled_at: int) -> _Call:
+    def _end(self, call_id: int) -> _Call:
         call = self._calls.pop(call_id)
         del self._by_number[(call.server, call.stream_id, call.number)]
-        call.lane.ended(call.index, settled_at)
+        call.lane.ended(call.index, call.request)
         return call
 
 
@@ -260,7 +289,10 @@ class Answer(msgspec.Struct, frozen=True):
 class Served:
     """A request that this node has taken."""
 
-    __slots__ = ("answer", "deadline_at", "forget_at", "is_abandoned", "is_closed", "repetition")
+    __slots__ = (
+        "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_kept", "is_named",
+        "repetition",
+    )  # fmt: skip
 
     def __init__(self, deadline_at: int, forget_at: int) -> None:
         self.deadline_at = deadline_at
@@ -270,10 +302,20 @@ class Served:
         self.answer: Answer | None = None
         self.repetition: Repetition | None = None
         """The answer on its way."""
+        self.is_kept = False
+        """The journal has it."""
+        self.is_named = True
+        """The client does not know that this node knows its epoch."""
         self.is_closed = False
         """The client has the answer."""
-        self.is_abandoned = False
-        """The client has begun a new life."""
+        self.abandoned_at: int | None = None
+        """Since when another life of the client is heard, ns."""
+
+    @property
+    def is_answerable(self) -> bool:
+        """The answer has to go to the client."""
+        waits = self.answer is not None and self.is_kept
+        return waits and not self.is_closed and self.abandoned_at is None
 
 
 class ServerCalls:
@@ -293,34 +335,44 @@ class ServerCalls:
         )
         if rivals >= _LIVES * CALL_NUMBERS:
             return None
-        served = self._served[key] = Served(now + timeout_ns, now + timeout_ns + settling_ns)
+        served = self._served[key] = Served(0, 0)
+        self.begin(served, timeout_ns=timeout_ns, settling_ns=settling_ns, now=now)
         return served
 
-    def closed_by(self, key: CallKey) -> list[CallKey]:
-        """Return the calls that a request shows to have ended at its client (rule 2)."""
+    def begin(self, served: Served, *, timeout_ns: int, settling_ns: int, now: int) -> None:
+        """Begin the times of a call."""
+        served.deadline_at = now + timeout_ns
+        # The client repeats for `timeout_ns`; that again for a link that holds back a frame.
+        served.forget_at = now + 2 * (timeout_ns + settling_ns)
+
+    def closed_by(self, key: CallKey, *, settling_ns: int, now: int) -> list[CallKey]:
+        """Return the calls that a new request shows to be over.
+
+        Those that have ended at its client (rule 2); and those of lives that were over before
+        anything was heard of this one: by now nothing of them can arrive any more.
+        """
         return [
             other
-            for other in self._served
-            if (other.client, other.epoch, other.stream_id)
-            == (key.client, key.epoch, key.stream_id)
-            and WINDOW <= (key.number - other.number) % CALL_NUMBERS <= CALL_NUMBERS - WINDOW
+            for other, served in self._served.items()
+            if other.client == key.client
+            and (
+                _is_closed(other, key)
+                if other.epoch == key.epoch
+                else served.abandoned_at is not None
+                and served.abandoned_at + 2 * settling_ns <= now
+            )
         ]
-
-    def request(self, key: CallKey, value: object) -> RequestReceived:
-        """Return the event of a request that was taken."""
-        deadline_at = self._served[key].deadline_at
-        return RequestReceived(call=key, value=value, deadline_at=deadline_at)
 
     def answerable(self, key: CallKey, now: int) -> Served | None:
         """Return a call that waits for its answer, or None: it is too late."""
         served = self._served.get(key)
         if served is None or served.answer is not None or served.deadline_at <= now:
             return None
-        return None if served.is_abandoned else served
+        return served
 
-    def of_other_lives(self, client: int, epoch: int) -> list[CallKey]:
-        """Return the calls of a client's other lives."""
-        return [key for key in self._served if key.client == client and key.epoch != epoch]
+    def of(self, client: int) -> list[tuple[CallKey, Served]]:
+        """Return the calls of a client, of all its lives."""
+        return [(key, each) for key, each in self._served.items() if key.client == client]
 
     def due(self, now: int) -> list[CallKey]:
         """Return the calls that can be forgotten."""
@@ -328,7 +380,8 @@ class ServerCalls:
 
     def next_forget_at(self) -> int | None:
         """Return the earliest instant at which one can be forgotten, ns, or None."""
-        return min((served.forget_at for served in self._served.values()), default=None)
+        instants = (served.forget_at for served in self._served.values())
+        return min((at for at in instants if at < _NEVER), default=None)
 
     def forget(self, key: CallKey) -> Served | None:
         """Forget a call."""
@@ -337,9 +390,14 @@ class ServerCalls:
     def restore(self, key: CallKey, answer: Answer) -> Served:
         """Go on with a call of a former life of this node; its times begin at the link's UP."""
         served = self._served[key] = Served(_NEVER, _NEVER)
-        served.answer = answer
+        served.answer, served.is_kept = answer, True
         return served
 
     def restored(self) -> list[tuple[CallKey, Served]]:
         """Return the calls whose times have not begun."""
         return [(key, each) for key, each in self._served.items() if each.deadline_at == _NEVER]
+
+
+def _is_closed(other: CallKey, by: CallKey) -> bool:
+    distance = (by.number - other.number) % CALL_NUMBERS
+    return other.stream_id == by.stream_id and WINDOW <= distance <= CALL_NUMBERS - WINDOW

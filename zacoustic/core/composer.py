@@ -129,12 +129,14 @@ class Composer:
         urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
         if self.objects is not None and not urgent:
             offer = self.objects.offer(now)
-            rank = first[0].rank if first else None
+            # While an answer about an object is awaited, only objects go.
+            held = self.objects.hold_until(now) > now
+            rank = first[0].rank if first and not held else None
             if offer is not None and (rank is None or offer.rank <= rank):
                 composed = self._fill_object(envelope, offer, now)
                 if composed is not None:
                     return composed
-            if self.objects.hold_until(now) > now:
+            if held:
                 return None
         # What is owed found no room in time: it goes before what else waits.
         while (overdue := self._overdue(now)) is not None and not urgent:

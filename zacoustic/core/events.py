@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
@@ -77,12 +78,18 @@ class DeliveryEnded(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CallKey(msgspec.Struct, frozen=True):
-    """Identifies a call at its server: who called, in which life, on which stream, which number."""
+    """Identifies a call at its server: who called, in which life, on which stream, which number.
+
+    As a text ``client/epoch/stream/number``. Numbers come again after 64 calls at the earliest.
+    """
 
     client: int
     epoch: int
     stream_id: int
     number: int
+
+    def __str__(self) -> str:
+        return f"{self.client}/{self.epoch}/{self.stream_id}/{self.number}"
 
 
 class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -125,7 +132,7 @@ class CallFailure(enum.IntEnum):
     CANCELLED = 7
     """Given up by the caller."""
     UNKNOWN = 8
-    """The server died while the service ran: whether it has done its work is unknown."""
+    """The server ended without an answer: whether it has done its work is unknown."""
 
 
 class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
@@ -211,4 +218,5 @@ Event = (
     | RangeMeasured
     | RangeFailed
     | ObjectProgress
+    | ActionEvent
 )

@@ -115,7 +115,7 @@ class Handshake:
         self._digest = self._table.digest
         self._since_hello.clear()
         for peer in self._peers.values():
-            peer.confirmed_us = False
+            peer.confirmed_us = peer.knows_us = False
             peer.owes_confirm = False
             peer.rows.clear()
             peer.told_differing.clear()
@@ -246,10 +246,18 @@ class Handshake:
         if peer.epoch == epoch:
             self._answer_introduction(peer, now)
 
-    def heard_confirm(self, source: int, confirm: Confirm) -> None:
+    def heard_confirm(self, source: int, confirm: Confirm, now: int) -> None:
         """A peer says that it knows and shares our table."""
-        if confirm.address == self._address and confirm.epoch == self.epoch:
-            self._peer(source).confirmed_us = True
+        if confirm.address != self._address:
+            return
+        peer = self._peer(source)
+        if confirm.epoch == self.epoch:
+            peer.confirmed_us = peer.knows_us = True
+        else:
+            # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
+            peer.confirmed_us = False
+            peer.owes_hello = True
+            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
@@ -324,6 +332,14 @@ class Handshake:
         assert epoch is not None
         return epoch
 
+    def knows_us(self, address: int) -> bool:
+        """Tell whether a peer, in the life that is known of it, has confirmed this epoch once.
+
+        Unlike the confirmation this is not revoked by a question: an epoch that was known is known.
+        """
+        peer = self._peers.get(address)
+        return peer is not None and peer.knows_us
+
     def last_epoch(self, address: int) -> int | None:
         """Return the last epoch that a node has told, or None."""
         return self._peer(address).epoch
@@ -369,7 +385,7 @@ class Handshake:
     @staticmethod
     def _forget(peer: Peer) -> None:
         """A peer has begun a new life: it knows nothing of us, and we nothing of its table."""
-        peer.confirmed_us = False
+        peer.confirmed_us = peer.knows_us = False
         peer.owes_confirm = False
         peer.rows.clear()
         peer.told_differing.clear()

@@ -36,6 +36,8 @@ class JournalPort:
     """What an engine has to write down, and what it does when that is safe."""
 
     def __init__(self) -> None:
+        self.failure = ""
+        """Why the journal cannot be written now; empty: it can."""
         self._writes: deque[JournalWrite] = deque()
         self._then: dict[int, Callable[[int], None]] = {}
         self._next_write_id = 1

@@ -47,6 +47,7 @@ class Peer:
         self.settled_at = 0
         self.rows: dict[int, bytes] = {}
         self.confirmed_us = False
+        self.knows_us = False
         self.told_differing: set[int] = set()
         self.owes_confirm = False
         self.owes_hello = False

@@ -10,8 +10,9 @@ certain: the same bytes from the same source, sooner than the source can have se
 
 import random
 
-from zacoustic.core.access import AccessSpec, Listening, MediumAccess, Wanted, choose
+from zacoustic.core.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.access.controls import ANYBODY, AccessControl, Turn
+from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.envelope import Damaged, Envelope, Opened
 from zacoustic.core.linktypes import (

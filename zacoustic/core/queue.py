@@ -174,8 +174,15 @@ class TransmitQueue:
                 hint="publish less, or give the stream a type",
             )
 
+    def fits(self, item: Waiting) -> bool:
+        """Tell whether a frame of the link has room for a record."""
+        return self.largest_bytes is None or item.size_bytes <= self.largest_bytes
+
     def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
-        """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`."""
+        """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`.
+
+        Whoever pushes sees to it that it `fits`: what does not would wait for ever.
+        """
         lane = self._lanes.get(key)
         if lane is None:
             lane = self._lanes[key] = Lane(key, qos)
@@ -219,6 +226,11 @@ class TransmitQueue:
             item.queued_at = lane.items[0].queued_at
             lane.items.clear()
         self.push(key, item, qos)
+
+    def first(self, key: LaneKey) -> Waiting | None:
+        """Return the first payload of a lane, which goes on waiting."""
+        lane = self._busy.get(key)
+        return lane.items[0] if lane is not None else None
 
     def drop_lane(self, key: LaneKey) -> None:
         """Take back all payloads of a lane."""

@@ -15,10 +15,13 @@ unknown_stream``
 not_subscriber``
 ``payload``             the content does not decode, or is out of the bounds of its type
 ``unexpected_answer     an answer to no call, or too late; a request that came before
-repeated_request``
+repeated_request
+repeated_goal``
 ``repeated_sample       a reliable sample that came before; one whose count is not known here
 out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
+``too_many_calls        more requests or goals of one client than two lives of it can have
+too_many_goals``
 ``object_answer         what a receiver says of no object of ours, or says again; an object that
 object_digest           was not what its digest says; more transfers than are kept
 object_room``
@@ -26,10 +29,12 @@ object_room``
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
 from zacoustic.core.access.controls import AccessControl, ClockTime, Turn
+from zacoustic.core.actions.actions import Actions
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.content import measure_content
 from zacoustic.core.envelope import Opened
@@ -51,7 +56,7 @@ from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.objects.wire import Call, Feedback, Fragment
 from zacoustic.core.services import Services
 from zacoustic.core.stats import NO_STREAM, EngineStats
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
 from zacoustic.core.topics import Topics
 
 
@@ -63,6 +68,7 @@ class Receiver:
         handshake: Decides what may be decoded.
         topics: Takes samples.
         services: Takes requests and answers.
+        actions: Takes what is said about goals.
         sending: Is told who is heard, and who has forgotten us.
         large: Takes fragments of objects, and what receivers say of them.
         stats: Counts what is dropped.
@@ -74,6 +80,7 @@ class Receiver:
         handshake: Handshake,
         topics: Topics,
         services: Services,
+        actions: Actions,
         sending: ReliableSending,
         large: LargeSamples,
         stats: EngineStats,
@@ -82,6 +89,7 @@ class Receiver:
         self._handshake = handshake
         self._topics = topics
         self._services = services
+        self._actions = actions
         self._sending = sending
         self._large = large
         self._stats = stats
@@ -93,11 +101,13 @@ class Receiver:
     def handle(self, opened: Opened, received: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take one frame apart; returns the streams of the records that were in it."""
         source = opened.source
+        if received.destination != opened.destination:
+            # The frame's own destination: a link without addresses does not know it.
+            received = msgspec.structs.replace(received, destination=opened.destination)
         epoch: int | None = None
         streams: list[int] = []
-        for item in parse_frame(
-            opened.records, self._measure, unicast=opened.destination != BROADCAST
-        ):
+        measure = partial(self._measure, source)
+        for item in parse_frame(opened.records, measure, unicast=opened.destination != BROADCAST):
             if isinstance(item, Record):
                 streams.append(item.stream_id)
                 reason = self._handle_record(source, epoch, item, received, now)
@@ -108,6 +118,7 @@ class Receiver:
             elif isinstance(item, Hello):
                 if self._handshake.heard_hello(source, item, now):
                     self._services.client_restarted(source, item.epoch, now)
+                    self._actions.peer_restarted(source, now)
                     self._sending.lost_sync(source, now)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
@@ -139,9 +150,7 @@ class Receiver:
         if isinstance(item, Fragment):
             if self.handle_call is not None:
                 self.handle_call(opened.source, item.call, received, now)
-            # The frame's own destination: a link without addresses does not know it.
-            addressed = msgspec.structs.replace(received, destination=opened.destination)
-            return objects.fragment(opened.source, item, addressed, now)
+            return objects.fragment(opened.source, item, received, now)
         if opened.destination == BROADCAST:
             return "not_for_us"
         return objects.feedback(opened.source, item, now)
@@ -166,13 +175,19 @@ class Receiver:
         stream = self._table.get(record.stream_id)
         if stream is None:
             return "unknown_stream"
+        if isinstance(stream.spec, ActionSpec):
+            return self._actions.receive(
+                source, stream, stream.spec, record.content, now, introduced=epoch is not None
+            )
         if isinstance(stream.spec, ServiceSpec):
-            return self._services.receive(source, stream, stream.spec, record.content, now)
+            return self._services.receive(
+                source, stream, stream.spec, record.content, now, introduced=epoch is not None
+            )
         return self._topics.receive(source, stream, record, received, now)
 
     def _handle_table_talk(self, source: int, item: Confirm | Ask | TableRow, now: int) -> None:
         if isinstance(item, Confirm):
-            self._handshake.heard_confirm(source, item)
+            self._handshake.heard_confirm(source, item, now)
         elif isinstance(item, Ask):
             if self._handshake.heard_ask(source, item, now):
                 self._sending.lost_sync(source, now)
@@ -180,11 +195,12 @@ class Receiver:
             self._handshake.heard_row(source, item, now)
             if self._handshake.differs(source, item.stream_id):
                 self._services.stream_differs(source, item.stream_id, now)
+                self._actions.stream_differs(source, item.stream_id, now)
 
     def _measure(
-        self, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes
+        self, source: int, stream_id: int, buffer: bytes, offset: int, prefixes: Prefixes
     ) -> int | None:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
-        return measure_content(stream, buffer, offset, prefixes)
+        return measure_content(stream, buffer, offset, prefixes, source)

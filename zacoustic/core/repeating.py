@@ -34,7 +34,17 @@ class RepeatedRecord(Waiting):
 class Repetition:
     """One record on its way; made by `Repeater.start`."""
 
-    __slots__ = ("due_at", "key", "qos", "record", "sent_at", "stage", "tries", "until")
+    __slots__ = (
+        "due_at",
+        "is_on_air",
+        "key",
+        "qos",
+        "record",
+        "sent_at",
+        "stage",
+        "tries",
+        "until",
+    )
 
     def __init__(self, key: LaneKey, record: RepeatedRecord, qos: Qos, until: int) -> None:
         self.key = key
@@ -43,8 +53,20 @@ class Repetition:
         self.until = until
         self.stage = _Stage.QUEUED
         self.tries = 0
+        self.is_on_air = False
+        """A transmission of it is under way, even if it is over meanwhile."""
         self.sent_at = 0
+        """End of its last transmission, ns."""
         self.due_at = 0
+
+    def is_settled(self, now: int, settling_ns: int) -> bool:
+        """Tell whether all that was sent of it has arrived, if at all.
+
+        Args:
+            now: The instant.
+            settling_ns: Time after a transmission within which it arrives, repetitions included.
+        """
+        return not self.is_on_air and (self.tries == 0 or self.sent_at + settling_ns <= now)
 
 
 class Repeater:
@@ -61,25 +83,45 @@ class Repeater:
         self._times: LinkTimes | None = None
         self._timings: dict[int, PeerTiming] = {}
         self._repetitions: dict[Repetition, None] = {}
+        self._on_air: list[Repetition] = []
 
-    def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link."""
+    def use_link(self, times: LinkTimes, now: int) -> None:
+        """Take the airtimes of a link, from this instant on."""
         self._times = times
+        # There will be no report of what was under way on the one before.
+        self._landed(now)
 
     def start(self, key: LaneKey, record: RepeatedRecord, qos: Qos, *, until: int) -> Repetition:
         """Send a record until it is stopped, or until an instant, ns."""
+        peer = record.destination
+        if not any(each.record.destination == peer for each in self._repetitions):
+            # Repetitions may have become rare long ago, and the node be back since.
+            self._timing(peer).begin_anew()
         repetition = Repetition(key, record, qos, until)
         record.repetition = repetition
         self._repetitions[repetition] = None
-        self._queue.push(key, record, qos)
+        self._push(repetition)
         return repetition
 
-    def stop(self, repetition: Repetition, now: int, *, answered: bool = False) -> None:
-        """End a repetition; `answered` when the node has just said that it has the record."""
+    def stop(
+        self, repetition: Repetition, now: int, *, answered: bool = False, prompt: bool = True
+    ) -> None:
+        """End a repetition.
+
+        Args:
+            repetition: Which; one that is over stays so.
+            now: The instant.
+            answered: The node has just said that it has the record.
+            prompt: It says so as soon as it can; otherwise it may have worked on it meanwhile.
+        """
         timing = self._timing(repetition.record.destination)
         if answered:
             if repetition.tries == 1 and repetition.stage is _Stage.SENT:
-                timing.measured(now - repetition.sent_at)
+                assert self._times is not None
+                round_trip_ns = now - repetition.sent_at
+                if prompt or round_trip_ns < 2 * self._times.first_round_trip_ns:
+                    timing.measured(round_trip_ns)
+            timing.answered(in_crowd=len(self._timings) > 1)
             timing.quiet_until = 0
         self._repetitions.pop(repetition, None)
         self._queue.discard(repetition.key, repetition.record)
@@ -88,26 +130,21 @@ class Repeater:
     def again(self, repetition: Repetition) -> None:
         """Repeat at once: the node has shown that it lacks the record."""
         if repetition.stage is _Stage.SENT:
-            self._push(repetition)
+            self._push_again(repetition)
 
     def transmitted(self, records: Iterable[Waiting]) -> None:
         """Note which records are in the transmission that begins."""
         for record in records:
             if isinstance(record, RepeatedRecord):
-                record.repetition.tries += 1
-                record.repetition.stage = _Stage.ON_AIR
+                repetition = record.repetition
+                repetition.tries += 1
+                repetition.stage = _Stage.ON_AIR
+                repetition.is_on_air = True
+                self._on_air.append(repetition)
 
     def handle_report(self, report: TransmitReport) -> None:
         """A transmission has ended: from here an answer is awaited."""
-        for repetition in self._repetitions:
-            if repetition.stage is _Stage.ON_AIR:
-                timing = self._timing(repetition.record.destination)
-                assert self._times is not None
-                pause_ns = timing.pause_ns(self._times, 0, self._rng)
-                repetition.stage = _Stage.SENT
-                repetition.sent_at = report.finished_at
-                repetition.due_at = report.finished_at + pause_ns
-                timing.quiet_until = max(timing.quiet_until, repetition.due_at)
+        self._landed(report.finished_at)
 
     def heard(self, source: int) -> None:
         """A frame of a node arrived: if repetitions to it had become rare, they are due."""
@@ -119,8 +156,9 @@ class Repeater:
             if repetition.record.destination == source:
                 repetition.due_at = 0
 
-    def link_up(self) -> None:
+    def link_up(self, now: int) -> None:
         """The link is up again: everything is due."""
+        self._landed(now)
         for timing in self._timings.values():
             timing.quiet_until = 0
         for repetition in self._repetitions:
@@ -147,7 +185,7 @@ class Repeater:
                 timing.unanswered(now, self._times)
                 pause_ns = timing.pause_ns(self._times, 0, self._rng)
                 timing.quiet_until = max(timing.quiet_until, now + pause_ns)
-                self._push(repetition)
+                self._push_again(repetition)
 
     def next_due_at(self) -> int | None:
         """Return the earliest instant at which something is due or over, ns, or None."""
@@ -162,6 +200,20 @@ class Repeater:
 
     # Below the methods above
 
+    def _landed(self, at: int) -> None:
+        """Nothing is on the air any more."""
+        landed, self._on_air = self._on_air, []
+        for repetition in landed:
+            repetition.is_on_air = False
+            repetition.sent_at = at
+            if repetition.stage is _Stage.ON_AIR:
+                timing = self._timing(repetition.record.destination)
+                assert self._times is not None
+                pause_ns = timing.pause_ns(self._times, 0, self._rng)
+                repetition.stage = _Stage.SENT
+                repetition.due_at = at + pause_ns
+                timing.quiet_until = max(timing.quiet_until, repetition.due_at)
+
     def _timing(self, address: int) -> PeerTiming:
         timing = self._timings.get(address)
         if timing is None:
@@ -172,7 +224,16 @@ class Repeater:
         timing = self._timing(repetition.record.destination)
         return max(repetition.due_at, timing.quiet_until)
 
-    def _push(self, repetition: Repetition) -> None:
-        repetition.stage = _Stage.QUEUED
+    def _push_again(self, repetition: Repetition) -> None:
         repetition.record.cause = Cause.REPEAT
+        self._push(repetition)
+
+    def _push(self, repetition: Repetition) -> None:
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is not None and repetition.record.size_bytes > largest_bytes:
+            # It was made for a link with larger frames.
+            self._repetitions.pop(repetition, None)
+            repetition.stage = _Stage.OVER
+            return
+        repetition.stage = _Stage.QUEUED
         self._queue.push(repetition.key, repetition.record, repetition.qos)

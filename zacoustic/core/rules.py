@@ -2,7 +2,7 @@
 
 import msgspec
 
-from zacoustic.core.access.spec import AccessSpec
+from zacoustic.core.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.silence import QuietWindow
 
 
@@ -16,3 +16,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""
+
+    @property
+    def clock_error_s(self) -> float:
+        """How wrong the clock of the host is taken to be, s: as the schedule states."""
+        return self.access.clock_error_s if isinstance(self.access, TdmaSpec) else 0.0

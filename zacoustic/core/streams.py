@@ -1,13 +1,13 @@
 """The stream table: which name is which byte, and what both ends must agree on.
 
-A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service, or (in a
-later version) an action. Its id is the first byte of each of its records, so a name costs one
-byte whatever its length. That only works
+A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service or an
+action. Its id is the first byte of each of its records, so a name costs one byte whatever its
+length. That only works
 while both ends hold the same table, so everything that changes the meaning of bytes goes into a
 digest: of each stream, and of the whole table with its nodes. What only changes *when* something
 is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
-its journal, is left out; each end may tune it alone. The timeout of a service is in it: from it
-both ends derive when a call number may be used again.
+its journal, is left out; each end may tune it alone. The timeouts of services and actions are in
+it: from them both ends derive how long a number has to be remembered.
 """
 
 import hashlib
@@ -93,7 +93,42 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """Calls survive a restart of this node; without, one may run twice. Not in the digest."""
 
 
-StreamSpec = TopicSpec | ServiceSpec
+class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
+    """An action: one server pursues goals of any node, and tells how far it is."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, without placeholders."""
+    server: int
+    """Address of the node that serves."""
+    goal_type: str | None = None
+    """Type of a goal; None: opaque bytes."""
+    feedback_type: str | None = None
+    """Type of feedback; None: opaque bytes."""
+    result_type: str | None = None
+    """Type of a result; None: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time from a goal to its answer (accepted or not) after which its client gives up, s, > 0."""
+    result_timeout_s: float = 3600.0
+    """How long a result is kept that its client has not confirmed, and how long a client waits
+    while it hears nothing of a goal, s, > 0."""
+    feedback_interval_s: float = 0.0
+    """Least time between two pieces of feedback for one goal on the water, s, ≥ 0; the newest
+    wins. Not in the digest."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
+    ones."""
+    codec: str = "cbor"
+    """How typed goals, feedback and results are written on the water, one of `CODECS`."""
+    qos: Qos = Qos()
+    """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
+    lifespan do not apply."""
+    journal: bool = True
+    """Goals survive a restart of this node; without, one may run twice. Not in the digest."""
+
+
+StreamSpec = TopicSpec | ServiceSpec | ActionSpec
 
 
 class Stream:
@@ -113,22 +148,21 @@ class Stream:
         wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
         self.keys = KeyPattern(spec.name, wildcards, node_names)
         """The keys that the name stands for."""
-        named = (
-            (spec.type_name,)
-            if isinstance(spec, TopicSpec)
-            else (spec.request_type, spec.response_type)
-        )
-        used = [types.by_name(name) if name is not None else None for name in named]
+        used = [types.by_name(name) if name is not None else None for name in _type_names(spec)]
         typed = CODECS[spec.codec]
         codecs: list[PayloadCodec] = [typed(each) if each else OpaqueCodec() for each in used]
         self.type: TypeSpec | None = used[0]
-        """Type of samples or requests; None: opaque."""
+        """Type of samples, requests or goals; None: opaque."""
         self.response_type: TypeSpec | None = used[-1]
-        """Type of responses, of samples for a topic; None: opaque."""
+        """Type of responses or results, of samples for a topic; None: opaque."""
+        self.feedback_type: TypeSpec | None = used[len(used) // 2]
+        """Type of an action's feedback; None: opaque. Of no use for others."""
         self.codec = codecs[0]
-        """Codec of samples or requests."""
+        """Codec of samples, requests or goals."""
         self.response_codec = codecs[-1]
-        """Codec of responses, of samples for a topic."""
+        """Codec of responses or results, of samples for a topic."""
+        self.feedback_codec = codecs[len(codecs) // 2]
+        """Codec of an action's feedback. Of no use for others."""
         self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
         """Zenoh encoding on the application side."""
         description = msgspec.json.encode(self._description())
@@ -136,12 +170,12 @@ class Stream:
         """Changes with everything both ends must agree on."""
 
     def may_publish(self, address: int) -> bool:
-        """Tell whether samples of this topic may come from that node; for a service, always."""
+        """Tell whether samples of this topic may come from that node; always for others."""
         publishers = self.spec.publishers if isinstance(self.spec, TopicSpec) else None
         return publishers is None or address in publishers
 
     def may_subscribe(self, address: int) -> bool:
-        """Tell whether that node listens to this topic; for a service, always."""
+        """Tell whether that node listens to this topic; always for others."""
         subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
         return subscribers is None or address in subscribers
 
@@ -153,6 +187,9 @@ class Stream:
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
         if spec.codec != "cbor":
             head.append(f"codec {spec.codec}")
+        if isinstance(spec, ActionSpec):
+            feedback = self.feedback_type.canonical().decode() if self.feedback_type else None
+            return ["action", *head, feedback, spec.server, spec.timeout_s, spec.result_timeout_s]
         if isinstance(spec, ServiceSpec):
             return ["service", *head, spec.server, spec.timeout_s]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
@@ -275,13 +312,30 @@ class StreamTable:
         return None
 
 
+def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:
+    match spec:
+        case TopicSpec():
+            return (spec.type_name,)
+        case ServiceSpec():
+            return (spec.request_type, spec.response_type)
+        case ActionSpec():
+            return (spec.goal_type, spec.feedback_type, spec.result_type)
+
+
 def _check(spec: StreamSpec) -> None:
     if spec.codec not in CODECS:
         raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")
-    if isinstance(spec, ServiceSpec):
+    if isinstance(spec, ActionSpec):
+        if not 0 < spec.result_timeout_s < float("inf"):
+            raise ConfigError(f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0")
+        if not 0 <= spec.feedback_interval_s < float("inf"):
+            raise ConfigError(
+                f"feedback_interval_s: {spec.feedback_interval_s}; allowed: 0 or more"
+            )
+    if isinstance(spec, ServiceSpec | ActionSpec):
         if not 1 <= spec.server <= 254:
             raise ConfigError(f"server: {spec.server}; allowed: an address, 1..254")
         if not 0 < spec.timeout_s < float("inf"):

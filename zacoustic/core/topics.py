@@ -9,7 +9,7 @@ from typing import Final
 
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
-from zacoustic.core.arq.receiving import ReliableReceiving
+from zacoustic.core.arq.receiving import LEAST_ACK_BYTES, Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.encoding import encode_prefix
@@ -93,20 +93,21 @@ class Topics:
         payload = b"" if delete else stream.codec.encode(value)
         stamped = stream.qos.stamp is Stamp.AGE and not delete
         reliable = stream.qos.reliability is Reliability.RELIABLE
-        record_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
+        needed_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
+        if reliable:
+            self._sending.check(stream)
+            needed_bytes += SYNC_BYTES + NUMBER_BYTES
+            needed_bytes = max(needed_bytes, LEAST_ACK_BYTES + len(instance))
         largest_bytes = self._queue.largest_bytes
-        if reliable and not delete and largest_bytes is not None:
-            overhead_bytes = SYNC_BYTES + NUMBER_BYTES
-            if record_bytes + overhead_bytes > largest_bytes and self.large is not None:
-                delivery_id = self._sending.next_delivery_id()
-                self.large.publish(
-                    delivery_id, stream, payload, now, instance=instance, encoding=encoding
-                )
-                count(self._stats.published, stream_id)
-                return delivery_id
-        self._queue.check_size(
-            stream.name, record_bytes + (SYNC_BYTES + NUMBER_BYTES if reliable else 0)
-        )
+        is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
+        if is_large and not delete and self.large is not None:
+            delivery_id = self._sending.next_delivery_id()
+            self.large.publish(
+                delivery_id, stream, payload, now, instance=instance, encoding=encoding
+            )
+            count(self._stats.published, stream_id)
+            return delivery_id
+        self._queue.check_size(stream.name, needed_bytes)
         count(self._stats.published, stream_id)
         if reliable:
             return self._sending.publish(
@@ -171,7 +172,14 @@ class Topics:
             metrics=received.metrics,
         )
         if low_number is not None:
-            return self._receiving.receive(stream, low_number, prefixes.sync, sample, now)
+            arrival = Arrival(
+                sync=prefixes.sync,
+                low_number=low_number,
+                sample=sample,
+                is_alone=received.destination == self._address,
+                spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
+            )
+            return self._receiving.receive(stream, arrival, now)
         self._emit(sample)
         return None
 

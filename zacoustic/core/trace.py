@@ -9,6 +9,7 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.events import PeerSeen, StreamsDiffer
 
 
 class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -44,3 +45,49 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
 
 TraceSink = Callable[[TraceRecord], None]
 """Takes each record; must not raise."""
+
+
+class Tracer:
+    """Writes what one engine does, if anybody wants to read it.
+
+    Args:
+        node: Address of the engine.
+        sink: Takes the records, or None.
+    """
+
+    def __init__(self, node: int, sink: TraceSink | None) -> None:
+        self._node = node
+        self._sink = sink
+
+    def note(
+        self,
+        now: int,
+        what: str,
+        *,
+        peer: int = 0,
+        frame: bytes = b"",
+        streams: tuple[int, ...] = (),
+        detail: str = "",
+    ) -> None:
+        """Write a record; see `TraceRecord` for the words."""
+        if self._sink is not None:
+            self._sink(
+                TraceRecord(
+                    at=now,
+                    node=self._node,
+                    what=what,
+                    peer=peer,
+                    size_bytes=len(frame),
+                    streams=streams,
+                    detail=detail,
+                    frame=frame.hex(),
+                )
+            )
+
+    def note_news(self, now: int, news: PeerSeen | StreamsDiffer) -> None:
+        """Write what the handshake has found out."""
+        if isinstance(news, PeerSeen):
+            detail = "same_table" if news.same_table else "other_table"
+            self.note(now, "peer", peer=news.address, detail=detail)
+        else:
+            self.note(now, "differ", peer=news.address, streams=(news.stream_id,))

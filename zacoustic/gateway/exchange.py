@@ -2,9 +2,12 @@
 
 from typing import assert_never
 
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
+    DeliveryEnded,
+    DeliveryStored,
     Event,
     JournalStateChanged,
     LinkStateChanged,
@@ -12,11 +15,14 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
     SampleReceived,
+    SilenceChanged,
     StreamsDiffer,
 )
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams import StreamTable
+from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
     JournalChanged,
@@ -24,9 +30,11 @@ from zacoustic.gateway.notices import (
     Notify,
     PeerHeard,
     RangingFailed,
+    SilenceKept,
     StreamDiffers,
 )
 from zacoustic.gateway.services import Services
+from zacoustic.gateway.silence import SilenceDesk
 from zacoustic.gateway.topics import Topics
 
 
@@ -37,7 +45,9 @@ class Exchange:
         table: All streams.
         topics: Takes samples.
         services: Takes requests and answers.
+        actions: Takes what is said about goals.
         health: Takes note of the rest.
+        silence: Answers orders to be silent.
         notify: Told what people want to know.
     """
 
@@ -47,17 +57,25 @@ class Exchange:
         *,
         topics: Topics,
         services: Services,
+        actions: Actions,
         health: Health,
+        silence: SilenceDesk,
         notify: Notify,
     ) -> None:
         self._table = table
         self._topics = topics
         self._services = services
+        self._actions = actions
         self._health = health
+        self._silence = silence
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
         """Take an event of the engine."""
+        if isinstance(event, ActionEvent):
+            self._actions.deliver(event)
+            self._health.touch()
+            return
         match event:
             case SampleReceived():
                 self._topics.deliver(event)
@@ -69,6 +87,10 @@ class Exchange:
                 self._services.fail(event)
             case LinkStateChanged():
                 self._notify(LinkChanged(state=event.state.value))
+            case SilenceChanged():
+                self._silence.changed(event)
+                state = self._silence.state(event)
+                self._notify(SilenceKept(silent=state.silent, until_utc=state.until_utc or ""))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
             case PeerSeen():
@@ -96,6 +118,10 @@ class Exchange:
                 self._notify(RangingFailed(address=event.address, text=event.text))
             case PeerMeasured() | ModemRead() | RangeMeasured():
                 pass  # the engine keeps it, and the health report asks there
+            case DeliveryEnded():
+                self._health.note_delivery(event)
+            case DeliveryStored() | ObjectProgress():
+                pass  # for who publishes in this process
             case _:
                 assert_never(event)
         self._health.touch()

@@ -32,6 +32,7 @@ from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJourna
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
+from zacoustic.permitlog import open_permit_log
 
 _logger = logging.getLogger(__name__)
 
@@ -188,6 +189,8 @@ class Gateway:
                 journal=self._journal,
                 state=state,
                 ranges=self.config.ranges_to(),
+                rules=self.config.rules,
+                permit_log=open_permit_log(self.config.permit_log),
                 notify=self._notify,
                 clock=self._clock,
             )

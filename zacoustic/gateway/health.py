@@ -7,7 +7,8 @@ answered to a `get`:
 ``link``      state, what the device can do and reports, frames, bytes, airtime
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
 ``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
-``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ
+``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
+              each reliable topic how many samples ended in which way, and how many have not
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
@@ -29,9 +30,10 @@ import msgspec
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.encoding import JSON
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import PeerSeen, StreamsDiffer
-from zacoustic.core.qos import Priority
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, PeerSeen, StreamsDiffer
+from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
+from zacoustic.core.streams import Stream
 from zacoustic.core.trace import TraceRecord
 from zacoustic.gateway.presence import PREFIX
 from zacoustic.gateway.soundings import Soundings
@@ -86,6 +88,7 @@ class Health:
         self._heard_at_unix_s: dict[int, float] = {}
         self._soundings = Soundings(runner.engine.measurements, clock=clock)
         self._differing: dict[int, set[int]] = {}
+        self._outcomes: dict[int, dict[str, int]] = {}
 
     @property
     def expression(self) -> str:
@@ -107,6 +110,11 @@ class Health:
     def note_difference(self, event: StreamsDiffer) -> None:
         """Keep that a stream is stopped."""
         self._differing.setdefault(event.stream_id, set()).add(event.address)
+
+    def note_delivery(self, event: DeliveryEnded) -> None:
+        """Count how a reliable sample ended."""
+        counts = self._outcomes.setdefault(event.stream_id, {})
+        counts[event.outcome.value] = counts.get(event.outcome.value, 0) + 1
 
     def touch(self) -> None:
         """Something has changed: publish soon."""
@@ -225,6 +233,7 @@ class Health:
                     "transmitted": stats.transmitted.get(stream.stream_id, 0),
                     "received": stats.received.get(stream.stream_id, 0),
                     "waiting": engine.pending(stream.stream_id),
+                    **self._deliveries(stream),
                 }
                 for stream in engine.table
             ],
@@ -233,6 +242,15 @@ class Health:
                 for stream_id, peers in sorted(self._differing.items())
                 if peers
             ],
+        }
+
+    def _deliveries(self, stream: Stream) -> dict[str, int]:
+        """Return what became of the samples of a reliable topic."""
+        if stream.qos.reliability is not Reliability.RELIABLE:
+            return {}
+        counts = self._outcomes.get(stream.stream_id, {})
+        return {outcome.value: counts.get(outcome.value, 0) for outcome in DeliveryOutcome} | {
+            "delivering": self._engine.delivering(stream.stream_id)
         }
 
     def _dropped(self) -> dict[str, object]:

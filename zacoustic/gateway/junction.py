@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import logging
 import random
+import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
@@ -18,9 +19,11 @@ import zenoh
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError
+from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
@@ -29,12 +32,14 @@ from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
+from zacoustic.gateway.silence import SilenceDesk
 from zacoustic.gateway.topics import Topics
 from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.queries import QueryDesk
 from zacoustic.island.session import Island
 from zacoustic.journal import Journal, JournalState, MemoryJournal
 from zacoustic.link import Link
+from zacoustic.permitlog import PermitLog
 from zacoustic.runtime import LinkRunner
 
 FAREWELL_LIMIT_S: Final = 3.0
@@ -60,6 +65,8 @@ class Junction:
         journal: Where the engine's writes go.
         state: What the journal has kept for this life.
         ranges: Nodes to which the range is measured again and again, each with its period, s.
+        rules: When, and how much, this node may transmit.
+        permit_log: Takes each emission, or None; closed with the junction.
         notify: Told what people want to know.
         clock: Where instants come from.
     """
@@ -74,6 +81,8 @@ class Junction:
         journal: Journal,
         state: JournalState,
         ranges: Mapping[int, float],
+        rules: TransmitRules,
+        permit_log: PermitLog | None,
         notify: Notify,
         clock: Clock,
     ) -> None:
@@ -96,9 +105,19 @@ class Junction:
             epoch=state.boot_epoch,
             rng=random.Random(seed),
             stored=state.entries,
+            rules=rules,
             trace=self._trace,
         )
-        self.runner = LinkRunner(engine, link, self._deliver, clock=clock, journal=journal)
+        self.runner = LinkRunner(
+            engine,
+            link,
+            self._deliver,
+            clock=clock,
+            journal=journal,
+            wall_clock=time.time_ns,
+            clock_error_s=rules.clock_error_s,
+            permit_log=permit_log,
+        )
         self._complaints = Complaints(clock)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
@@ -106,12 +125,16 @@ class Junction:
             table, island, self.siblings, self._complaints, clock=clock, ring=ring
         )
         self._services = Services(table, island, self._complaints, clock=clock, ring=ring)
+        self._actions = Actions(
+            address, table, island, self._complaints, runner=self.runner, clock=clock
+        )
         self._routes = Routes(
             table,
             island,
             self.siblings,
             topics=self._topics,
             services=self._services,
+            actions=self._actions,
             desk=self._desk,
             runner=self.runner,
         )
@@ -123,12 +146,15 @@ class Junction:
             is_journal_kept=not isinstance(journal, MemoryJournal),
             clock=clock,
         )
-        self._health_queryable: zenoh.Queryable[None] | None = None
+        self._silence = SilenceDesk(self.runner, clock=clock)
+        self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
             table,
             topics=self._topics,
             services=self._services,
+            actions=self._actions,
             health=self._health,
+            silence=self._silence,
             notify=self._tell,
         )
 
@@ -148,7 +174,7 @@ class Junction:
         for address, every_s in self._ranges.items():
             self.runner.apply(partial(_repeat_range, address, every_s))
         self._routes.reconcile()
-        await self.island.worker.run(self._declare_health)  # and all that was to be declared
+        await self.island.worker.run(self._declare_own)  # and all that was to be declared
         self._health.touch()
         self._doorbell.ring()
 
@@ -157,6 +183,7 @@ class Junction:
         self._is_closing = True
         self._desk.close()
         self._services.close()
+        self._actions.close()
         self._health.close()
         try:
             await self._in_worker(lambda: None)  # all replies are out
@@ -241,19 +268,25 @@ class Junction:
             found["session"] = {"lost": self.island.lost}
         return found
 
-    def _declare_health(self) -> None:
-        self._health_queryable = self.island.session.declare_queryable(
-            zenoh.KeyExpr(self._health.expression),
-            self.island.callback(partial(self._desk.admit, self._health.answer)),
-            complete=True,
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
+    def _declare_own(self) -> None:
+        self._services.watch(self.runner.engine.address)
+        for expression, serve in (
+            (self._health.expression, self._health.answer),
+            (self._silence.key, self._silence.serve),
+        ):
+            queryable = self.island.session.declare_queryable(
+                zenoh.KeyExpr(expression),
+                self.island.callback(partial(self._desk.admit, serve)),
+                complete=True,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+            self._own_queryables.append(queryable)
 
     def _undeclare(self) -> None:
         self._routes.undeclare()
         self._presence.undeclare()
-        if self._health_queryable is not None:
-            self._health_queryable.undeclare()  # type: ignore[no-untyped-call]
+        for queryable in self._own_queryables:
+            queryable.undeclare()  # type: ignore[no-untyped-call]
 
     async def _in_worker(self, step: Callable[[], None]) -> None:
         with contextlib.suppress(TimeoutError, zenoh.ZError):

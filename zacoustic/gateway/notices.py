@@ -69,6 +69,21 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
         return [f"link      {self.state} {self.detail}".rstrip()]
 
 
+class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
+    """Silence was ordered, or has ended."""
+
+    silent: bool
+    """Nothing is transmitted now."""
+    until_utc: str
+    """End as far as it is known; empty: until it is resumed, or no silence."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        if not self.silent:
+            return ["silence   ended"]
+        return [f"silence   until {self.until_utc or 'it is resumed'}"]
+
+
 class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
     """The journal cannot be written, or can be again."""
 

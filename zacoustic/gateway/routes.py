@@ -7,7 +7,8 @@ forward    a subscriber               the keys that this node publishes
 deliver    a queryable                the keys that come from beyond the water; it answers
                                       a `get` from the last value and is not complete: a
                                       storage on the island may know more
-proxy      a complete queryable       the service's name
+proxy      a complete queryable       the service's name, or all keys of the action
+attend     a subscriber               the feedback of the program that serves the action
 =========  =========================  ====================================================
 
 Each of them costs a thread of Zenoh's. Declaring may block, so it is done in the worker, in order.
@@ -18,10 +19,12 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streams import ActionSpec, Stream, StreamTable
+from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
+from zacoustic.island.goals import ActionKey, every_key
 from zacoustic.island.queries import HeldQuery, QueryDesk, Serve
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
@@ -29,6 +32,7 @@ from zacoustic.runtime import LinkRunner
 FORWARD: Final = "forward"
 DELIVER: Final = "deliver"
 PROXY: Final = "proxy"
+ATTEND: Final = "attend"
 
 Entity: TypeAlias = "zenoh.Subscriber[None] | zenoh.Queryable[None]"
 """What is declared for one job on one stream."""
@@ -43,6 +47,7 @@ class Routes:
         siblings: Which jobs are ours.
         topics: Takes samples, answers a `get` on a topic.
         services: Takes calls.
+        actions: Takes goals, and feedback.
         desk: Takes queries from Zenoh's threads.
         runner: Gives calls to the engine.
     """
@@ -55,6 +60,7 @@ class Routes:
         *,
         topics: Topics,
         services: Services,
+        actions: Actions,
         desk: QueryDesk,
         runner: LinkRunner,
     ) -> None:
@@ -65,6 +71,7 @@ class Routes:
         self._siblings = siblings
         self._topics = topics
         self._services = services
+        self._actions = actions
         self._desk = desk
         self._runner = runner
         # Of the worker alone.
@@ -79,6 +86,7 @@ class Routes:
                 (FORWARD, self._siblings.forwards(stream)),
                 (DELIVER, self._siblings.delivers(stream)),
                 (PROXY, self._siblings.proxies(stream)),
+                (ATTEND, self._siblings.attends(stream)),
             )
             if is_ours
         )
@@ -104,10 +112,16 @@ class Routes:
                 self._island.callback(partial(self._topics.post, stream_id)),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
+        elif job == ATTEND:
+            entity = session.declare_subscriber(
+                zenoh.KeyExpr(ActionKey.FEEDBACK.of(stream.name)),
+                self._island.callback(self._actions.ear(stream_id)),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
         else:
-            serve = self._answer(stream_id) if job == DELIVER else self._call(stream_id)
+            key, serve = self._served(job, stream)
             entity = session.declare_queryable(
-                zenoh.KeyExpr(self._asked(stream) if job == DELIVER else stream.name),
+                zenoh.KeyExpr(key),
                 self._island.callback(partial(self._desk.admit, serve)),
                 complete=job == PROXY,
                 allowed_origin=zenoh.Locality.REMOTE,
@@ -118,6 +132,15 @@ class Routes:
         entity = self._declared.pop(key, None)
         if entity is not None:
             entity.undeclare()  # type: ignore[no-untyped-call]
+
+    def _served(self, job: str, stream: Stream) -> tuple[str, Serve]:
+        """Return the key of a queryable, and who answers there."""
+        stream_id = stream.stream_id
+        if job == DELIVER:
+            return self._asked(stream), self._answer(stream_id)
+        if isinstance(stream.spec, ActionSpec):
+            return every_key(stream.name), partial(self._actions.ask, stream_id)
+        return stream.name, self._call(stream_id)
 
     def _asked(self, stream: Stream) -> str:
         """Return the key expression of what comes from beyond the water."""

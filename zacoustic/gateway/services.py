@@ -5,13 +5,16 @@ stream's deadline; then it is answered or refused, never left silent. Zenoh does
 the caller waits: 10 s unless it says otherwise, which on sound is short.
 
 A call from the water becomes a `get` on the island. The first good reply is the answer; if there is
-none, the first error; if there is nothing at all, nobody serves.
+none, the first error. If there is nothing at all, then nobody serves; but if somebody was there
+when it was asked, that one has ended without an answer, and what it has done is unknown.
 """
 
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Final
+from typing import Any, Final
+
+import zenoh
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.engine import Engine
@@ -35,7 +38,11 @@ from zacoustic.island.session import Island
 _LEAST_LIMIT_S: Final = 0.001
 
 # What a server on the island can say of itself; anything else is text of its handler.
-_SAID_BY_SERVERS: Final = (CallFailure.NO_SERVER, CallFailure.BAD_REQUEST)
+_SAID_BY_SERVERS: Final = (
+    CallFailure.NO_SERVER,
+    CallFailure.BAD_REQUEST,
+    CallFailure.UNKNOWN,
+)
 
 
 class Services:
@@ -65,8 +72,18 @@ class Services:
         self._ring = ring
         # Own calls: call id → who waits, and in which encoding.
         self._calls: dict[int, tuple[HeldQuery, str]] = {}
-        self._asked: dict[Question, CallKey] = {}
+        # Questions to the island: who asks, and whether a server was there.
+        self._asked: dict[Question, tuple[CallKey, bool]] = {}
+        self._watched: dict[int, Any] = {}
         self._settled: deque[Question] = deque()
+
+    def watch(self, address: int) -> None:
+        """Watch whether the servers of this node's services are there; in the worker."""
+        for stream in self._table:
+            if isinstance(stream.spec, ServiceSpec) and stream.spec.server == address:
+                self._watched[stream.stream_id] = self._island.session.declare_querier(
+                    zenoh.KeyExpr(stream.name), allowed_destination=zenoh.Locality.REMOTE
+                )
 
     def call(self, held: HeldQuery, stream_id: int, engine: Engine, now: int) -> None:
         """Bring a call of the island to the water."""
@@ -119,7 +136,9 @@ class Services:
         payload, encoding = to_island(event.value, stream.type, stream.encoding, stream.encoding)
         left_s = ns_to_seconds(event.deadline_at - self._clock())
         question = Question(stream.name, self._settle)
-        self._asked[question] = event.call
+        watched = self._watched.get(stream.stream_id)
+        is_there = watched is not None and bool(watched.matching_status.matching)
+        self._asked[question] = event.call, is_there
         self._island.worker.submit(
             partial(
                 question.ask,
@@ -128,7 +147,7 @@ class Services:
                 encoding=encoding,
                 priority=stream.qos.priority,
                 timeout_s=max(left_s, _LEAST_LIMIT_S),
-                attachment=Marker(acoustic=event.call.client).encode(),
+                attachment=Marker(acoustic=event.call.client, call=str(event.call)).encode(),
             )
         )
 
@@ -136,9 +155,10 @@ class Services:
         """Bring the answers of the island to the water."""
         while self._settled:
             question = self._settled.popleft()
-            call = self._asked.pop(question, None)
-            if call is not None:
-                self._answer(engine, call, question, now)
+            asked = self._asked.pop(question, None)
+            if asked is not None:
+                call, was_there = asked
+                self._answer(engine, call, question, now, was_there=was_there)
 
     def close(self) -> None:
         """Stop to ask the island."""
@@ -151,10 +171,13 @@ class Services:
         self._settled.append(question)
         self._ring()
 
-    def _answer(self, engine: Engine, call: CallKey, question: Question, now: int) -> None:
+    def _answer(
+        self, engine: Engine, call: CallKey, question: Question, now: int, *, was_there: bool
+    ) -> None:
         stream = self._table.by_id(call.stream_id)
         if question.good is None:
-            failure, text = question.error or (CallFailure.NO_SERVER, "")
+            ended = CallFailure.UNKNOWN if was_there else CallFailure.NO_SERVER
+            failure, text = question.error or (ended, "")
             said = failure if failure in _SAID_BY_SERVERS else CallFailure.HANDLER
             engine.reply_error(call, said, text, now)
             return

@@ -11,8 +11,10 @@ forward     samples of the island to the water                       the lowest 
                                                                      publish the stream
 deliver     samples from the water to the island, last values        the lowest of those that may
                                                                      subscribe to it
-proxy       calls of the island to a server beyond the water         the lowest
+proxy       calls and goals of the island for a server beyond the    the lowest
+            water
 serve       calls from the water                                     the stream's server
+attend      goals from the water, feedback and results for it        the stream's server
 ==========  =======================================================  ===============================
 
 Two exceptions. A topic with ``{node}`` in its name has keys of its own for each gateway: each
@@ -27,7 +29,7 @@ stands by.
 from typing import Final
 
 from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
 
 # The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
 RETIRED_S: Final = 10.0
@@ -89,10 +91,14 @@ class Siblings:
         return self.address == min(each for each in self._alive if stream.may_subscribe(each))
 
     def proxies(self, stream: Stream) -> bool:
-        """Tell whether this gateway takes calls on the island for a server beyond the water."""
-        if not isinstance(stream.spec, ServiceSpec):
+        """Tell whether this gateway takes calls, or goals, for a server beyond the water."""
+        if not isinstance(stream.spec, ServiceSpec | ActionSpec):
             return False
         return stream.spec.server not in self._alive and self.address == min(self._alive)
+
+    def attends(self, stream: Stream) -> bool:
+        """Tell whether goals from the water are for the island of this gateway."""
+        return isinstance(stream.spec, ActionSpec) and stream.spec.server == self.address
 
     def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:
         """Return the nodes beyond the water that may publish a topic; None: any."""

@@ -5,12 +5,13 @@ Nothing in a Zenoh sample tells who published it, so the gateway says it in the 
 map::
 
     {"acoustic": 2, "age_s": 1.3}
+    {"acoustic": 2, "call": "2/17/20/5"}
 
 `acoustic` is always there and comes first: the acoustic address of the node that published the
 sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: how old
 the sample was when its frame was composed, and for an answer to a `get` also how long it has been
-kept; infinity means over an hour. Everything with this mark stays on its island. An attachment
-that an application sets does not cross the water.
+kept; infinity means over an hour. `call` is there on calls: the call id. Everything with this mark
+stays on its island. An attachment that an application sets does not cross the water.
 """
 
 from typing import Final
@@ -32,12 +33,16 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
     """Acoustic address that it came from, 1…254."""
     age_s: float | None = None
     """Age, s, ≥ 0; infinity: over an hour; None: not known."""
+    call: str | None = None
+    """Call id of a call: a text of `CallKey`."""
 
     def encode(self) -> bytes:
         """Return the attachment."""
-        content: dict[str, int | float] = {"acoustic": self.acoustic}
+        content: dict[str, int | float | str] = {"acoustic": self.acoustic}
         if self.age_s is not None:
             content["age_s"] = self.age_s
+        if self.call is not None:
+            content["call"] = self.call
         return cbor2.dumps(content)
 
 

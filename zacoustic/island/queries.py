@@ -131,9 +131,12 @@ class QueryDesk:
         with self._guard:
             self._is_closed = True
             held = list(self._held)
+            waiting = {each for each, _ in self._waiting}
             self._waiting.clear()
         for each in held:
-            each.refuse(CallFailure.NO_SERVER, self._closed_text)
+            # What somebody has begun to serve may have had its effect.
+            failure = CallFailure.NO_SERVER if each in waiting else CallFailure.UNKNOWN
+            each.refuse(failure, self._closed_text)
 
     def __len__(self) -> int:
         with self._guard:

@@ -20,6 +20,7 @@ REASONS: Final = {
     CallFailure.BAD_RESPONSE: "the response does not decode",
     CallFailure.TIMED_OUT: "no answer before the deadline",
     CallFailure.CANCELLED: "given up",
+    CallFailure.UNKNOWN: "the server ended without an answer",
 }
 """Text where the other end sent none, which costs no airtime."""
 

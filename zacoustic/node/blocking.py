@@ -9,7 +9,7 @@ raises `LocalError` there. From other threads everything may be called.
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar, overload
+from typing import Any, Self, TypeVar, cast, overload
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
@@ -18,18 +18,48 @@ from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.errors import LocalError
 from zacoustic.journal import Journal
 from zacoustic.link import Link
+from zacoustic.node import action, service
 from zacoustic.node import node as asynchronous
-from zacoustic.node import service
+from zacoustic.node.action import ActionType
 from zacoustic.node.carrier import NodeEvent
 from zacoustic.node.endpoints import Fields, Request, Response, Value
 from zacoustic.node.loopthread import LoopThread
 from zacoustic.node.pubsub import Sample
 from zacoustic.node.service import CallContext, ServiceType
-from zacoustic.node.waiting import Client, Publisher, Service, Subscription, next_or_none
+from zacoustic.node.waiting import (
+    Client,
+    Delivery,
+    Publisher,
+    Service,
+    Subscription,
+    next_or_none,
+)
+from zacoustic.node.waitingactions import (
+    ActionClient,
+    ActionServer,
+    Execute,
+    GoalHandle,
+    ServerGoalHandle,
+    in_thread,
+)
 
-__all__ = ["Client", "Node", "Publisher", "Service", "Subscription"]
+__all__ = [
+    "ActionClient",
+    "ActionServer",
+    "Client",
+    "Delivery",
+    "GoalHandle",
+    "Node",
+    "Publisher",
+    "ServerGoalHandle",
+    "Service",
+    "Subscription",
+]
 
 T = TypeVar("T")
+Goal = TypeVar("Goal")
+Feedback = TypeVar("Feedback")
+Result = TypeVar("Result")
 Asked = TypeVar("Asked")
 Answered = TypeVar("Answered")
 
@@ -294,6 +324,58 @@ class Node:
             )
         )
         return Service(made, thread)
+
+    def create_action_client(
+        self,
+        action_type: ActionType[Goal, Feedback, Result] | tuple[Any, Any, Any],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> ActionClient[Goal, Feedback, Result]:
+        """Make a client that sends goals; see `zacoustic.Node.create_action_client`."""
+        thread = self._running()
+        made: action.ActionClient[Any, Any, Any] = thread.wait(
+            _made(
+                lambda: self._node.create_action_client(
+                    cast("Any", action_type), name, qos, stream_id=stream_id, server=server
+                )
+            )
+        )
+        return ActionClient(made, thread)
+
+    def create_action_server(
+        self,
+        action_type: ActionType[Goal, Feedback, Result] | tuple[Any, Any, Any],
+        name: str,
+        execute_callback: Execute[Goal, Feedback, Result],
+        qos: Qos | None = None,
+        *,
+        goal_callback: Callable[[Goal], bool] | None = None,
+        cancel_callback: Callable[[Any], bool] | None = None,
+        stream_id: int | None = None,
+    ) -> ActionServer[Goal, Feedback, Result]:
+        """Serve an action; `execute_callback` runs in a thread of its own for each goal.
+
+        The other callbacks run in the thread of the loop. See
+        `zacoustic.Node.create_action_server`.
+        """
+        thread = self._running()
+        made: action.ActionServer[Any, Any, Any] = thread.wait(
+            _made(
+                lambda: self._node.create_action_server(
+                    cast("Any", action_type),
+                    name,
+                    in_thread(execute_callback, thread),
+                    qos,
+                    goal_callback=goal_callback,
+                    cancel_callback=cancel_callback,
+                    stream_id=stream_id,
+                )
+            )
+        )
+        return ActionServer(made, thread)
 
     def events(self) -> Iterator[NodeEvent]:
         """Iterate over what happens beside samples and calls; see `zacoustic.Node.events`."""

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    DeliveryEnded,
     JournalStateChanged,
     LinkStateChanged,
     PeerSeen,
@@ -25,14 +26,23 @@ from zacoustic.core.streams import Stream, StreamSpec
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,
+    OutcomeUnknownError,
     RangeUnavailableError,
     ServiceError,
     ZacousticError,
 )
+from zacoustic.node.delivery import Delivery
+from zacoustic.node.goals import GoalCarrier
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 
 NodeEvent = (
-    LinkStateChanged | JournalStateChanged | PeerSeen | StreamsDiffer | PeerMeasured | ModemRead
+    LinkStateChanged
+    | JournalStateChanged
+    | PeerSeen
+    | StreamsDiffer
+    | PeerMeasured
+    | ModemRead
+    | DeliveryEnded
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
@@ -68,6 +78,8 @@ class IncomingCall(Protocol):
     """The request, a dict or bytes."""
     client: int | None
     """Acoustic address of the caller; None: it is on this island."""
+    call_id: str | None
+    """Call id; None: the caller is on this island."""
     deadline_at: int
     """Instant after which an answer is worthless, ns."""
 
@@ -87,15 +99,18 @@ class IncomingCall(Protocol):
 class Outlet(Protocol):
     """Where one publisher puts its samples."""
 
-    def put(self, value: object, encoding: str | None) -> None:
+    def put(self, value: object, encoding: str | None) -> Delivery | None:
         """Send a value; returns at once; may be called from any thread.
+
+        Returns:
+            What becomes of it, on a reliable topic, and where the carrier is told.
 
         Raises:
             LocalError: The value cannot be sent, or a bounded queue is full.
         """
         ...
 
-    def delete(self) -> None:
+    def delete(self) -> Delivery | None:
         """Say that the key is deleted; as `put`."""
         ...
 
@@ -123,6 +138,11 @@ class Carrier(Protocol):
 
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
+        ...
+
+    @property
+    def goals(self) -> GoalCarrier:
+        """What carries the goals of actions."""
         ...
 
     async def open(self) -> None:
@@ -183,7 +203,14 @@ _HINTS: Final = {
     CallFailure.NO_SERVER: "start the program that serves it",
     CallFailure.TABLE_MISMATCH: "compare both configs: zacoustic check FILE",
     CallFailure.TIMED_OUT: "whether the service ran is unknown",
+    CallFailure.UNKNOWN: "whether it has done its work is unknown",
 }
+
+_KINDS: Final = {
+    CallFailure.TIMED_OUT: CallTimeoutError,
+    CallFailure.UNKNOWN: OutcomeUnknownError,
+}
+_REASONS: Final = {CallFailure.UNKNOWN: "the server ended without an answer"}
 
 
 def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
@@ -191,12 +218,13 @@ def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
 
     Returns:
         `ServiceError` when the handler failed, with its own text; `CallTimeoutError` when nothing
-        came in time; `DeliveryError` for everything between the two.
+        came in time; `OutcomeUnknownError` when the server ended without one; `DeliveryError` for
+        everything between them.
     """
     if failure is CallFailure.HANDLER:
         return ServiceError(text or "the handler failed without a word")
-    kind = CallTimeoutError if failure is CallFailure.TIMED_OUT else DeliveryError
-    reason = text or failure.name.lower().replace("_", " ")
+    kind = _KINDS.get(failure, DeliveryError)
+    reason = text or _REASONS.get(failure) or failure.name.lower().replace("_", " ")
     return kind(f"{name}: {reason}", hint=_HINTS.get(failure, ""))
 
 

@@ -1,6 +1,6 @@
 """From what an application names to where it goes: streams, keys, forms.
 
-An endpoint names a topic or a service in one of three ways, tried in this order:
+An endpoint names a topic, a service or an action in one of three ways, tried in this order:
 
 1. as the configuration does (``fleet/{node}/status``), or by one key of it (``fleet/auv1/status``);
 2. on a link, with a stream id: then the stream is added to the table from what the code says;
@@ -14,19 +14,34 @@ from typing import Any
 import msgspec
 
 from zacoustic.core.keys import Instance
-from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.qos import Qos, Reliability
+from zacoustic.core.streams import (
+    ActionSpec,
+    ServiceSpec,
+    Stream,
+    StreamSpec,
+    StreamTable,
+    TopicSpec,
+)
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
+from zacoustic.node.agreement import PARTS, kind_of, pair_of, triple_of, tune
 from zacoustic.node.carrier import Carrier
 from zacoustic.node.form import Form, configured_form, free_form
 from zacoustic.node.identity import Identity
 from zacoustic.node.pubsub import DEFAULT_DEPTH
-from zacoustic.node.routes import ServiceRoute, TopicRoute, free_service, free_topic
+from zacoustic.node.routes import (
+    ActionRoute,
+    ServiceRoute,
+    TopicRoute,
+    free_action,
+    free_service,
+    free_topic,
+)
 
 
 class Catalogue:
-    """The topics and services of one node.
+    """The topics, services and actions of one node.
 
     Args:
         identity: Who the node is.
@@ -70,7 +85,7 @@ class Catalogue:
                 f"{self._who()} is not a publisher of {stream.name}; "
                 f"publishers: {_addresses(stream.spec, 'publishers')}"
             )
-        _tune(stream, qos)
+        tune(stream, qos)
         key, instance = self._own_key(stream, name, address)
         return TopicRoute(
             name=name,
@@ -126,11 +141,7 @@ class Catalogue:
             ConfigError, LocalError: The name, the types or the id do not fit the node's streams.
         """
         route = self._service(service_type, name, qos, stream_id=stream_id, server=server)
-        known = _server_of(route.stream)
-        if server is not None and known not in (None, server):
-            raise ConfigError(f"{name}: server: {server}; allowed: {known}, as it is configured")
-        if known is not None and known == self._identity.address and self._carrier.can_declare:
-            raise LocalError(f"{name} is served by this node, {known}: it cannot call itself")
+        self._check_server(name, route.stream, server)
         return route
 
     def server(
@@ -143,6 +154,39 @@ class Catalogue:
         """
         own = self._identity.address
         route = self._service(service_type, name, qos, stream_id=stream_id, server=own)
+        known = _server_of(route.stream)
+        if known not in (None, own):
+            raise LocalError(f"{name} is served by node {known}; this is {self._who()}")
+        return route
+
+    def action_client(
+        self,
+        action_type: object,
+        name: str,
+        qos: Qos | None,
+        *,
+        stream_id: int | None,
+        server: int | None,
+    ) -> ActionRoute[Any, Any, Any]:
+        """Find where goals go.
+
+        Raises:
+            ConfigError, LocalError: The name, the types or the id do not fit the node's streams.
+        """
+        route = self._action(action_type, name, qos, stream_id=stream_id, server=server)
+        self._check_server(name, route.stream, server)
+        return route
+
+    def action_server(
+        self, action_type: object, name: str, qos: Qos | None, *, stream_id: int | None
+    ) -> ActionRoute[Any, Any, Any]:
+        """Find which goals an action server pursues.
+
+        Raises:
+            ConfigError, LocalError: As for `action_client`, or another node is the server.
+        """
+        own = self._identity.address
+        route = self._action(action_type, name, qos, stream_id=stream_id, server=own)
         known = _server_of(route.stream)
         if known not in (None, own):
             raise LocalError(f"{name} is served by node {known}; this is {self._who()}")
@@ -177,12 +221,17 @@ class Catalogue:
         found = self._find(name, stream_id)
         if found is not None:
             if not isinstance(found[0].spec, TopicSpec):
-                raise LocalError(f"{found[0].name} is a service, not a topic")
+                raise LocalError(f"{found[0].name} is {kind_of(found[0])}, not a topic")
             return found
         if not self._must_declare(name, stream_id):
             return None, None
         assert stream_id is not None
         form = free_form(sample_type, where=name)
+        if qos is not None and qos.reliability is Reliability.RELIABLE and not self._table.nodes:
+            raise ConfigError(
+                f"{name}: reliability: reliable, and nobody is known to acknowledge",
+                hint="give config=FILE that lists the nodes",
+            )
         spec = TopicSpec(
             stream_id=stream_id, name=name, type_name=self._type_name(form), qos=qos or Qos()
         )
@@ -197,7 +246,7 @@ class Catalogue:
         stream_id: int | None,
         server: int | None,
     ) -> ServiceRoute[Any, Any]:
-        request_type, response_type = _pair(service_type, name)
+        request_type, response_type = pair_of(service_type, name)
         found = self._find(name, stream_id)
         if found is None and self._must_declare(name, stream_id):
             if server is None:
@@ -218,8 +267,8 @@ class Catalogue:
         stream = found[0]
         spec_found = stream.spec
         if not isinstance(spec_found, ServiceSpec):
-            raise LocalError(f"{stream.name} is a topic, not a service")
-        _tune(stream, qos)
+            raise LocalError(f"{stream.name} is {kind_of(stream)}, not a service")
+        tune(stream, qos)
         return ServiceRoute(
             name=name,
             stream=stream,
@@ -231,6 +280,65 @@ class Catalogue:
             timeout_s=spec_found.timeout_s,
             qos=stream.qos,
         )
+
+    def _action(
+        self,
+        action_type: object,
+        name: str,
+        qos: Qos | None,
+        *,
+        stream_id: int | None,
+        server: int | None,
+    ) -> ActionRoute[Any, Any, Any]:
+        types = triple_of(action_type, name)
+        found = self._find(name, stream_id)
+        if found is None and self._must_declare(name, stream_id):
+            if server is None:
+                raise ConfigError(f"{name}: no server is given", hint="give server=ADDRESS")
+            assert stream_id is not None
+            goal, feedback, result = (
+                self._type_name(free_form(each, where=f"{name}: {part}"))
+                for each, part in zip(types, PARTS, strict=True)
+            )
+            spec = ActionSpec(
+                stream_id=stream_id,
+                name=name,
+                server=server,
+                goal_type=goal,
+                feedback_type=feedback,
+                result_type=result,
+            )
+            found = self._carrier.declare(spec), None
+        if found is None:
+            return free_action(types, name, qos or Qos())
+        stream = found[0]
+        if not isinstance(stream.spec, ActionSpec):
+            raise LocalError(f"{stream.name} is {kind_of(stream)}, not an action")
+        tune(stream, qos)
+        specs = (stream.type, stream.feedback_type, stream.response_type)
+        goal_form, feedback_form, result_form = (
+            configured_form(each, known, where=f"{name}: {part}")
+            for each, known, part in zip(types, specs, PARTS, strict=True)
+        )
+        return ActionRoute(
+            name=name,
+            stream=stream,
+            goal=goal_form,
+            feedback=feedback_form,
+            result=result_form,
+            encoding=stream.encoding,
+            timeout_s=stream.spec.timeout_s,
+            result_timeout_s=stream.spec.result_timeout_s,
+            qos=stream.qos,
+        )
+
+    def _check_server(self, name: str, stream: Stream | None, server: int | None) -> None:
+        """Check that a client and its server are two nodes, and that all agree who serves."""
+        known = _server_of(stream)
+        if server is not None and known not in (None, server):
+            raise ConfigError(f"{name}: server: {server}; allowed: {known}, as it is configured")
+        if known is not None and known == self._identity.address and self._carrier.can_declare:
+            raise LocalError(f"{name} is served by this node, {known}: it cannot call itself")
 
     def _find(self, name: str, stream_id: int | None) -> tuple[Stream, str | None] | None:
         """Find a stream by its name or by one of its keys, and the key if it is one."""
@@ -314,29 +422,6 @@ class Catalogue:
         return f"node {identity.address} ({identity.name})" if known else f"node {identity.name}"
 
 
-def _pair(service_type: object, name: str) -> tuple[object, object]:
-    if isinstance(service_type, tuple) and len(service_type) == 2:
-        return service_type
-    request, response = (getattr(service_type, part, None) for part in ("Request", "Response"))
-    if request is None or response is None:
-        raise ConfigError(
-            f"{name}: {service_type!r}; allowed: a class with Request and Response, or a pair"
-        )
-    return request, response
-
-
-def _tune(stream: Stream, qos: Qos | None) -> None:
-    """Let the code say how this node's payloads wait; what both ends must agree on stays."""
-    if qos is None:
-        return
-    if qos.stamp not in (Stamp.NONE, stream.qos.stamp):
-        raise ConfigError(
-            f"{stream.name}: stamp: {qos.stamp.value}; allowed: {stream.qos.stamp.value}, "
-            "as it is defined: both ends must agree on it"
-        )
-    stream.qos = msgspec.structs.replace(qos, stamp=stream.qos.stamp)
-
-
 def _has_placeholders(stream: Stream) -> bool:
     return stream.keys.is_named_by_node or bool(stream.keys.wildcards)
 
@@ -347,4 +432,4 @@ def _addresses(spec: StreamSpec, which: str) -> str:
 
 def _server_of(stream: Stream | None) -> int | None:
     spec = stream.spec if stream is not None else None
-    return spec.server if isinstance(spec, ServiceSpec) else None
+    return spec.server if isinstance(spec, ServiceSpec | ActionSpec) else None

@@ -1,4 +1,4 @@
-"""What a node makes: publishers and subscriptions, clients and services."""
+"""What a node makes: publishers and subscriptions, clients and services, actions."""
 
 import asyncio
 from collections.abc import Coroutine
@@ -8,6 +8,14 @@ import msgspec
 
 from zacoustic.core.qos import Qos
 from zacoustic.errors import LocalError
+from zacoustic.node.action import (
+    ActionClient,
+    ActionServer,
+    ActionType,
+    Decide,
+    DecideCancel,
+    Execute,
+)
 from zacoustic.node.carrier import Carrier
 from zacoustic.node.catalogue import Catalogue
 from zacoustic.node.pubsub import Publisher, SampleCallback, Subscription
@@ -16,6 +24,9 @@ from zacoustic.node.service import Client, Handler, Service, ServiceType
 Value = TypeVar("Value", bound=msgspec.Struct | bytes)
 Request = TypeVar("Request", bound=msgspec.Struct | bytes)
 Response = TypeVar("Response", bound=msgspec.Struct | bytes)
+Goal = TypeVar("Goal", bound=msgspec.Struct | bytes)
+Feedback = TypeVar("Feedback", bound=msgspec.Struct | bytes)
+Result = TypeVar("Result", bound=msgspec.Struct | bytes)
 Fields = dict[str, Any]
 """A value whose type is named, not given as a class: field names to values."""
 
@@ -243,6 +254,123 @@ class EndpointMaker:
         carrier, catalogue = self._opened(), self._known()
         route = catalogue.server(service_type, name, qos, stream_id=stream_id)
         return Service(route, handler, carrier, self._spawn)
+
+    # Actions
+
+    @overload
+    def create_action_client(
+        self,
+        action_type: ActionType[Goal, Feedback, Result]
+        | tuple[type[Goal], type[Feedback], type[Result]],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> ActionClient[Goal, Feedback, Result]: ...
+    @overload
+    def create_action_client(
+        self,
+        action_type: tuple[type[Any] | str, type[Any] | str, type[Any] | str],
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> ActionClient[Any, Any, Any]: ...
+    def create_action_client(
+        self,
+        action_type: Any,
+        name: str,
+        qos: Qos | None = None,
+        *,
+        stream_id: int | None = None,
+        server: int | None = None,
+    ) -> ActionClient[Any, Any, Any]:
+        """Make a client that sends goals.
+
+        Args:
+            action_type: A class with the classes `Goal`, `Feedback` and `Result` in it, or the
+                three of them; each as the `sample_type` of a publisher.
+            name: The action.
+            qos: Priority and linger of its goals; None: as the configuration says.
+            stream_id: Direct mode: adds the action under this id, 1…175, the same on all nodes.
+            server: With `stream_id`: address of the node that serves.
+
+        Raises:
+            ConfigError: What the code says and the configuration do not agree.
+            LocalError: No such action, this node is the server, or the node is not open.
+        """
+        carrier, catalogue = self._opened(), self._known()
+        route = catalogue.action_client(action_type, name, qos, stream_id=stream_id, server=server)
+        return ActionClient(route, carrier, self._spawn)
+
+    @overload
+    def create_action_server(
+        self,
+        action_type: ActionType[Goal, Feedback, Result]
+        | tuple[type[Goal], type[Feedback], type[Result]],
+        name: str,
+        execute_callback: Execute[Goal, Feedback, Result],
+        qos: Qos | None = None,
+        *,
+        goal_callback: Decide[Goal] | None = None,
+        cancel_callback: DecideCancel[Goal, Feedback, Result] | None = None,
+        stream_id: int | None = None,
+    ) -> ActionServer[Goal, Feedback, Result]: ...
+    @overload
+    def create_action_server(
+        self,
+        action_type: tuple[type[Any] | str, type[Any] | str, type[Any] | str],
+        name: str,
+        execute_callback: Execute[Any, Any, Any],
+        qos: Qos | None = None,
+        *,
+        goal_callback: Decide[Any] | None = None,
+        cancel_callback: DecideCancel[Any, Any, Any] | None = None,
+        stream_id: int | None = None,
+    ) -> ActionServer[Any, Any, Any]: ...
+    def create_action_server(
+        self,
+        action_type: Any,
+        name: str,
+        execute_callback: Execute[Any, Any, Any],
+        qos: Qos | None = None,
+        *,
+        goal_callback: Decide[Any] | None = None,
+        cancel_callback: DecideCancel[Any, Any, Any] | None = None,
+        stream_id: int | None = None,
+    ) -> ActionServer[Any, Any, Any]:
+        """Serve an action.
+
+        Args:
+            action_type: As for `create_action_client`.
+            name: The action.
+            execute_callback: Pursues a goal, in a task of its own: a coroutine function that takes
+                a `ServerGoalHandle`, says there how the goal ended, and returns the result.
+            qos: Priority and linger of feedback and results; None: as the configuration says.
+            goal_callback: Takes the goal and tells whether it is accepted, at once; None: all are.
+                What it raises rejects the goal, with its text.
+            cancel_callback: Takes the `ServerGoalHandle` and tells whether the goal may be
+                cancelled, at once; None: always. `is_cancel_requested` then tells the callback
+                that pursues it.
+            stream_id: As for `create_action_client`.
+
+        Raises:
+            ConfigError: What the code says and the configuration do not agree.
+            LocalError: No such action, another node is the server, it is served here already, or
+                the node is not open.
+        """
+        carrier, catalogue = self._opened(), self._known()
+        route = catalogue.action_server(action_type, name, qos, stream_id=stream_id)
+        return ActionServer(
+            route,
+            execute_callback,
+            carrier,
+            self._spawn,
+            goal_callback=goal_callback,
+            cancel_callback=cancel_callback,
+        )
 
     def _opened(self) -> Carrier:
         if self._carrier is None:

@@ -8,6 +8,7 @@ from typing import Final, Self
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.errors import ConfigError, LocalError
@@ -157,8 +158,9 @@ class Node(EndpointMaker):
 
         The link goes up or down; the journal cannot be written, or can be again; a peer is seen,
         or restarts; a peer defines a stream in another way; the modem has measured something of a
-        peer (`PeerMeasured`), or says something of itself (`ModemRead`). On Zenoh only the first:
-        the connection to the router. Ends with the node.
+        peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample that this node
+        has published in a former life has ended (`DeliveryEnded`). On Zenoh only the first: the
+        connection to the router. Ends with the node.
         """
         return self._events.read()
 
@@ -196,6 +198,7 @@ class Node(EndpointMaker):
             return ZenohCarrier(config, self._connect, report=self._events.add)
         from zacoustic import registry
         from zacoustic.node.onlink import LinkCarrier
+        from zacoustic.permitlog import open_permit_log
 
         if self._connect is not None:
             raise ConfigError("connect is given beside link; allowed: one of the two")
@@ -218,6 +221,8 @@ class Node(EndpointMaker):
                 journal=journal,
                 state=state,
                 ranges={} if config is None else config.ranges_to(),
+                rules=TransmitRules() if config is None else config.rules,
+                permit_log=None if config is None else open_permit_log(config.permit_log),
                 report=self._events.add,
                 fail=self._fail,
             )

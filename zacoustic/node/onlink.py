@@ -10,11 +10,14 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.encoding import OPAQUE
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
     CallFailure,
+    DeliveryEnded,
+    DeliveryStored,
     Event,
     JournalStateChanged,
     LinkStateChanged,
@@ -26,7 +29,9 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
+from zacoustic.core.qos import Reliability
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec, StreamTable
 from zacoustic.core.trace import TraceRecord
@@ -41,7 +46,10 @@ from zacoustic.node.carrier import (
     call_error,
     range_error,
 )
+from zacoustic.node.delivery import Deliveries, Delivery
+from zacoustic.node.goalsonlink import LinkGoals
 from zacoustic.node.routes import ServiceRoute, TopicRoute
+from zacoustic.permitlog import PermitLog
 from zacoustic.runtime import LinkRunner
 
 _logger = logging.getLogger(__name__)
@@ -57,6 +65,8 @@ class LinkCarrier:
         journal: Where it keeps what its next life has to know; None: nowhere.
         state: What was kept for this life.
         ranges: Nodes to which the range is measured again and again, each with its period, s.
+        rules: When, and how much, the node may transmit.
+        permit_log: Takes each emission, or None; closed with the carrier.
         report: Takes the events that concern no stream of the application.
         fail: Takes the error that has stopped the engine.
     """
@@ -72,6 +82,8 @@ class LinkCarrier:
         journal: Journal | None,
         state: JournalState,
         ranges: Mapping[int, float],
+        rules: TransmitRules,
+        permit_log: PermitLog | None,
         report: Callable[[NodeEvent], None],
         fail: Callable[[Exception], None],
     ) -> None:
@@ -84,9 +96,18 @@ class LinkCarrier:
             epoch=state.boot_epoch,
             rng=random.Random(random.SystemRandom().getrandbits(64)),
             stored=state.entries,
+            rules=rules,
             trace=self._trace,
         )
-        self._runner = LinkRunner(self._engine, link, self._deliver, journal=journal)
+        self._runner = LinkRunner(
+            self._engine,
+            link,
+            self._deliver,
+            journal=journal,
+            wall_clock=time.time_ns,
+            clock_error_s=rules.clock_error_s,
+            permit_log=permit_log,
+        )
         self._thread = threading.get_ident()
         self._progress = asyncio.Event()
         self._watch: asyncio.Task[None] | None = None
@@ -94,7 +115,9 @@ class LinkCarrier:
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
         self._calls: dict[int, asyncio.Future[object]] = {}
         self._ranges: dict[int, asyncio.Future[Range]] = {}
+        self._deliveries = Deliveries()
         self._schedule = ranges
+        self.goals = LinkGoals(self._runner, table)
 
     @property
     def stats(self) -> EngineStats:
@@ -130,7 +153,7 @@ class LinkCarrier:
         await self._runner.close()
         if self._watch is not None:
             await asyncio.wait([self._watch])
-        self._end_calls(LinkClosedError("the node was closed"))
+        self._end_all(LinkClosedError("the node was closed"))
 
     async def range(self, address: int, timeout_s: float) -> Range:
         """Measure the range of another node; cancelling gives it up."""
@@ -212,30 +235,41 @@ class LinkCarrier:
 
     def publish(
         self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
-    ) -> None:
+    ) -> Delivery | None:
         """Queue a sample, from any thread."""
-        assert route.stream is not None
-        stream_id, instance = route.stream.stream_id, route.instance
+        stream, instance = route.stream, route.instance
+        assert stream is not None
         made_at = time.monotonic_ns()
+        delivery: Delivery | None = None
+        if stream.qos.reliability is Reliability.RELIABLE:
+            delivery = Delivery(route.key or route.name, is_journalled=stream.spec.journal)
 
         def put(engine: Engine, now: int) -> None:
-            engine.publish(
-                stream_id,
-                value,
-                now,
-                instance=instance,
-                encoding=encoding,
-                delete=delete,
-                queued_at=made_at,
-            )
+            try:
+                delivery_id = engine.publish(
+                    stream.stream_id,
+                    value,
+                    now,
+                    instance=instance,
+                    encoding=encoding,
+                    delete=delete,
+                    queued_at=made_at,
+                )
+            except LocalError as error:
+                if delivery is not None:
+                    delivery.fail(error)
+                raise
+            if delivery is not None:  # before the events of the engine are polled
+                self._deliveries.add(delivery_id, delivery)
 
         if threading.get_ident() == self._thread:
             self._runner.apply(put)
-            return
+            return delivery
         if not delete:
-            route.stream.codec.encode(value)  # raises here what the loop could only log
+            stream.codec.encode(value)  # raises here what the loop could only log
         if not self._runner.submit(put):
             raise QueueFullError(f"{route.name}: the loop of the node is far behind, or has ended")
+        return delivery
 
     def reply(self, request: RequestReceived, value: object) -> bool:
         """Answer a request."""
@@ -253,6 +287,9 @@ class LinkCarrier:
     # What the engine tells
 
     def _deliver(self, event: Event) -> None:
+        if isinstance(event, ActionEvent):
+            self.goals.deliver(event)
+            return
         match event:
             case SampleReceived():
                 self._deliver_sample(event)
@@ -272,15 +309,24 @@ class LinkCarrier:
                     stream.name if stream else "only there",
                 )  # fmt: skip
                 self._report(event)
+            case DeliveryStored():
+                self._deliveries.stored(event)
+            case DeliveryEnded():
+                if not self._deliveries.ended(event):  # of a former life
+                    self._report(event)
             case RangeMeasured():
                 found = self._ranges.pop(event.range_id, None)
                 if found is not None and not found.done():
                     found.set_result(event.range)
             case RangeFailed():
                 self._fail_range(event)
-            case LinkStateChanged() | JournalStateChanged() | PeerSeen():
-                self._report(event)
-            case PeerMeasured() | ModemRead():
+            case (
+                LinkStateChanged()
+                | JournalStateChanged()
+                | PeerSeen()
+                | PeerMeasured()
+                | ModemRead()
+            ):
                 self._report(event)
 
     def _deliver_sample(self, event: SampleReceived) -> None:
@@ -346,17 +392,19 @@ class LinkCarrier:
         except Exception as failure:
             error = LinkClosedError(f"the node has failed: {failure}")
             error.__cause__ = failure
-            self._end_calls(error)
+            self._end_all(error)
             self._progress.set()
             self._fail(error)
 
-    def _end_calls(self, error: Exception) -> None:
+    def _end_all(self, error: Exception) -> None:
         for call_id in tuple(self._calls):
             self._answer(call_id, error)
         for answer in self._ranges.values():
             if not answer.done():
                 answer.set_exception(error)
         self._ranges.clear()
+        self.goals.end_all(error)
+        self._deliveries.fail(error)
 
 
 def _repeat(address: int, every_s: float, engine: Engine, now: int) -> None:
@@ -373,11 +421,11 @@ class _LinkOutlet:
         self._carrier = carrier
         self._route = route
 
-    def put(self, value: object, encoding: str | None) -> None:
-        self._carrier.publish(self._route, value, encoding=encoding, delete=False)
+    def put(self, value: object, encoding: str | None) -> Delivery | None:
+        return self._carrier.publish(self._route, value, encoding=encoding, delete=False)
 
-    def delete(self) -> None:
-        self._carrier.publish(self._route, None, encoding=None, delete=True)
+    def delete(self) -> Delivery | None:
+        return self._carrier.publish(self._route, None, encoding=None, delete=True)
 
     def close(self) -> None:
         """Nothing to withdraw: a link knows no publishers."""
@@ -389,6 +437,7 @@ class _LinkCall:
     def __init__(self, carrier: LinkCarrier, event: RequestReceived) -> None:
         self.value: Any = event.value
         self.client: int | None = event.call.client
+        self.call_id: str | None = str(event.call)
         self.deadline_at = event.deadline_at
         self._carrier = carrier
         self._event = event

@@ -36,6 +36,8 @@ from zacoustic.island.session import Island, one_line, zenoh_priority
 from zacoustic.island.values import said_encoding
 from zacoustic.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
 from zacoustic.node.crossing import Crossing
+from zacoustic.node.delivery import Delivery
+from zacoustic.node.goalsonzenoh import ZenohGoals
 from zacoustic.node.queries import ServiceDesk
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.node.session import session_config
@@ -71,6 +73,7 @@ class ZenohCarrier:
         self._open_island: Island | None = None
         self._ends: dict[object, Callable[[], None]] = {}
         self._calls: set[asyncio.Future[object]] = set()
+        self.goals = ZenohGoals(lambda: self.island, self._keep)
 
     @property
     def stats(self) -> EngineStats:
@@ -111,6 +114,7 @@ class ZenohCarrier:
         """Close the session; callers whose calls are under way are told. May be called again."""
         if self._open_island is None:
             return
+        self.goals.close()
         for end in tuple(self._ends.values()):
             end()
         island, self._open_island = self._open_island, None
@@ -281,17 +285,19 @@ class _ZenohOutlet:
         self._stats = stats
         self._close = close
 
-    def put(self, value: object, encoding: str | None) -> None:
+    def put(self, value: object, encoding: str | None) -> Delivery | None:
         said = encoding or self._route.encoding
         payload = self._route.form.write(value, said)
         with zenoh_errors(self._route.name):
             self._publisher.put(payload, encoding=said)
         self._count()
+        return None  # what becomes of it beyond the gateway is known there
 
-    def delete(self) -> None:
+    def delete(self) -> Delivery | None:
         with zenoh_errors(self._route.name):
             self._publisher.delete()
         self._count()
+        return None
 
     def close(self) -> None:
         self._close()

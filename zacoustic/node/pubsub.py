@@ -10,6 +10,7 @@ import msgspec
 from zacoustic.core.linktypes import LinkMetrics
 from zacoustic.errors import LocalError
 from zacoustic.node.carrier import Carrier, Incoming, Outlet
+from zacoustic.node.delivery import Delivery
 from zacoustic.node.mailbox import Mailbox
 from zacoustic.node.routes import TopicRoute
 
@@ -72,7 +73,7 @@ class Publisher(Generic[T]):
         self._outlet = outlet
         self._is_closed = False
 
-    def publish(self, value: T, *, encoding: str | None = None) -> None:
+    def publish(self, value: T, *, encoding: str | None = None) -> Delivery | None:
         """Publish a value; never waits for the water.
 
         On a link it is queued by the stream's QoS: a newer sample may push it out, and it may
@@ -83,19 +84,24 @@ class Publisher(Generic[T]):
             value: As the publisher's type says.
             encoding: Zenoh encoding, where it is not the stream's.
 
+        Returns:
+            On a link, for a reliable topic: what becomes of it. None for a best-effort topic, of
+            which nobody learns that; and on Zenoh, where the gateway does (`@acoustic/…/streams`).
+
         Raises:
             PayloadInvalidError: The type does not allow the value.
             PayloadTooLargeError: It fits no frame of this link.
             QueueFullError: From another thread: the loop is far behind.
+            JournalUnavailableError: The topic is journalled, and the journal cannot be written.
             LocalError: The publisher is closed, or this node may not publish the topic.
         """
         self._check_open()
-        self._outlet.put(value, encoding)
+        return self._outlet.put(value, encoding)
 
-    def delete(self) -> None:
+    def delete(self) -> Delivery | None:
         """Tell the subscribers that the key is deleted; as `publish`."""
         self._check_open()
-        self._outlet.delete()
+        return self._outlet.delete()
 
     def close(self) -> None:
         """Withdraw the publisher. May be called again."""

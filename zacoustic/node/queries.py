@@ -67,6 +67,7 @@ class ZenohCall:
         marker = read_marker(held.query.attachment)
         self.value: Any = None
         self.client = marker.acoustic if marker is not None else None
+        self.call_id = marker.call if marker is not None else None
         self.deadline_at = time.monotonic_ns() + seconds_to_ns(route.timeout_s)
         self._held = held
         self._route = route

@@ -14,9 +14,15 @@ from zacoustic.node.form import Form, free_form
 FREE_TIMEOUT_S: Final = 60.0
 """Time that a call takes at most which no stream describes, s: as a stream's default."""
 
+FREE_RESULT_TIMEOUT_S: Final = 3600.0
+"""How long the result of a goal is kept that no stream describes, s: as a stream's default."""
+
 T = TypeVar("T")
 Request = TypeVar("Request")
 Response = TypeVar("Response")
+Goal = TypeVar("Goal")
+Feedback = TypeVar("Feedback")
+Result = TypeVar("Result")
 
 
 class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
@@ -59,6 +65,29 @@ class ServiceRoute(msgspec.Struct, Generic[Request, Response], frozen=True, kw_o
     """Priority and linger."""
 
 
+class ActionRoute(msgspec.Struct, Generic[Goal, Feedback, Result], frozen=True, kw_only=True):
+    """Where the goals of one endpoint go, or come from."""
+
+    name: str
+    """The action, a key."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    goal: Form[Goal]
+    """The Python side of goals."""
+    feedback: Form[Feedback]
+    """The Python side of feedback."""
+    result: Form[Result]
+    """The Python side of results."""
+    encoding: str
+    """Encoding on Zenoh."""
+    timeout_s: float
+    """Time from a goal to its answer after which its client gives up, s."""
+    result_timeout_s: float
+    """How long a result is kept, s."""
+    qos: Qos
+    """Priority and linger."""
+
+
 def free_topic(sample_type: object, name: str, qos: Qos, *, wildcards: bool) -> TopicRoute[Any]:
     """Make the route of a key that no configuration maps.
 
@@ -95,6 +124,33 @@ def free_service(types: tuple[object, object], name: str, qos: Qos) -> ServiceRo
         response=response,
         encoding=CBOR if is_typed else OPAQUE,
         timeout_s=FREE_TIMEOUT_S,
+        qos=qos,
+    )
+
+
+def free_action(
+    types: tuple[object, object, object], name: str, qos: Qos
+) -> ActionRoute[Any, Any, Any]:
+    """Make the route of an action that no configuration maps; types of goal, feedback and result.
+
+    Raises:
+        ConfigError: The name is no key.
+    """
+    _check_name(name, wildcards=False)
+    parts = ("goal", "feedback", "result")
+    goal, feedback, result = (
+        free_form(each, where=f"{name}: {part}") for each, part in zip(types, parts, strict=True)
+    )
+    is_typed = any(form.spec is not None for form in (goal, feedback, result))
+    return ActionRoute(
+        name=name,
+        stream=None,
+        goal=goal,
+        feedback=feedback,
+        result=result,
+        encoding=CBOR if is_typed else OPAQUE,
+        timeout_s=FREE_TIMEOUT_S,
+        result_timeout_s=FREE_RESULT_TIMEOUT_S,
         qos=qos,
     )
 

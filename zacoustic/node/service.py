@@ -42,12 +42,16 @@ class ServiceType(Protocol[RequestType, ResponseType]):
 
 
 class CallContext(msgspec.Struct, frozen=True, kw_only=True):
-    """Who calls, and how long an answer is worth anything."""
+    """Who calls, which call it is, and how long an answer is worth anything."""
 
     service: str
     """Name of the service."""
     client: int | None
     """Acoustic address of the caller; None: on this Zenoh network."""
+    call_id: str | None
+    """The same when a call comes again, which it does only where the server has no journal and has
+    restarted. Another call has it after 64 calls of that client at the earliest, so to remember it
+    for twice the service's timeout is enough. None: the caller is on this Zenoh network."""
     deadline_at: int
     """Instant after which an answer is dropped, ns on `time.monotonic_ns`."""
 
@@ -84,6 +88,7 @@ class Client(Generic[Request, Response]):
         Raises:
             ServiceError: The handler failed; the text is its own.
             CallTimeoutError: No answer in time; whether the service ran is unknown.
+            OutcomeUnknownError: The server ended without an answer, perhaps after its work.
             DeliveryError: Nobody serves it, or the two ends do not understand each other.
             PayloadInvalidError: The type does not allow the request.
             PayloadTooLargeError: The request fits no frame of this link.
@@ -131,6 +136,7 @@ class Service(Generic[Request, Response]):
         self._handler = _with_context(handler)
         self._spawn = spawn
         self._tasks: set[asyncio.Task[None]] = set()
+        self._at_work: set[IncomingCall] = set()
         self._stop = carrier.serve(route, self._take)
 
     def close(self) -> None:
@@ -146,8 +152,11 @@ class Service(Generic[Request, Response]):
 
     def _finish(self, call: IncomingCall, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
+        had_begun = call in self._at_work
+        self._at_work.discard(call)
         if task.cancelled():  # perhaps before it had begun: nobody else tells the caller
-            call.fail(CallFailure.NO_SERVER, CLOSED_TEXT)
+            failure = CallFailure.UNKNOWN if had_begun else CallFailure.NO_SERVER
+            call.fail(failure, CLOSED_TEXT)
 
     async def _answer(self, call: IncomingCall) -> None:
         try:
@@ -155,7 +164,13 @@ class Service(Generic[Request, Response]):
         except (ValueError, TypeError) as error:  # from a check of the application's class
             call.fail(CallFailure.BAD_REQUEST, str(error))
             return
-        context = CallContext(service=self.name, client=call.client, deadline_at=call.deadline_at)
+        context = CallContext(
+            service=self.name,
+            client=call.client,
+            call_id=call.call_id,
+            deadline_at=call.deadline_at,
+        )
+        self._at_work.add(call)
         try:
             response = self._handler(request, context)
             if inspect.isawaitable(response):

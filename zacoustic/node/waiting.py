@@ -4,7 +4,8 @@ import asyncio
 from collections.abc import AsyncIterator, Iterator
 from typing import Generic, TypeVar
 
-from zacoustic.node import pubsub, service
+from zacoustic.core.events import DeliveryOutcome
+from zacoustic.node import delivery, pubsub, service
 from zacoustic.node.loopthread import LoopThread
 from zacoustic.node.pubsub import Sample
 
@@ -22,17 +23,71 @@ class Publisher(Generic[T]):
         self._publisher = publisher
         self._thread = thread
 
-    def publish(self, value: T, *, encoding: str | None = None) -> None:
+    def publish(self, value: T, *, encoding: str | None = None) -> "Delivery | None":
         """Publish a value; never waits for the water, and works in callbacks too."""
-        self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
+        made = self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
+        return None if made is None else Delivery(made, self._thread)
 
-    def delete(self) -> None:
+    def delete(self) -> "Delivery | None":
         """Tell the subscribers that the key is deleted; as `publish`."""
-        self._thread.apply(self._publisher.delete)
+        made = self._thread.apply(self._publisher.delete)
+        return None if made is None else Delivery(made, self._thread)
 
     def close(self) -> None:
         """Withdraw the publisher."""
         self._thread.apply(self._publisher.close)
+
+
+class Delivery:
+    """What becomes of one reliable sample; see `zacoustic.Delivery`."""
+
+    def __init__(self, delivery: delivery.Delivery, thread: LoopThread) -> None:
+        self.key = delivery.key
+        """What the sample was published under."""
+        self._delivery = delivery
+        self._thread = thread
+
+    @property
+    def outcome(self) -> DeliveryOutcome | None:
+        """How it ended; None: it has not."""
+        return self._delivery.outcome
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Addresses of the subscribers that have not acknowledged it, when it has ended."""
+        return self._delivery.missing
+
+    @property
+    def detail(self) -> str:
+        """Why, where the outcome does not say it."""
+        return self._delivery.detail
+
+    def wait(self, *, timeout_s: float | None = None) -> DeliveryOutcome:
+        """Wait for its end.
+
+        Raises:
+            TimeoutError: It has not ended within `timeout_s`, s; it goes on.
+            LocalError, LinkClosedError: As for awaiting a `zacoustic.Delivery`, or in a callback.
+        """
+
+        async def wait() -> DeliveryOutcome:
+            async with asyncio.timeout(timeout_s):
+                return await self._delivery
+
+        return self._thread.wait(wait())
+
+    def stored(self, *, timeout_s: float | None = None) -> None:
+        """Wait until the journal has it; raises what `zacoustic.Delivery.stored` does.
+
+        Raises:
+            TimeoutError: Not within `timeout_s`, s.
+        """
+
+        async def stored() -> None:
+            async with asyncio.timeout(timeout_s):
+                await self._delivery.stored()
+
+        self._thread.wait(stored())
 
 
 class Subscription(Generic[T]):

@@ -7,6 +7,7 @@ link) is docs/wire.md's matter.
 """
 
 import os
+import random
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,12 +16,13 @@ import msgspec
 from zacoustic import registry
 from zacoustic.channel.profiles import ModemProfile
 from zacoustic.config import Config
+from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.qos import Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, TopicSpec
-from zacoustic.errors import ZacousticError
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
+from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
 
@@ -34,7 +36,7 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """1…175."""
     kind: str
-    """`topic`, `request` or `response`."""
+    """`topic`, `request`, `response`, `goal`, `feedback` or `result`."""
     name: str
     """Key expression."""
     type: str | None
@@ -48,7 +50,8 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     depth: int | None
     """Samples kept per key; None: does not apply."""
     lifespan_s: float | None
-    """Age beyond which it is not sent, s; of a service its timeout; None: never too old."""
+    """Age beyond which it is not sent, s; of services and actions their timeout; None: never too
+    old."""
     smallest_bytes: int
     """Smallest record, id included."""
     largest_bytes: int | None
@@ -99,7 +102,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mtu_bytes: int
     """Largest frame of that modem."""
     streams: tuple[StreamRow, ...]
-    """One row for a topic, two for a service."""
+    """One row for a topic, two for a service, three for an action."""
     types: tuple[TypeRow, ...]
     """The types."""
     journal: str
@@ -142,6 +145,18 @@ def _rows(stream: Stream, profile: ModemProfile) -> Iterator[StreamRow]:
         return
     head_bytes = _ID_BYTES + _CALL_BYTES
     server = (spec.server,)
+    if isinstance(spec, ActionSpec):
+        for kind, type_name, codec, audience in (
+            ("goal", spec.goal_type, stream.codec, (None, server)),
+            ("feedback", spec.feedback_type, stream.feedback_codec, (server, None)),
+            ("result", spec.result_type, stream.response_codec, (server, None)),
+        ):
+            status_bytes = 1 if kind == "result" else 0
+            yield _row(
+                stream, kind, type_name, audience,
+                sizes=_sizes(codec, head_bytes + status_bytes), profile=profile,
+            )  # fmt: skip
+        return
     yield _row(
         stream, "request", spec.request_type, (None, server),
         sizes=_sizes(stream.codec, head_bytes), profile=profile,
@@ -162,7 +177,11 @@ def _row(
     profile: ModemProfile,
 ) -> StreamRow:
     spec, (smallest, largest) = stream.spec, sizes
-    is_service = isinstance(spec, ServiceSpec)
+    lifespan_s = stream.qos.lifespan_s
+    if isinstance(spec, ServiceSpec):
+        lifespan_s = spec.timeout_s
+    elif isinstance(spec, ActionSpec):
+        lifespan_s = {"goal": spec.timeout_s, "result": spec.result_timeout_s}.get(kind)
     frame_bytes = profile.mtu_bytes if largest is None else min(largest, profile.mtu_bytes)
     return StreamRow(
         stream_id=stream.stream_id,
@@ -172,8 +191,8 @@ def _row(
         sources=audience[0],
         targets=audience[1],
         priority=stream.qos.priority.name.lower(),
-        depth=None if is_service else stream.qos.depth,
-        lifespan_s=spec.timeout_s if isinstance(spec, ServiceSpec) else stream.qos.lifespan_s,
+        depth=stream.qos.depth if isinstance(spec, TopicSpec) else None,
+        lifespan_s=lifespan_s,
         smallest_bytes=smallest,
         largest_bytes=largest,
         airtime_s=profile.airtime_s(frame_bytes),
@@ -239,6 +258,32 @@ def _notes(
         yield "no streams: nothing crosses the water"
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
+    yield from _access_notes(config, profile)
+
+
+def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
+    access = config.rules.access
+    if access is None:
+        return
+    capabilities = LinkCapabilities(
+        mtu_bytes=profile.mtu_bytes,
+        bit_rate_bps=profile.bit_rate_bps,
+        preamble_s=profile.preamble_s,
+        gap_s=profile.gap_s,
+        controls_access=isinstance(access, DelegatedSpec),
+        senses_carrier=True,
+    )
+    try:
+        choose(access, capabilities, config.address, random.Random(1))
+    except ConfigError as error:
+        yield f"with a modem like {profile.name}: {error}"
+    speakers = None
+    if isinstance(access, TdmaSpec):
+        speakers = set(access.slots)
+    elif isinstance(access, PollingSpec):
+        speakers = {access.poller, *access.nodes}
+    if speakers is not None and config.address not in speakers:
+        yield f"access: node {config.address} has no turn in it, so it never transmits"
 
 
 def _is_writable(folder: Path) -> bool:

@@ -9,6 +9,7 @@ _STREAMS = (
     "id", "kind", "name", "type", "from", "to", "priority", "depth", "lifespan", "bytes", "airtime",
 )  # fmt: skip
 _TYPES = ("type", "fields", "bytes")
+_LISTENERS = {"response": "caller", "feedback": "client", "result": "client"}
 _RIGHT = ("id", "depth", "lifespan", "bytes", "airtime", "fields")
 
 
@@ -51,7 +52,7 @@ def _stream_cells(row: StreamRow, nodes: Mapping[int, str]) -> tuple[str, ...]:
         row.name,
         row.type or "bytes",
         _audience(row.sources, nodes, "any"),
-        _audience(row.targets, nodes, "caller" if row.kind == "response" else "all"),
+        _audience(row.targets, nodes, _LISTENERS.get(row.kind, "all")),
         row.priority,
         "" if row.depth is None else str(row.depth),
         "" if row.lifespan_s is None else f"{row.lifespan_s:g} s",

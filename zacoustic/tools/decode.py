@@ -10,9 +10,15 @@ from typing import assert_never
 import msgspec
 
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.actions.wire import (
+    Operation,
+    decode_message,
+    decode_refusal,
+    decode_result,
+)
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
-from zacoustic.core.calls import CallKind, decode_call_byte, decode_error
+from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
 from zacoustic.core.frame import (
@@ -29,9 +35,18 @@ from zacoustic.core.frame import (
     Tag,
     parse_frame,
 )
+from zacoustic.core.objects.wire import (
+    WITHDRAWN,
+    Call,
+    Complete,
+    Fragment,
+    Headless,
+    Lacks,
+    Refused,
+)
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import UnknownStreamError
 
 _WHY_STRAY = {
@@ -41,18 +56,28 @@ _WHY_STRAY = {
 }
 
 
+_CALL_TEXTS = {
+    Call.ANSWER: "; its sender listens now, until it is answered",
+    Call.ANSWER_NEXT: "; its sender listens after the next, until it is answered",
+    Call.WINDOW: "; a listen window begins now",
+    Call.NONE: "",
+}
+
+
 class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One control or record of a frame."""
 
     kind: str
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
-    `error`, `call_confirm`, `record` (not decoded) or `stray`."""
+    `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
+    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`, `record`
+    (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
     """The stream, 0 where there is none."""
     name: str = ""
-    """The key of a sample or the name of a service; empty without a configuration."""
+    """The key of a sample or the name of a service or action; empty without a configuration."""
     value: object = None
     """The value, bytes in hexadecimal; None when there is none or it does not decode."""
     fault: str = ""
@@ -87,7 +112,7 @@ class _Reader:
         stream = self._table.get(stream_id)
         if stream is None:
             raise KeyError(stream_id)
-        return measure_content(stream, buffer, offset, prefixes)
+        return measure_content(stream, buffer, offset, prefixes, self._source)
 
     def explain(self, item: Item) -> DecodedItem:
         match item:
@@ -115,6 +140,25 @@ class _Reader:
                 off = "unknown" if error_ns is None else f"{error_ns / NS_PER_S:g} s"
                 text = f"CLOCK {time_ns / NS_PER_S:.4f} s since 1970, error {off}"
                 return DecodedItem(kind="clock", text=text)
+            case Fragment(transfer, call, index, fragment_bytes):
+                listens = _CALL_TEXTS[call]
+                size = len(fragment_bytes)
+                text = f"FRAGMENT {index} of object {transfer}, {size} bytes{listens}"
+                if index == WITHDRAWN:
+                    text = f"FRAGMENT object {transfer} is withdrawn"
+                return DecodedItem(kind="fragment", text=text)
+            case Lacks(transfer, block, lacking):
+                several = ", ".join(str(each) for each in lacking)
+                text = f"FEEDBACK object {transfer} lacks {several} from block {block} on"
+                return DecodedItem(kind="feedback", text=text)
+            case Complete(transfer):
+                return DecodedItem(kind="feedback", text=f"FEEDBACK object {transfer} is complete")
+            case Refused(transfer, reason):
+                text = f"FEEDBACK object {transfer} is refused, reason {reason}"
+                return DecodedItem(kind="feedback", text=text)
+            case Headless(transfer, held):
+                text = f"FEEDBACK object {transfer}: {held} fragments, no manifest"
+                return DecodedItem(kind="feedback", text=text)
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
@@ -136,7 +180,9 @@ class _Reader:
         if stream is None:
             return _unread(record)
         if isinstance(stream.spec, ServiceSpec):
-            return _call(stream, record)
+            return _call(stream, record, self._source)
+        if isinstance(stream.spec, ActionSpec):
+            return _goal(stream, stream.spec, record, self._source)
         return self._sample(stream, record)
 
     def _sample(self, stream: Stream, record: Record) -> DecodedItem:
@@ -193,12 +239,18 @@ def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) ->
     return DecodedItem(kind="ack", text=text, stream_id=stream.stream_id, name=key)
 
 
-def _call(stream: Stream, record: Record) -> DecodedItem:
+def _call(stream: Stream, record: Record, source: int) -> DecodedItem:
     if not record.content:
         return _unread(record)
     kind, number = decode_call_byte(record.content[0])
     payload = record.content[1:]
-    head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}"
+    life = ""
+    if isinstance(stream.spec, ServiceSpec) and stream.spec.server == source and kind is NAMED:
+        if not payload:
+            return _unread(record)
+        kind, life = CallKind(payload[0] >> 6), f" of a life {payload[0] & 0x3F} mod 64"
+        payload = payload[NAME_BYTES:]
+    head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}{life}"
     if kind is CallKind.CONFIRM:
         return DecodedItem(
             kind="call_confirm", text=head, stream_id=stream.stream_id, name=stream.name
@@ -212,6 +264,37 @@ def _call(stream: Stream, record: Record) -> DecodedItem:
         )  # fmt: skip
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
     return _decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
+
+
+def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> DecodedItem:
+    message = decode_message(record.content)
+    if message is None:
+        return _unread(record)
+    operation, payload = message.operation, message.payload
+    word = "" if operation is Operation.GOAL else f"_{operation.name.lower()}"
+    if operation is Operation.ACCEPTED and source not in (0, spec.server):
+        word = "_claim"
+    kind = f"goal{word}"
+    of_epoch = "" if message.epoch is None else f" of epoch {message.epoch}"
+    said = word.removeprefix("_") or "sent"
+    text = f"stream {stream.stream_id} {stream.name}, goal {message.number}{of_epoch}: {said}"
+    found = (stream.stream_id, stream.name)
+    match operation:
+        case Operation.GOAL:
+            return _decoded(kind, text, *found, stream.codec, payload)
+        case Operation.FEEDBACK:
+            return _decoded(kind, text, *found, stream.feedback_codec, payload)
+        case Operation.RESULT:
+            status, result = decode_result(payload) or (None, payload or None)
+            text += f" {'unreadable' if status is None else status.name.lower()}"
+            if result is not None:
+                return _decoded(kind, text, *found, stream.response_codec, result)
+        case Operation.REFUSED:
+            failure, reason = decode_refusal(payload) or (None, payload.hex())
+            text += f" {failure.name.lower() if failure else 'unreadable'}: {reason}"
+        case _:
+            pass
+    return DecodedItem(kind=kind, text=text, stream_id=stream.stream_id, name=stream.name)
 
 
 def _decoded(

@@ -5,7 +5,6 @@ import random
 import pytest
 
 from zacoustic.core.access import (
-    AccessSpec,
     Aloha,
     AlohaSpec,
     CarrierSense,
@@ -19,6 +18,7 @@ from zacoustic.core.access import (
     choose,
 )
 from zacoustic.core.access.polling import Polled, Poller
+from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.errors import ConfigError
 

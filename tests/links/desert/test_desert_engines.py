@@ -22,7 +22,7 @@ SPEC = TopicSpec(stream_id=10, name="auv1/depth", qos=Qos(depth=50))
 SAMPLES = [bytes((number, *range(16))) for number in range(50)]
 
 
-def publishing(sample: bytes) -> Callable[[Engine, int], None]:
+def publishing(sample: bytes) -> Callable[[Engine, int], int]:
     return lambda engine, now: engine.publish(10, sample, now)
 
 

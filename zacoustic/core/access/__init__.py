@@ -37,7 +37,6 @@ from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.errors import ConfigError
 
 __all__ = [
-    "AccessSpec",
     "Aloha",
     "AlohaSpec",
     "CarrierSense",

@@ -22,12 +22,21 @@ that none from before is taken for one of now.
 What is over needs no word in the usual case: of a stream with depth N, number n says that n - N is
 over, since both ends have the depth in their tables.
 
-Who keeps what when a node dies. A receiver writes its position down before it hands a sample on and
-acknowledges it, so nothing is delivered twice by a life that comes later. A sender whose stream is
+Who keeps what when a node dies. A receiver of a journalled topic writes its position down before it
+hands a sample on and acknowledges it, so nothing is delivered twice by a life that comes later; of
+any other topic it writes behind, so that a full disk does not stop a command. In each life it asks
+for SYNC first: a position that is an old one does no harm then. A sender whose stream is
 journalled writes number and sample down before the first transmission, and goes on in the same
 lineage; any other sender begins a new one.
 
+Many may speak at once: five vehicles that all repeat what nobody hears, since all repeat. So
+repetitions go in batches of a few frames, then an answer is awaited; without one the next batch
+comes later and is smaller, and one answer in a crowd does not end that. And since what has collided
+once in one order of frames would collide again, a repetition is answered at a random instant.
+
 - `numbers`: the seven bits, SYNC and ACK.
-- `timing`: how long an answer takes, and when it is time to repeat.
-- `sending`, `sendlane`: what is owed to receivers. `receiving`: what came from publishers.
+- `timing`, `pacing`: how long an answer takes, and when it is time to repeat.
+- `sending`: what is owed to receivers; `sendlanes`, `sendlane`: key by key; `keeping`: in the
+  journal.
+- `receiving`: what came from publishers.
 """

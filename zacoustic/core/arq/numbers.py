@@ -20,6 +20,10 @@ _BITS: Final = 7
 _MORE: Final = 0x80
 
 
+LONGEST_ACK_BYTES: Final = 1 - (1 - WINDOW) // _BITS
+"""Content of an ACK that tells of a whole window."""
+
+
 class Ack(msgspec.Struct, frozen=True):
     """What a receiver has of one publisher's key."""
 
@@ -30,20 +34,22 @@ class Ack(msgspec.Struct, frozen=True):
     knows: bool = True
     """It knows the lineage; otherwise it asks for SYNC, and the rest says nothing."""
 
-    def encode(self) -> bytes:
-        """Return the content behind stream id and wildcards: one byte, and seven bits a byte."""
-        if self.knows and not self.held:
+    def encode(self, most_bytes: int = LONGEST_ACK_BYTES) -> bytes:
+        """Return the content behind stream id and wildcards: one byte, and seven bits a byte.
+
+        Args:
+            most_bytes: Room there is, at least 1: of what is held, the last is left out.
+        """
+        held = self.held & (1 << _BITS * (most_bytes - 1)) - 1
+        if self.knows and not held:
             return bytes((self.expected % NUMBERS,))
         content = bytearray((_MORE | self.expected % NUMBERS,))
-        held = self.held if self.knows else 0
+        held = held if self.knows else 0
         while held >= 1 << _BITS:
             content.append(_MORE | held & (_MORE - 1))
             held >>= _BITS
         content.append(held)
         return bytes(content)
-
-
-_LONGEST_HELD_BYTES: Final = -(-(WINDOW - 1) // _BITS)
 
 
 def measure_ack(buffer: bytes, offset: int) -> int | None:
@@ -52,7 +58,7 @@ def measure_ack(buffer: bytes, offset: int) -> int | None:
     if end > len(buffer):
         return None
     if buffer[offset] & _MORE:
-        while end < len(buffer) and end - offset <= _LONGEST_HELD_BYTES and buffer[end] & _MORE:
+        while end < len(buffer) and end - offset < LONGEST_ACK_BYTES and buffer[end] & _MORE:
             end += 1
         end += 1
     return end if end <= len(buffer) else None

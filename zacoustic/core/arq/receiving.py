@@ -1,5 +1,6 @@
 """The subscriber's side: samples in their order, each once, and what is owed for them."""
 
+import random
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -7,9 +8,8 @@ import msgspec
 
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.events import SampleReceived
-from zacoustic.core.frame import Control, Sync
+from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Priority, Qos
@@ -18,6 +18,11 @@ from zacoustic.core.stats import Cause
 from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 
 ACK_LANE: Final = 4
+ACK_HEAD_BYTES: Final = 3
+"""Prefix, address and stream id."""
+LEAST_ACK_BYTES: Final = ACK_HEAD_BYTES + SYNC_BYTES + 1
+"""What a frame has to have room for where a topic is reliable, wildcards excepted."""
+_ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 _JOURNAL: Final = "in"
 
 _LaneKey = tuple[int, int, Instance]
@@ -34,9 +39,9 @@ class _Position(msgspec.Struct, frozen=True, array_like=True):
 class _ReceiveLane:
     """Samples of one key of one publisher."""
 
-    __slots__ = ("expected", "held", "in_sync", "kept", "lineage")
+    __slots__ = ("expected", "held", "in_sync", "is_settled", "kept", "lineage")
 
-    def __init__(self, lineage: int, expected: int) -> None:
+    def __init__(self, lineage: int, expected: int, *, is_settled: bool) -> None:
         self.lineage = lineage
         self.expected = expected
         """The next number to hand on."""
@@ -44,6 +49,9 @@ class _ReceiveLane:
         """Everything before this number is written down: it may be acknowledged."""
         self.held: dict[int, SampleReceived] = {}
         """Samples that came too early, by number."""
+        self.is_settled = is_settled
+        """In this life it has had a SYNC. A position that was kept may be an old one, and by it a
+        number cannot be told from one that is 128 ahead."""
         self.in_sync = True
         """The publisher's last sample came without SYNC: a short ACK is understood."""
 
@@ -65,6 +73,30 @@ class _ReceiveLane:
         return Ack(self.kept, held if self.kept == self.expected else 0)
 
 
+class Arrival(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample that came, and how."""
+
+    sync: Sync | None
+    """What stood before it."""
+    low_number: int
+    """The seven bits of its number."""
+    sample: SampleReceived
+    """The event to hand on when it is its turn."""
+    is_alone: bool
+    """The frame was for this node, so no other one answers."""
+    spare_bytes: int
+    """What the frame would have had left, had the record been in it twice, less the MTU: with
+    less than nothing the publisher may have had more to say."""
+
+
+class _AckWaiting(Waiting):
+    """An ACK in the transmit queue."""
+
+    __slots__ = ("owed_at",)
+    owed_at: int
+    """Since when one is owed, ns."""
+
+
 class ReliableReceiving:
     """What came reliably from other nodes.
 
@@ -73,6 +105,7 @@ class ReliableReceiving:
         table: Its streams.
         queue: Takes ACKs.
         journal: Keeps the positions.
+        rng: Draws when a repetition is acknowledged.
         emit: Takes the samples in their order.
     """
 
@@ -83,12 +116,14 @@ class ReliableReceiving:
         *,
         queue: TransmitQueue,
         journal: JournalPort,
+        rng: random.Random,
         emit: Callable[[SampleReceived], None],
     ) -> None:
         self._address = address
         self._table = table
         self._queue = queue
         self._journal = journal
+        self._rng = rng
         self._emit = emit
         self._lanes: dict[_LaneKey, _ReceiveLane] = {}
         self._times: LinkTimes | None = None
@@ -107,29 +142,12 @@ class ReliableReceiving:
                 self._journal.write(key, None)
                 continue
             position = msgspec.msgpack.decode(value, type=_Position)
-            lane = _ReceiveLane(position.lineage, position.expected)
+            lane = _ReceiveLane(position.lineage, position.expected, is_settled=False)
             self._lanes[int(source), int(stream_id), tuple(bytes.fromhex(instance))] = lane
 
-    def receive(
-        self,
-        stream: Stream,
-        low_number: int,
-        sync: Sync | None,
-        sample: SampleReceived,
-        now: int,
-    ) -> str | None:
-        """Take a sample.
-
-        Args:
-            stream: Its topic.
-            low_number: The seven bits of its number.
-            sync: What stands before it.
-            sample: The event to hand on when it is its turn.
-            now: The instant.
-
-        Returns:
-            Why it is dropped, or None.
-        """
+    def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
+        """Take a sample of a topic; returns why it is dropped, or None."""
+        sync, sample = arrival.sync, arrival.sample
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
@@ -137,32 +155,40 @@ class ReliableReceiving:
             if lane is not None:
                 # What the old count still lacks will never come.
                 ready = lane.hand_on(max(lane.held, default=lane.expected))
-            lane = self._lanes[key] = _ReceiveLane(sync.lineage, sync.floor)
-        if lane is None:
-            self._owe(key, Ack(0, knows=False), None, stream, now)
+            lane = self._lanes[key] = _ReceiveLane(sync.lineage, sync.floor, is_settled=True)
+        if lane is None or (sync is None and not lane.is_settled):
+            self._owe(key, Ack(0, knows=False), None, now, self._turn_ns(stream, arrival))
             return "out_of_sync"
-        lane.in_sync = sync is None
+        lane.in_sync, lane.is_settled = sync is None, True
         if sync is not None:
             ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
-        number = resolve(low_number, lane.expected)
+        number = resolve(arrival.low_number, lane.expected)
         reason = None
         if number < lane.expected or number in lane.held:
             reason = "repeated_sample"
         else:
             lane.held[number] = sample
             ready += lane.hand_on(number - stream.qos.depth + 1)
+        is_first = reason is None and sync is None
+        turn_ns = self._turn_ns(stream, arrival, is_first=is_first)
         if ready:
-            self._keep(key, lane, ready, stream)
+            self._keep(key, lane, ready, stream, now, turn_ns)
         else:
-            self._owe_ack(key, lane, stream, now)
+            self._owe_ack(key, lane, now, turn_ns)
         return reason
 
     # Below the methods above
 
     def _keep(
-        self, key: _LaneKey, lane: _ReceiveLane, ready: list[SampleReceived], stream: Stream
+        self,
+        key: _LaneKey,
+        lane: _ReceiveLane,
+        ready: list[SampleReceived],
+        stream: Stream,
+        now: int,
+        turn_ns: int,
     ) -> None:
-        """Write the position down, then hand the samples on."""
+        """Write the position down and hand the samples on; that first, where the topic asks."""
         expected = lane.expected
 
         def kept(at: int) -> None:
@@ -170,44 +196,68 @@ class ReliableReceiving:
                 self._emit(sample)
             lane.kept = max(lane.kept, expected)
             if self._lanes.get(key) is lane:
-                self._owe_ack(key, lane, stream, at)
+                self._owe_ack(key, lane, at, turn_ns)
 
         source, stream_id, instance = key
         name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-        position = _Position(lane.lineage, expected)
-        self._journal.write(name, msgspec.msgpack.encode(position), kept)
+        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
+        if stream.spec.journal:
+            self._journal.write(name, position, kept)
+        else:
+            # No promise waits for it: it spares most of the repetitions after a restart.
+            self._journal.write(name, position)
+            kept(now)
 
-    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, stream: Stream, now: int) -> None:
+    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn_ns: int) -> None:
         sync = None if lane.in_sync else Sync(lane.lineage, lane.kept)
-        self._owe(key, lane.ack(), sync, stream, now)
+        self._owe(key, lane.ack(), sync, now, turn_ns)
 
-    def _owe(self, key: _LaneKey, ack: Ack, sync: Sync | None, stream: Stream, now: int) -> None:
+    def _owe(self, key: _LaneKey, ack: Ack, sync: Sync | None, now: int, turn_ns: int) -> None:
+        """Let an ACK wait for its turn, in the place of one that waits already."""
+        assert self._times is not None
         source, stream_id, instance = key
-        item = Waiting(
+        lane_key = (stream_id, ACK_LANE, source, *instance)
+        largest_bytes = self._queue.largest_bytes
+        assert largest_bytes is not None
+        head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
+        before = self._queue.first(lane_key)
+        owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
+        item = _AckWaiting(
             stream_id=stream_id,
             destination=source,
             prefix=bytes((Control.ACK,)),
             address=bytes((source,)),
             head=bytes(instance),
-            payload=ack.encode(),
+            payload=ack.encode(max(1, largest_bytes - head_bytes)),
             delimits_itself=True,
             cause=Cause.ACK,
-            queued_at=now,
+            queued_at=max(now, min(now + turn_ns, owed_at + self._times.ack_patience_ns)),
         )
+        item.owed_at = owed_at
         item.sync = sync.encode() if sync else b""
-        self._queue.replace((stream_id, ACK_LANE, source, *instance), item, self._qos(stream))
+        self._queue.drop_lane(lane_key)
+        self._queue.push(lane_key, item, _ACK_QOS)
 
-    def _qos(self, stream: Stream) -> Qos:
-        """Return how an ACK waits: for the end of the publisher's frames, and its turn."""
-        assert self._times is not None
-        linger_ns = self._rank(stream) * self._times.ack_slot_ns
-        if stream.qos.priority is not Priority.REAL_TIME:
-            linger_ns += self._times.ack_linger_ns
-        return Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=linger_ns / NS_PER_S)
+    def _turn_ns(self, stream: Stream, arrival: Arrival, *, is_first: bool = False) -> int:
+        """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
 
-    def _rank(self, stream: Stream) -> int:
-        """Count the subscribers that acknowledge before this one."""
+        Receivers answer in the order of their addresses. Where an answer was lost, since they are
+        not equally far away, or one had more to say, the same might be lost in the same way again:
+        a repetition is answered at a random instant.
+        """
+        times = self._times
+        assert times is not None
         assert isinstance(stream.spec, TopicSpec)
-        subscribers = stream.spec.subscribers
-        listed = sorted(self._table.nodes if subscribers is None else subscribers)
-        return listed.index(self._address) if self._address in listed else 0
+        linger_ns = times.ack_linger_ns
+        # A publisher goes on when its frame is full, and with further copies of what is urgent.
+        is_full = arrival.spare_bytes + times.mtu_bytes < 0
+        if is_full or stream.qos.priority is Priority.REAL_TIME:
+            linger_ns += times.next_frame_ns
+        listed = stream.spec.subscribers
+        source = arrival.sample.source
+        others = sorted(set(self._table.nodes if listed is None else listed) - {source})
+        if not is_first:
+            return linger_ns + self._rng.randrange(times.ack_spread_ns(len(others)) + 1)
+        is_alone = arrival.is_alone or self._address not in others
+        rank = 0 if is_alone else others.index(self._address)
+        return linger_ns + rank * times.ack_slot_ns

@@ -6,54 +6,32 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.arq.keeping import Keeping, KeptLane
 from zacoustic.core.arq.numbers import Ack, resolve_expected, resolve_floor
-from zacoustic.core.arq.sendlane import Outgoing, SendLane, Stage
-from zacoustic.core.arq.timing import LinkTimes, PeerTiming
+from zacoustic.core.arq.pacing import Pacing
+from zacoustic.core.arq.sendlane import (
+    AT_ONCE,
+    KeptSample,
+    Outgoing,
+    SampleWaiting,
+    SendLane,
+    Stage,
+)
+from zacoustic.core.arq.sendlanes import SendLanes
+from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import BROADCAST, TransmitOutcome, TransmitReport
-from zacoustic.core.qos import Priority
-from zacoustic.core.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.linktypes import TransmitReport
+from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.errors import JournalUnavailableError
 
-RELIABLE_LANE: Final = 3
-_URGENT_COPIES: Final = 4
-"""A REAL_TIME sample is sent so often before an answer is awaited: at 40 % loss one of four arrives
-in 97 of 100 cases, and a round trip lasts longer than four short frames."""
-_URGENT_AT_ONCE: Final = 2
-_AT_ONCE: Final = 0
-_JOURNAL: Final = "out"
 _ANY_DEPTH: Final = 65535
-
-
-class SampleWaiting(Waiting):
-    """A reliable sample in the transmit queue."""
-
-    __slots__ = ("lane", "sample")
-    lane: SendLane
-    sample: Outgoing
-
-
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
-    """A sample in the journal."""
-
-    delivery_id: int
-    prefix: bytes
-    payload: bytes
-    stamped: bool
-
-
-class _KeptLane(msgspec.Struct, frozen=True, array_like=True):
-    """A lane in the journal."""
-
-    digest: bytes
-    lineage: int
-    next_number: int
 
 
 class ReliableSending:
@@ -80,23 +58,37 @@ class ReliableSending:
         rng: random.Random,
         emit: Callable[[Event], None],
     ) -> None:
-        self._address = address
         self._table = table
         self._queue = queue
         self._handshake = handshake
         self._journal = journal
-        self._rng = rng
+        self._keeping = Keeping(journal)
+        self._pacing = Pacing(table, rng)
         self._emit = emit
-        self._lanes: dict[LaneKey, SendLane] = {}
-        self._timings: dict[int, PeerTiming] = {}
-        self._times: LinkTimes | None = None
+        self._lanes = SendLanes(address, table, handshake)
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._on_air: list[tuple[SendLane, Outgoing]] = []
+        self._given_up: list[KeptLane] = []
         self._next_delivery_id = 1
         self._order = 0
 
     # For the application
+
+    def check(self, stream: Stream) -> None:
+        """Refuse what could not be delivered, or not kept.
+
+        Raises:
+            LocalError: Nobody is listed who could acknowledge.
+            JournalUnavailableError: It is to be journalled, and the journal cannot be written.
+        """
+        self._lanes.check(stream)
+        if stream.spec.journal and self._journal.failure:
+            raise JournalUnavailableError(
+                f"{stream.name}: not accepted: the journal cannot be written: "
+                f"{self._journal.failure}",
+                hint="what is accepted has to survive a restart",
+            )
 
     def publish(
         self,
@@ -110,29 +102,23 @@ class ReliableSending:
         expires_at: int | None,
         now: int,
     ) -> int:
-        """Take a sample; returns its delivery id."""
-        lane = self._lane(stream, instance)
+        """Take a sample that `check` has not refused; returns its delivery id."""
+        lane = self._lanes.of(stream, instance)
         delivery_id = self.next_delivery_id()
-        sample = self._add(
-            lane,
-            stream,
-            _Kept(delivery_id, prefix, payload, stamped),
-            queued_at=queued_at,
-            expires_at=expires_at,
-        )
-        while len(lane.samples) > stream.qos.depth:
-            self._end(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
-        if _is_kept(stream):
-            kept = _Kept(delivery_id, prefix, payload, stamped)
-            self._write_lane(stream, lane)
-            self._journal.write(
-                f"{_lane_name(lane)}/{sample.number}",
-                msgspec.msgpack.encode(kept),
-                lambda at: self._stored(lane, sample, at),
+        kept = KeptSample(delivery_id, prefix, payload, stamped)
+        sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
+        if lane.is_kept:
+            # Before what it pushes out is deleted: a journal that ends here has one of the two.
+            self._keeping.keep(
+                stream, lane, sample, kept, lambda at: self._stored(lane, sample, at)
             )
         else:
             sample.stage = Stage.BEHIND
-            self._advance(lane, now)
+        # By the number, not by how many there are: a receiver reckons so, and forgets the same.
+        while lane.samples[0].number <= sample.number - stream.qos.depth:
+            self._end(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
+        self._end_delivered(lane, now)
+        self._advance(lane, now)
         return delivery_id
 
     def next_delivery_id(self, above: int = 0) -> int:
@@ -141,27 +127,34 @@ class ReliableSending:
         self._next_delivery_id = delivery_id + 1
         return delivery_id
 
-    def delivering(self) -> int:
-        """Count the samples that not all receivers have acknowledged."""
-        return sum(len(lane.samples) for lane in self._lanes.values())
+    def delivering(self, stream_id: int) -> int:
+        """Count the samples of a topic that not all receivers have acknowledged."""
+        return sum(len(lane.samples) for lane in self._lanes if lane.key[0] == stream_id)
 
     # For the link
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._times = times
+        self._pacing.times = times
         self._settling_ns = settling_ns
+        # There will be no report of what was under way on the link before.
+        for _, sample in self._on_air:
+            if sample.stage is Stage.ON_AIR:
+                sample.stage, sample.due_at = Stage.SENT, AT_ONCE
+        self._on_air.clear()
 
     def link_up(self, now: int) -> None:
         """The link is up: what was sent before is due, and what a former life has left."""
-        for lane in self._lanes.values():
+        for lane in self._lanes:
             lifespan_s = self._table.by_id(lane.key[0]).qos.lifespan_s
             for sample in lane.samples:
                 if sample.stage is Stage.SENT:
-                    sample.due_at = _AT_ONCE
+                    sample.due_at = AT_ONCE
                 if sample.expires_at is None and lifespan_s is not None:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
+            self._end_delivered(lane, now)
             self._advance(lane, now)
+        self._end_given_up(now)
 
     def transmitted(self, records: Iterable[Waiting]) -> None:
         """Note which samples are in the transmission that begins."""
@@ -181,25 +174,23 @@ class ReliableSending:
                 continue
             sample.stage = Stage.SENT
             sample.sent_at = report.finished_at
-            sample.due_at = self._repeat_at(lane, sample, report)
+            sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     # For the water
 
     def heard(self, source: int, now: int) -> None:
         """A frame of a node arrived: if repetitions to it had become rare, they are due."""
-        timing = self._timings.get(source)
-        if timing is None or not timing.heard():
-            return
-        for lane in self._lanes.values():
-            if source in lane.receptions:
-                self._due_soon(lane, source, now)
+        if self._pacing.heard(source, now):
+            for lane in self._lanes:
+                if source in lane.receptions:
+                    lane.due_soon(source)
 
     def lost_sync(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
-        for lane in self._lanes.values():
+        for lane in self._lanes:
             reception = lane.receptions.get(source)
             if reception is not None and reception.in_sync:
-                self._out_of_sync(lane, source, now)
+                self._out_of_sync(lane, source)
 
     def acknowledged(
         self, source: int, stream: Stream, instance: Instance, ack: Ack, sync: Sync | None, now: int
@@ -217,12 +208,12 @@ class ReliableSending:
         Returns:
             Why it is dropped, or None.
         """
-        lane = self._lanes.get((stream.stream_id, RELIABLE_LANE, *instance))
+        lane = self._lanes.find(stream, instance)
         reception = lane.receptions.get(source) if lane else None
         if lane is None or reception is None:
             return "unexpected_ack"
         if not ack.knows:
-            self._out_of_sync(lane, source, now)
+            self._out_of_sync(lane, source)
             return None
         if sync is None:
             if not reception.in_sync:
@@ -234,16 +225,19 @@ class ReliableSending:
             return "unexpected_ack"
         if expected > lane.next_number:
             return "unexpected_ack"
-        if sync is not None and not reception.in_sync and expected >= lane.floor:
-            if reception.settled_at is None:
-                reception.settled_at = now + self._settling_ns
-            reception.in_sync = now >= reception.settled_at
+        if sync is not None and not reception.in_sync:
+            if expected < reception.expected:
+                # It has forgotten what it had, and began at the floor: it lacks that again.
+                lane.regress(source, expected)
+            if expected >= lane.floor:
+                if reception.settled_at is None:
+                    reception.settled_at = now + self._settling_ns
+                reception.in_sync = now >= reception.settled_at
         if expected >= reception.expected:
             reception.expected = expected
-            self._timing(source).quiet_until = 0
+            self._pacing.timing(source).quiet_until = 0
             self._mark(lane, source, expected, ack.held, now)
-        while lane.samples and not _missing(lane, lane.samples[0]):
-            self._end(lane, lane.samples[0], DeliveryOutcome.DELIVERED, now)
+        self._end_delivered(lane, now)
         self._advance(lane, now)
         return None
 
@@ -252,7 +246,7 @@ class ReliableSending:
     def expire(self, now: int) -> None:
         """End what is too old, and repeat what is due."""
         self._paced_until = None
-        for lane in self._lanes.values():
+        for lane in self._lanes:
             for sample in list(lane.samples):
                 if sample.expires_at is not None and sample.expires_at <= now:
                     self._expire(lane, sample, now)
@@ -261,107 +255,54 @@ class ReliableSending:
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
-        earliest: int | None = None
-        for lane in self._lanes.values():
-            for sample in lane.samples:
-                instants = [sample.expires_at] if sample.expires_at is not None else []
-                if lane.awaits(sample):
-                    instants.append(self._ready_at(lane, sample))
-                for at in instants:
-                    if earliest is None or at < earliest:
-                        earliest = at
-        if self._paced_until is not None and (earliest is None or self._paced_until < earliest):
-            return self._paced_until
-        return earliest
+        instants = [] if self._paced_until is None else [self._paced_until]
+        times = self._pacing.times
+        may_repeat = times is not None and self._lanes.repeating_bytes() < times.batch_bytes
+        for lane in self._lanes:
+            if not lane.samples:
+                continue
+            sent = (sample for sample in lane.active() if may_repeat and lane.awaits(sample))
+            instants += (self._pacing.ready_at(lane, sample) for sample in sent)
+            if self._table.by_id(lane.key[0]).qos.lifespan_s is not None:
+                ends = (sample.expires_at for sample in lane.samples)
+                instants += (at for at in ends if at is not None)
+        return min(instants, default=None)
 
     def dropped(self, records: Iterable[Waiting], now: int) -> None:
         """Records fit no frame of the link any more."""
         for record in records:
             if isinstance(record, SampleWaiting):
-                self._end(record.lane, record.sample, DeliveryOutcome.EXPIRED, now, "oversized")
+                self._expire(record.lane, record.sample, now, "oversized")
 
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
-        names = [key for key in stored if key.startswith(f"{_JOURNAL}/")]
-        for name in sorted(key for key in names if key.count("/") == 2):
-            numbers = sorted(
-                int(key.rpartition("/")[2]) for key in names if key.startswith(f"{name}/")
-            )
-            kept_lane = msgspec.msgpack.decode(stored[name], type=_KeptLane)
-            next_number = kept_lane.next_number
-            lane = self._recover_lane(name, kept_lane, min(numbers, default=next_number))
-            if lane is None:
-                for key in (name, *(f"{name}/{number}" for number in numbers)):
-                    self._journal.write(key, None)
+        for kept in self._keeping.recover(stored, self._table):
+            for _, sample in kept.samples:
+                self.next_delivery_id(above=sample.delivery_id - 1)
+            if not kept.is_valid:
+                self._given_up.append(kept)
                 continue
-            stream = self._table.by_id(lane.key[0])
-            for number in numbers:
-                kept = msgspec.msgpack.decode(stored[f"{name}/{number}"], type=_Kept)
-                lane.next_number = number
-                sample = self._add(lane, stream, kept, queued_at=0, expires_at=None)
-                sample.stage = Stage.BEHIND
-                self._next_delivery_id = max(self._next_delivery_id, kept.delivery_id + 1)
-            lane.next_number = next_number
+            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
 
-    def _recover_lane(self, name: str, kept: _KeptLane, first_number: int) -> SendLane | None:
-        _, stream_id, instance = name.split("/")
-        stream = self._table.get(int(stream_id))
-        if stream is None or stream.digest != kept.digest:
-            return None
-        key = (stream.stream_id, RELIABLE_LANE, *bytes.fromhex(instance))
-        lane = SendLane(key, self._receivers(stream), kept.lineage, first_number)
-        self._lanes[key] = lane
-        return lane
+    def _end_given_up(self, now: int) -> None:
+        """Tell of samples whose stream is not what it was."""
+        for lane in self._given_up:
+            for _, sample in lane.samples:
+                self._emit(
+                    DeliveryEnded(
+                        delivery_id=sample.delivery_id,
+                        stream_id=lane.stream_id,
+                        outcome=DeliveryOutcome.CANCELLED,
+                        missing=(),
+                        ended_at=now,
+                        detail="the stream is defined in another way now",
+                    )
+                )
+        self._given_up.clear()
 
     # Below the methods above
-
-    def _lane(self, stream: Stream, instance: Instance) -> SendLane:
-        key = (stream.stream_id, RELIABLE_LANE, *instance)
-        lane = self._lanes.get(key)
-        if lane is None:
-            lane = SendLane(key, self._receivers(stream), self._handshake.epoch)
-            self._lanes[key] = lane
-        return lane
-
-    def _receivers(self, stream: Stream) -> tuple[int, ...]:
-        assert isinstance(stream.spec, TopicSpec)
-        listed = stream.spec.subscribers
-        addresses = self._table.nodes if listed is None else listed
-        return tuple(sorted(set(addresses) - {self._address}))
-
-    def _timing(self, address: int) -> PeerTiming:
-        timing = self._timings.get(address)
-        if timing is None:
-            timing = self._timings[address] = PeerTiming()
-        return timing
-
-    def _add(
-        self,
-        lane: SendLane,
-        stream: Stream,
-        kept: _Kept,
-        *,
-        queued_at: int,
-        expires_at: int | None,
-    ) -> Outgoing:
-        number = lane.next_number
-        lane.next_number += 1
-        waiting = SampleWaiting(
-            stream_id=stream.stream_id,
-            destination=BROADCAST,
-            prefix=kept.prefix,
-            head=bytes(lane.key[2:]) + lane.number_byte(number),
-            payload=kept.payload,
-            stamped=kept.stamped,
-            delimits_itself=stream.codec.delimits_itself,
-            queued_at=queued_at,
-        )
-        sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
-        waiting.lane, waiting.sample = lane, sample
-        lane.samples.append(sample)
-        return sample
 
     def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         if sample.stage is not Stage.STORING:
@@ -389,17 +330,13 @@ class ReliableSending:
         if not lacking:
             # Whoever lacks it could not read it: until that changes.
             sample.stage = Stage.SENT
-            sample.due_at = now + self._pause_ns(lane, sample)
+            sample.due_at = now + self._pacing.pause_ns(lane, sample)
             return
         sample.stage = Stage.QUEUED
-        self._address_sample(lane, sample, lacking)
+        lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
         qos = msgspec.structs.replace(stream.qos, depth=_ANY_DEPTH, lifespan_s=None)
         self._queue.push(lane.key, sample.waiting, qos)
-
-    def _address_sample(self, lane: SendLane, sample: Outgoing, lacking: list[int]) -> None:
-        sample.waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
-        sample.waiting.sync = lane.sync(sample.number, lacking)
 
     def _refresh(self, lane: SendLane) -> None:
         """What is known of receivers has changed: so do the records that wait."""
@@ -407,7 +344,7 @@ class ReliableSending:
             if sample.stage is Stage.QUEUED:
                 lacking = lane.lacking(sample)
                 if lacking:
-                    self._address_sample(lane, sample, lacking)
+                    lane.address(sample, lacking)
                 else:
                     self._queue.discard(lane.key, sample.waiting)
                     sample.stage = Stage.SENT
@@ -423,7 +360,7 @@ class ReliableSending:
                 # Only what was sent last is surely what this answers.
                 is_last = sample.order == self._order and sample.tries == 1
                 if is_last and sample.stage is Stage.SENT:
-                    self._timing(source).measured(now - sample.sent_at)
+                    self._pacing.timing(source).measured(now - sample.sent_at)
                 latest = max(latest, sample.order)
             if has_it:
                 sample.acknowledged.add(source)
@@ -432,13 +369,9 @@ class ReliableSending:
                 sample.held.add(source)
             else:
                 sample.held.discard(source)  # it has restarted, and lost what it held
-        for sample in lane.active():
-            if (
-                sample.stage is Stage.SENT
-                and sample.order < latest
-                and source in lane.lacking(sample)
-            ):
-                sample.due_at = _AT_ONCE
+        if latest:
+            self._pacing.answered(source, now)
+            lane.due_soon(source, before=latest)
         self._refresh(lane)
 
     def _repeat(self, now: int) -> None:
@@ -446,124 +379,62 @@ class ReliableSending:
 
         Not more at once than a few frames: whoever transmits without end hears no answer.
         """
-        if self._times is None:
+        times = self._pacing.times
+        if times is None:
             return
-        room_bytes = self._times.batch_bytes
-        slack_ns = self._times.first_round_trip_ns // 2
+        room_bytes = times.batch_bytes - self._lanes.repeating_bytes()
+        slack_ns = times.first_round_trip_ns // 2
         batch: list[tuple[SendLane, Outgoing]] = []
-        for lane in self._lanes.values():
+        for lane in self._lanes:
             sent = [sample for sample in lane.active() if lane.awaits(sample)]
-            if all(self._ready_at(lane, sample) > now for sample in sent):
+            if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
                 continue
             for sample in sent:
                 if sample.due_at <= now + slack_ns and room_bytes > 0:
                     room_bytes -= sample.waiting.size_bytes
+                    if self._pacing.is_doubtful(lane, sample):
+                        room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)
                     batch.append((lane, sample))
         for lane, sample in batch:
-            self._count_unanswered(lane, sample, now)
-            self._await_answer(lane, sample, now + self._pause_ns(lane, sample))
+            self._pacing.repeats(lane, sample, now)
             self._queue_sample(lane, sample, now)
 
-    def _ready_at(self, lane: SendLane, sample: Outgoing) -> int:
-        """Return when a sample may be repeated: an answer to what was sent later is waited for."""
-        if sample.due_at == _AT_ONCE:
-            return _AT_ONCE
-        quiet = (self._timing(address).quiet_until for address in lane.lacking(sample))
-        return max(sample.due_at, max(quiet, default=0))
-
-    def _count_unanswered(self, lane: SendLane, sample: Outgoing, now: int) -> None:
-        if self._times is None or self._copies_wait(lane, sample):
-            return
-        for address in lane.lacking(sample):
-            self._timing(address).unanswered(now, self._times)
-
-    def _copies_wait(self, lane: SendLane, sample: Outgoing) -> bool:
-        """Tell whether it is sent again without waiting for an answer."""
-        urgent = self._table.by_id(lane.key[0]).qos.priority is Priority.REAL_TIME
-        # A stream of them would fill the channel with copies, and no answer could be heard.
-        return urgent and sample.tries < _URGENT_COPIES and len(lane.samples) <= _URGENT_AT_ONCE
-
-    def _out_of_sync(self, lane: SendLane, source: int, now: int) -> None:
-        lane.receptions[source].in_sync = False
-        lane.receptions[source].settled_at = None
-        for sample in lane.samples:
-            sample.held.discard(source)
+    def _out_of_sync(self, lane: SendLane, source: int) -> None:
+        lane.lose_sync(source)
+        self._pacing.timing(source).quiet_until = 0
         self._refresh(lane)
-        self._due_soon(lane, source, now)
+        lane.due_soon(source)
 
-    def _due_soon(self, lane: SendLane, source: int, now: int) -> None:
-        for sample in lane.active():
-            if sample.stage is Stage.SENT and source in lane.lacking(sample):
-                sample.due_at = _AT_ONCE
-
-    def _repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
-        """Return when a sample that was just sent is due again."""
-        if self._copies_wait(lane, sample) and report.outcome is not TransmitOutcome.REJECTED:
-            return _AT_ONCE
-        pause_ns = self._pause_ns(lane, sample)
-        if report.outcome is TransmitOutcome.NOT_DELIVERED:
-            pause_ns //= 2
-        due_at = report.finished_at + pause_ns
-        self._await_answer(lane, sample, due_at)
-        return due_at
-
-    def _await_answer(self, lane: SendLane, sample: Outgoing, until: int) -> None:
-        for address in lane.lacking(sample):
-            timing = self._timing(address)
-            timing.quiet_until = max(timing.quiet_until, until)
-
-    def _pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
-        assert self._times is not None
-        ranks = {address: rank for rank, address in enumerate(lane.receptions)}
-        return max(
-            (
-                self._timing(address).pause_ns(self._times, ranks[address], self._rng)
-                for address in lane.lacking(sample)
-            ),
-            default=self._times.first_round_trip_ns,
-        )
-
-    def _expire(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def _expire(self, lane: SendLane, sample: Outgoing, now: int, detail: str = "") -> None:
         """A sample is too old: whoever waits for it has to be told, by the SYNC of a later one."""
-        missing = _missing(lane, sample)
-        self._end(lane, sample, DeliveryOutcome.EXPIRED, now)
-        if sample.tries:
+        missing = lane.missing(sample)
+        leaves_gap = self._end(lane, sample, DeliveryOutcome.EXPIRED, now, detail)
+        if leaves_gap:
             for address in missing:
-                self._out_of_sync(lane, address, now)
+                self._out_of_sync(lane, address)
+
+    def _end_delivered(self, lane: SendLane, now: int) -> None:
+        while lane.samples and not lane.missing(lane.samples[0]):
+            self._end(lane, lane.samples[0], DeliveryOutcome.DELIVERED, now)
 
     def _end(
         self, lane: SendLane, sample: Outgoing, outcome: DeliveryOutcome, now: int, detail: str = ""
-    ) -> None:
+    ) -> bool:
+        """Forget a sample and tell of it; returns whether receivers wait for its number."""
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
-        was_kept = _is_kept(self._table.by_id(lane.key[0]))
-        lane.remove(sample, may_shift=not was_kept)
-        if was_kept:
-            self._journal.write(f"{_lane_name(lane)}/{sample.number}", None)
+        leaves_gap = lane.remove(sample)
+        sample.stage = Stage.ENDED
+        if lane.is_kept:
+            self._keeping.forget(lane, sample)
         self._emit(
             DeliveryEnded(
                 delivery_id=sample.delivery_id,
                 stream_id=lane.key[0],
                 outcome=outcome,
-                missing=tuple(_missing(lane, sample)),
+                missing=tuple(lane.missing(sample)),
                 ended_at=now,
                 detail=detail,
             )
         )
-
-    def _write_lane(self, stream: Stream, lane: SendLane) -> None:
-        kept = _KeptLane(stream.digest, lane.lineage, lane.next_number)
-        self._journal.write(_lane_name(lane), msgspec.msgpack.encode(kept))
-
-
-def _is_kept(stream: Stream) -> bool:
-    return stream.spec.journal
-
-
-def _lane_name(lane: SendLane) -> str:
-    return f"{_JOURNAL}/{lane.key[0]}/{bytes(lane.key[2:]).hex()}"
-
-
-def _missing(lane: SendLane, sample: Outgoing) -> list[int]:
-    """Return the receivers that have not acknowledged a sample and all before it."""
-    return [address for address in lane.receptions if address not in sample.acknowledged]
+        return leaves_gap

@@ -3,10 +3,19 @@
 import enum
 from collections import deque
 from collections.abc import Iterator
+from typing import Final
+
+import msgspec
 
 from zacoustic.core.arq.numbers import NUMBERS, PACE, WINDOW
-from zacoustic.core.frame import Sync
+from zacoustic.core.frame import Control, Sync
+from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import LaneKey, Waiting
+from zacoustic.core.streams import Stream
+
+AT_ONCE: Final = 0
+"""A `due_at` that is always over."""
+_DELETE: Final = bytes((Control.DELETE,))
 
 
 class Stage(enum.Enum):
@@ -22,6 +31,17 @@ class Stage(enum.Enum):
     """In a transmission that has not ended."""
     SENT = "sent"
     """Sent; an ACK is awaited until `due_at`."""
+    ENDED = "ended"
+    """Its publisher has been told what became of it."""
+
+
+class KeptSample(msgspec.Struct, frozen=True, array_like=True):
+    """What is needed to make the record of a sample, in this life or in the next."""
+
+    delivery_id: int
+    prefix: bytes
+    payload: bytes
+    stamped: bool
 
 
 class Outgoing:
@@ -67,6 +87,14 @@ class Outgoing:
         self.due_at = 0
 
 
+class SampleWaiting(Waiting):
+    """A reliable sample in the transmit queue."""
+
+    __slots__ = ("lane", "sample")
+    lane: "SendLane"
+    sample: Outgoing
+
+
 class Reception:
     """What one receiver is known to have of a lane."""
 
@@ -89,12 +117,20 @@ class SendLane:
         receivers: Addresses that are to have each sample.
         lineage: Boot epoch in which the count began.
         next_number: The number of the next sample.
+        is_kept: Its samples and its count are in the journal.
     """
 
     def __init__(
-        self, key: LaneKey, receivers: tuple[int, ...], lineage: int, next_number: int = 0
+        self,
+        key: LaneKey,
+        receivers: tuple[int, ...],
+        lineage: int,
+        next_number: int = 0,
+        *,
+        is_kept: bool = False,
     ) -> None:
         self.key = key
+        self.is_kept = is_kept
         self.lineage = lineage
         self.next_number = next_number
         self.samples: deque[Outgoing] = deque()
@@ -107,6 +143,27 @@ class SendLane:
     def floor(self) -> int:
         """The oldest number that may still come."""
         return self.samples[0].number if self.samples else self.next_number
+
+    def add(
+        self, stream: Stream, kept: KeptSample, *, queued_at: int, expires_at: int | None
+    ) -> Outgoing:
+        """Give a sample the next number."""
+        number = self.next_number
+        self.next_number += 1
+        waiting = SampleWaiting(
+            stream_id=stream.stream_id,
+            destination=BROADCAST,
+            prefix=kept.prefix,
+            head=bytes(self.key[2:]) + self.number_byte(number),
+            payload=kept.payload,
+            stamped=kept.stamped,
+            delimits_itself=stream.codec.delimits_itself or kept.prefix[:1] == _DELETE,
+            queued_at=queued_at,
+        )
+        sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
+        waiting.lane, waiting.sample = self, sample
+        self.samples.append(sample)
+        return sample
 
     def active(self) -> Iterator[Outgoing]:
         """Yield the samples that may be on their way."""
@@ -127,20 +184,24 @@ class SendLane:
             self._end = end
         return self._marks[0][0] + settling_ns if end < wanted else None
 
-    def remove(self, sample: Outgoing, *, may_shift: bool) -> None:
-        """Forget a sample; if it and all behind it were never sent, those take its number over."""
+    def remove(self, sample: Outgoing) -> bool:
+        """Forget a sample; returns whether receivers wait for its number.
+
+        If it and all behind it were never sent, those take its number over; not where numbers are
+        in the journal.
+        """
         index = self.samples.index(sample)
         behind = list(self.samples)[index + 1 :]
         del self.samples[index]
-        if not may_shift or any(other.tries or other.stage is Stage.ON_AIR for other in behind):
-            return
-        if sample.tries or sample.stage is Stage.ON_AIR:
-            return
+        was_sent = any(each.tries or each.stage is Stage.ON_AIR for each in (sample, *behind))
+        if self.is_kept or was_sent:
+            return True
         for other in behind:
             other.number -= 1
             other.waiting.head = other.waiting.head[:-1] + self.number_byte(other.number)
         self.next_number -= 1
         self._end = min(self._end, self.next_number)
+        return False
 
     def awaits(self, sample: Outgoing) -> bool:
         """Tell whether an answer to a sample that was sent is awaited."""
@@ -154,15 +215,53 @@ class SendLane:
             if address not in sample.acknowledged and address not in sample.held
         ]
 
-    def sync(self, number: int, receivers: list[int]) -> bytes:
-        """Return the SYNC that these receivers need to place a number, or nothing."""
-        for address in receivers:
+    def missing(self, sample: Outgoing) -> list[int]:
+        """Return the receivers that have not acknowledged a sample and all before it."""
+        return [address for address in self.receptions if address not in sample.acknowledged]
+
+    def due_soon(self, address: int, before: int | None = None) -> None:
+        """What a receiver lacks, and was sent, is due at once.
+
+        Args:
+            address: The receiver.
+            before: Only what was sent before the transmission of this order; None: all.
+        """
+        for sample in self.active():
+            is_earlier = before is None or sample.order < before
+            if sample.stage is Stage.SENT and is_earlier and address in self.lacking(sample):
+                sample.due_at = AT_ONCE
+
+    def address(self, sample: Outgoing, lacking: list[int]) -> None:
+        """Make the record of a sample one for these receivers, with SYNC where one needs it."""
+        waiting = sample.waiting
+        waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
+        waiting.sync, waiting.for_one_node = b"", False
+        for address in lacking:
             reception = self.receptions[address]
-            if number - reception.expected >= WINDOW:
+            if sample.number - reception.expected >= WINDOW:
                 reception.in_sync = False
-            if not reception.in_sync:
-                return Sync(self.lineage, self.floor).encode()
-        return b""
+        if all(self.receptions[address].in_sync for address in lacking):
+            return
+        floor = self.floor
+        if len(lacking) == 1:
+            # What others still lack does not concern it, but they may not read this.
+            floor = max(floor, self.receptions[lacking[0]].expected)
+            waiting.for_one_node = True
+        waiting.sync = Sync(self.lineage, floor).encode()
+
+    def lose_sync(self, address: int) -> None:
+        """A receiver may know neither lineage nor floor, and have lost what it held."""
+        self.receptions[address].in_sync = False
+        self.receptions[address].settled_at = None
+        for sample in self.samples:
+            sample.held.discard(address)
+
+    def regress(self, address: int, expected: int) -> None:
+        """A receiver has forgotten what it had from this number on."""
+        self.receptions[address].expected = expected
+        for sample in self.samples:
+            if sample.number >= expected:
+                sample.acknowledged.discard(address)
 
     def number_byte(self, number: int) -> bytes:
         """Return the byte of a number in a record."""

@@ -15,7 +15,10 @@ from zacoustic.core.linktypes import LinkCapabilities
 _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
-_FACTORS: Final = (1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
+_FACTORS: Final = (
+    *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
+    *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
+)
 """Round trips between two repetitions, by how many in a row have been without any sign of the
 node."""
 
@@ -32,6 +35,15 @@ class LinkTimes:
         gap_ns = seconds_to_ns(capabilities.gap_s)
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
         """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        self.mtu_bytes = capabilities.mtu_bytes
+        self.next_frame_ns = 0
+        """How long the next frame of a publisher has to be awaited that goes on, ns."""
+        if not capabilities.senses_carrier:
+            self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+        self.ack_patience_ns = _BATCH_FRAMES * (
+            capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
+        )
+        """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
         self.doubt_ns = short_ns
@@ -40,10 +52,19 @@ class LinkTimes:
         self.first_round_trip_ns: int = (
             2 * seconds_to_ns(capabilities.propagation_s)
             + self.ack_linger_ns
+            + self.next_frame_ns
             + self.ack_slot_ns
             + short_ns
         )
         """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+    def ack_spread_ns(self, receivers: int) -> int:
+        """Return within which time that many receivers acknowledge a repetition, each at random.
+
+        Most have acknowledged before and say it again, and one that is not known yet says more. A
+        single one may collide as well, with the answer to a repetition of another topic.
+        """
+        return self.doubt_ns if receivers < 2 else 2 * receivers * self.ack_slot_ns
 
 
 class PeerTiming:
@@ -56,6 +77,7 @@ class PeerTiming:
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
         self._unanswered = 0
+        self._unheard = 0
 
     def measured(self, round_trip_ns: int) -> None:
         """Take a round trip, from the end of a frame to the ACK for it."""
@@ -71,24 +93,43 @@ class PeerTiming:
         if now >= self._counts_at:
             self._counts_at = now + times.first_round_trip_ns
             self._unanswered = min(self._unanswered + 1, len(_FACTORS) - 1)
+            self._unheard = min(self._unheard + 1, len(_FACTORS) - 1)
 
     def heard(self) -> bool:
-        """Anything was heard of the node; True when repetitions had become rare."""
-        was_rare = _FACTORS[self._unanswered] > 1
-        self._unanswered = 0
-        return was_rare
+        """Anything was heard of the node; True when it had been silent, and repetitions rare."""
+        was_silent = _FACTORS[self._unheard] > 1
+        self._unheard = 0
+        if was_silent:
+            self._unanswered //= 2
+        return was_silent
 
-    def pause_ns(self, times: LinkTimes, rank: int, rng: random.Random) -> int:
+    def begin_anew(self) -> None:
+        """Repeat as often as to a node that was just heard."""
+        self._unanswered = self._unheard = 0
+
+    def answered(self, *, in_crowd: bool = True) -> None:
+        """The node has told that it has something of what it lacked; others may speak as well."""
+        self._unanswered = self._unanswered // 2 if in_crowd else 0
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Repetitions to it are unanswered again and again: more than one would be wasted."""
+        return _FACTORS[self._unanswered] > 1
+
+    def pause_ns(
+        self, times: LinkTimes, rank: int, rng: random.Random, *, spread_ns: int = 0
+    ) -> int:
         """Return how long to wait for an answer before the next repetition, ns.
 
         Args:
             times: Of the link.
-            rank: How many receivers acknowledge before this one.
+            rank: How many receivers acknowledge before this one; what was measured has it in it.
             rng: Draws up to a short frame more, so that two ends do not repeat in step.
+            spread_ns: Within which time they acknowledge, each at random.
         """
         if self._smooth_ns is None:
             round_trip_ns = times.first_round_trip_ns + rank * times.ack_slot_ns
         else:
             round_trip_ns = self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
-        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered])
+        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered]) + spread_ns
         return pause_ns + rng.randrange(times.doubt_ns + 1)

@@ -191,7 +191,7 @@ class StreamCodec:
         self,
         coder: Coder,
         remainder: Remainder,
-        value: Any,
+        value: Any,  # noqa: ANN401
         known: list[Any],
         place: int,
     ) -> Any:  # noqa: ANN401

@@ -6,14 +6,14 @@ has confirmed (`outgoing`, `incoming`). Both ends write down what they have (`st
 may be killed at any instant. `objects` is what the engine sees; docs/wire.md, section "Objects", is
 normative.
 
-What it reaches, in % of the bit rate of a modem that takes 0.951 s for a full frame of 64 bytes and
-is 1 s away, with 10 KiB (tests/benchmarks/bench_objects.py):
+What it reaches between whole engines, in % of the bit rate of a modem that takes 0.951 s for a full
+frame of 64 bytes and is 1 s away, with 10 KiB (tests/benchmarks/bench_objects.py, 200 seeds):
 
 ====================  ======  ======  ======  ======
 frames lost              0 %    20 %    30 %    50 %
 ====================  ======  ======  ======  ======
-with listen windows       84      65      57      40
-exclusive                 92      71      62      44
+with listen windows       84      66      57      40
+exclusive                 92      72      62      43
 ====================  ======  ======  ======  ======
 
 ======================  ============================================================================

@@ -26,11 +26,11 @@ _SLOTS_EACH: Final = 2
 class _Reply:
     """An answer that is due."""
 
-    def __init__(self, at: int, copies: int, until: int) -> None:
+    def __init__(self, at: int, copies: int, until: int | None = None) -> None:
         self.at = at
         self.copies = copies
         self.until = until
-        """Instant after which it would come too late."""
+        """Instant after which it would come too late; None: until the sender sends on."""
 
 
 class Replies:
@@ -56,7 +56,7 @@ class Replies:
         at = self._listens_at(call, heard_at, timing)
         copies = 1 + (loss > _LOSS_FOR_TWO) + (loss > _LOSS_FOR_THREE)
         in_time = 2 * timing.propagation_ns // timing.feedback_slot_ns
-        self._replies[place] = _Reply(at, min(copies, 1 + in_time), at + timing.exchange_ns)
+        self._replies[place] = _Reply(at, min(copies, 1 + in_time))
 
     def called_among(
         self, place: Place, call: Call, heard_at: int, timing: Timing, *, rank: int
@@ -65,7 +65,7 @@ class Replies:
         at = self._listens_at(call, heard_at, timing)
         at += _SLOTS_EACH * rank * timing.feedback_slot_ns
         at += round(self._rng.random() * timing.feedback_slot_ns)
-        self._replies[place] = _Reply(at, 1, at + timing.exchange_ns)
+        self._replies[place] = _Reply(at, 1)
 
     def goes_on(
         self, place: Place, heard_at: int, timing: Timing, *, tell: bool, window: bool
@@ -89,7 +89,7 @@ class Replies:
     def due_at(self, now: int) -> int | None:
         """Return the instant at which the next answer is to go, or None."""
         for place, reply in list(self._replies.items()):
-            if reply.until < now and place != self._speaking:
+            if reply.until is not None and reply.until < now and place != self._speaking:
                 del self._replies[place]
         return min((reply.at for _, reply in self._sayable()), default=None)
 

@@ -153,15 +153,21 @@ class NothingLost(Witness):
 
 
 class OncePerCall(Witness):
-    """No life of a server executes a call twice."""
+    """No server executes a call twice, in all its lives if it keeps a journal and its table."""
 
     def __init__(self) -> None:
         super().__init__()
         self._served: set[tuple[int, int]] = set()
 
+    def begins(self, telling: "Telling") -> None:
+        """Learn whether lives are told apart."""
+        story = telling.story
+        self._forgets = bool(story.pool) or story.scenario.faults.journal.keeps is False
+
     def served(self, arrived: Arrived) -> None:
         """Compare with what ran before."""
-        call = (arrived.publication.number, arrived.life)
+        forgets = self._forgets or not _keeps(arrived.publication.stream)
+        call = (arrived.publication.number, arrived.life if forgets else 0)
         if call in self._served:
             self.complaints.append(f"{_told(arrived)} runs a second time")
         self._served.add(call)

@@ -102,6 +102,13 @@ class Telling:
 
     def run(self) -> None:
         """Tell it; once."""
+        try:
+            self._run()
+        except Exception as error:
+            error.add_note(f"again: zacoustic sim --story {self.story.seed}")
+            raise
+
+    def _run(self) -> None:
         for witness in self.witnesses:
             witness.begins(self)
         early, self._early = self._early or [], None

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, UnknownStreamError
 from zacoustic.tools.demo.islands import NAMES, SHORE
 
@@ -115,5 +115,7 @@ def _directions(stream: Stream) -> list[tuple[str, int]]:
     spec = stream.spec
     if isinstance(spec, ServiceSpec):
         return [(f"{stream.name} request", SHORE), (f"{stream.name} response", spec.server)]
+    if isinstance(spec, ActionSpec):
+        return []  # the demo has none
     sources = spec.publishers or tuple(NAMES)
     return [(stream.name, source) for source in sources[:1]]

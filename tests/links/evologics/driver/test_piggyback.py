@@ -84,7 +84,7 @@ def test_frame_to_who_is_owed_an_acknowledgement_goes_with_it(is_serial: bool) -
 def test_piggyback_message_is_sooner_than_an_instant_message() -> None:
     lasted_s = []
     for service in ("auto", "im"):
-        sea = sea_of_two(EvologicsConfig(service=service))  # type: ignore[arg-type]
+        sea = sea_of_two(EvologicsConfig(service=service))
         asked_at = sea.now
         report = answer(sea, bytes(20))
         assert report.outcome is SENT
@@ -196,7 +196,7 @@ def test_answers_arrive_at_most_once_whatever_goes_wrong(
     config = EvologicsConfig(service=service, busy_s=4.0)  # type: ignore[arg-type]
     for seed in range(count(1000)):
         rng = random.Random(seed)
-        rates = {kind: rng.choice([0.0, 0.05, 0.2]) for kind in SPARING}
+        rates: dict[FaultKind, float] = {kind: rng.choice([0.0, 0.05, 0.2]) for kind in SPARING}
         rates |= dict.fromkeys((FaultKind.RESET, FaultKind.DROP_CONNECTION), 0.005)
         if rng.random() < 0.5:  # a repetition behind other sounds is a message like any other
             rates[FaultKind.DUPLICATE] = 0.0

@@ -1,0 +1,223 @@
+"""Reliable topics: what they cost, how late samples are, and how soon an emergency is through.
+
+Virtual time, S2C profile (64 bytes in 0.951 s), losses each way that the sender does not know.
+Bytes and airtime are those of both ends, in units of one transmission of each sample without loss
+and without acknowledgement. Run: ``python tests/benchmarks/bench_reliable.py [SEEDS]``; ends with 1
+when a figure is worse than it was.
+"""
+
+import random
+import statistics
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
+from zacoustic.core.qos import Priority, Qos, Reliability
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.testing.virtual import VirtualNetwork
+
+SEEDS: Final = 20
+MESSAGES: Final = 300
+_PERIOD_S: Final = 10.0
+_PAYLOAD_BYTES: Final = 12
+_RECORD_BYTES: Final = 2 + _PAYLOAD_BYTES
+_DISTANCE_M: Final = 1500.0
+_ORDERS: Final = 1
+_BULK: Final = 2
+_WARM_UP_S: Final = 60.0
+
+WORST_BYTES: Final = 2.4
+WORST_AIRTIME: Final = 2.9
+WORST_P95_S: Final = 8.0
+WORST_UNLOADED_S: Final = 0.050
+"""Over airtime and one-way delay."""
+LEAST_URGENT: Final = 0.97
+URGENT_WITHIN_S: Final = 3.0
+URGENT_WAIT_S: Final = 0.1
+"""Beyond the frame that is on the air."""
+
+
+class Cost(msgspec.Struct, frozen=True):
+    """What one run gave."""
+
+    transmitted_bytes: float
+    airtime: float
+    latencies_s: tuple[float, ...]
+    beyond_s: float
+    """Longest latency beyond airtime and one-way delay."""
+    delivered: int
+
+
+class Sea:
+    """Two nodes, 1500 m apart.
+
+    Args:
+        seed: Of the losses.
+        loss: Share of the frames that is lost, each way.
+        priority: Of the orders.
+    """
+
+    def __init__(self, seed: int, loss: float, priority: Priority = Priority.DATA) -> None:
+        reliable = Qos(reliability=Reliability.RELIABLE, depth=40, priority=priority)
+        orders = TopicSpec(stream_id=_ORDERS, name="o", publishers=(1,), subscribers=(2,))
+        bulk = TopicSpec(stream_id=_BULK, name="b", qos=Qos(depth=2000), subscribers=(2,))
+        table = StreamTable(
+            [msgspec.structs.replace(orders, qos=reliable), bulk], nodes={1: "a", 2: "b"}
+        )
+        nodes = [
+            {"address": 1, "position": [0, 0, 10]},
+            {"address": 2, "position": [_DISTANCE_M, 0, 10]},
+        ]
+        water = scenario_from_mapping(
+            {"seed": seed, "channel": "none", "nodes": nodes}, source="bench"
+        )
+        self.loss = 0.0
+        self._rng = random.Random(seed)
+        self.published_at: dict[bytes, int] = {}
+        self.arrived_at: dict[bytes, int] = {}
+        self.delivered = 0
+        self.network = VirtualNetwork(
+            water, table, deliver=self._take, disturb=self._disturb, digest=False
+        )
+        for at_s in (1, 20, 40):  # until both know each other, and the count
+            self.network.at(at_s, partial(self.publish, _ORDERS, b"%d" % at_s))
+        self.network.at(_WARM_UP_S - 1, lambda: setattr(self, "loss", loss))
+
+    def publish(self, stream_id: int, payload: bytes) -> None:
+        """Publish a sample from node 1."""
+        self.published_at[payload] = self.network.now
+        self.network.publish(1, stream_id, payload)
+
+    def airtime_s(self, record_bytes: int) -> float:
+        """Airtime of a frame with that much in it."""
+        return ns_to_seconds(self.network.capabilities(1).airtime_ns(record_bytes))
+
+    def latency_s(self, payload: bytes) -> float:
+        """Time from `publish` to the event at the other node; infinity if there was none."""
+        arrived_at = self.arrived_at.get(payload)
+        if arrived_at is None:
+            return float("inf")
+        return ns_to_seconds(arrived_at - self.published_at[payload])
+
+    def _take(self, address: int, event: Event) -> None:
+        if isinstance(event, SampleReceived):
+            self.arrived_at.setdefault(event.value, self.network.now)
+        elif isinstance(event, DeliveryEnded) and event.outcome is DeliveryOutcome.DELIVERED:
+            self.delivered += 1
+
+    def _disturb(self, source: int, node: int, now: int) -> Sequence[float]:
+        return () if self._rng.random() < self.loss else (0.0,)
+
+
+def periodic(seed: int, loss: float) -> Cost:
+    """Measure messages that come one by one."""
+    sea = Sea(seed, loss)
+    payloads = [number.to_bytes(_PAYLOAD_BYTES, "big") for number in range(MESSAGES)]
+    for number, payload in enumerate(payloads):
+        at_s = _WARM_UP_S + number * _PERIOD_S
+        sea.network.at(at_s, partial(sea.publish, _ORDERS, payload))
+    sea.network.run(until_s=_WARM_UP_S - 1)
+    before = _spent(sea)
+    sea.network.run(until_s=_WARM_UP_S + MESSAGES * _PERIOD_S + 600)
+    spent_bytes, spent_s = (after - then for after, then in zip(_spent(sea), before, strict=True))
+    latencies_s = tuple(sea.latency_s(payload) for payload in payloads)
+    airtime_s, delay_s = sea.airtime_s(_RECORD_BYTES), _DISTANCE_M / 1500
+    return Cost(
+        spent_bytes / MESSAGES / _RECORD_BYTES,
+        spent_s / MESSAGES / airtime_s,
+        latencies_s,
+        max(latencies_s) - airtime_s - delay_s,
+        sea.delivered - 3,
+    )
+
+
+def _spent(sea: Sea) -> tuple[float, float]:
+    stats = list(sea.network.stats())
+    return (
+        float(sum(each.bytes_transmitted for each in stats)),
+        sum(each.airtime_ns for each in stats) / NS_PER_S,
+    )
+
+
+def emergency(seed: int, loss: float, queued: int) -> tuple[float, float]:
+    """Measure one urgent sample; returns when it was on the air and when it arrived, s."""
+    sea = Sea(seed, loss, Priority.REAL_TIME)
+    begin_s = _WARM_UP_S + random.Random(seed).uniform(0, 5)
+    started: list[int] = []
+
+    def crowd() -> None:
+        for number in range(queued):
+            sea.publish(_BULK, b"%050d" % number)
+
+    def alarm() -> None:
+        sea.publish(_ORDERS, b"surface now!")
+        sea.network.apply(1, lambda engine, now: None)
+
+    sea.network.at(_WARM_UP_S - 1, crowd)
+    sea.network.at(begin_s, alarm)
+    engine = sea.network.engine(1)
+    poll = engine.poll_transmit
+
+    def watch(now: int) -> object:
+        transmission = poll(now)
+        if transmission is not None and b"surface now!" in transmission.frame_bytes:
+            started.append(sea.network.now)
+        return transmission
+
+    engine.poll_transmit = watch  # type: ignore[method-assign, assignment]
+    sea.network.run(until_s=begin_s + 60)
+    alarm_at = sea.published_at[b"surface now!"]
+    return ns_to_seconds(started[0] - alarm_at), sea.latency_s(b"surface now!")
+
+
+def main() -> int:
+    """Print the tables; returns 1 when something is worse than it was."""
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
+    kept = True
+    print(f"{MESSAGES} messages of {_PAYLOAD_BYTES} bytes, one per {_PERIOD_S:g} s, 1 s one way")
+    print("loss  bytes  airtime  p50 s  p95 s  p99 s  delivered")
+    for loss in (0.0, 0.1, 0.3, 0.5):
+        costs = [periodic(seed, loss) for seed in range(seeds)]
+        spent = statistics.fmean(cost.transmitted_bytes for cost in costs)
+        airtime = statistics.fmean(cost.airtime for cost in costs)
+        latencies_s = sorted(each for cost in costs for each in cost.latencies_s)
+        p50, p95, p99 = (latencies_s[int(len(latencies_s) * share)] for share in (0.5, 0.95, 0.99))
+        delivered = sum(cost.delivered for cost in costs)
+        kept = kept and delivered == seeds * MESSAGES
+        print(
+            f"{loss:4.0%}  {spent:5.2f}  {airtime:7.2f}  {p50:5.2f}  {p95:5.2f}  {p99:5.2f}  "
+            f"{delivered / seeds / MESSAGES:9.2%}"
+        )
+        if loss == 0.3:
+            kept = kept and spent <= WORST_BYTES and airtime <= WORST_AIRTIME
+            kept = kept and p95 <= WORST_P95_S
+        if loss == 0:
+            beyond_s = max(cost.beyond_s for cost in costs)
+            kept = kept and beyond_s <= WORST_UNLOADED_S
+            print(f"      at most {beyond_s * 1000:.1f} ms beyond airtime and one-way delay")
+    print()
+    print("an urgent sample over 1500 m      on the air after s  arrived within 3 s")
+    for loss, queued in ((0.4, 0), (0.0, 1000)):
+        runs = [emergency(seed, loss, queued) for seed in range(10 * seeds)]
+        waited_s = max(run[0] for run in runs)
+        share = statistics.fmean(run[1] <= URGENT_WITHIN_S for run in runs)
+        name = f"behind {queued} messages" if queued else f"quiet channel, {loss:.0%} loss"
+        print(f"{name:32}  {waited_s:18.2f}  {share:18.1%}")
+        if queued:
+            kept = kept and waited_s <= Sea(0, 0).airtime_s(64) + URGENT_WAIT_S
+        else:
+            kept = kept and share >= LEAST_URGENT - 0.02
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

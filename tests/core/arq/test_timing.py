@@ -1,0 +1,97 @@
+"""When it is time to repeat: from airtimes, then from what was measured."""
+
+import random
+
+import pytest
+
+from zacoustic.core.arq.timing import LinkTimes, PeerTiming
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.linktypes import LinkCapabilities
+
+LINK = LinkCapabilities(
+    mtu_bytes=64,
+    bit_rate_bps=720,
+    preamble_s=0.15,
+    gap_s=0.09,
+    propagation_s=1.0,
+    senses_carrier=True,
+)
+TIMES = LinkTimes(LINK)
+
+
+def pause_s(timing: PeerTiming, rank: int = 0, spread_ns: int = 0) -> float:
+    """The shortest pause that is drawn."""
+    rng = random.Random(1)
+    drawn = [timing.pause_ns(TIMES, rank, rng, spread_ns=spread_ns) for _ in range(1000)]
+    assert max(drawn) - min(drawn) <= TIMES.doubt_ns
+    return min(drawn) / NS_PER_S
+
+
+def unanswered(timing: PeerTiming, times: int) -> None:
+    for number in range(times):
+        timing.unanswered(number * TIMES.first_round_trip_ns, TIMES)
+
+
+def test_first_guess_is_what_the_link_says() -> None:
+    first_s = pause_s(PeerTiming())
+    ack_s = LINK.airtime_ns(5) / NS_PER_S
+    assert first_s == pytest.approx(2 + 0.09 + 0.075 + ack_s + 0.09 + 0.15 + 8 * 8 / 720, abs=1e-2)
+    assert pause_s(PeerTiming(), rank=3) == pytest.approx(first_s + 3 * (ack_s + 0.09), abs=1e-2)
+
+
+def test_link_without_carrier_sense_lets_the_next_frame_pass() -> None:
+    deaf = LinkTimes(LinkCapabilities(mtu_bytes=64, bit_rate_bps=720, propagation_s=1.0))
+    assert deaf.next_frame_ns == pytest.approx(64 * 8 / 720 * NS_PER_S)
+    assert TIMES.next_frame_ns == 0
+
+
+def test_pause_follows_what_was_measured() -> None:
+    timing = PeerTiming()
+    for _ in range(50):
+        timing.measured(500_000_000)
+    assert pause_s(timing) == pytest.approx(0.5 + TIMES.doubt_ns / NS_PER_S, abs=1e-2)
+    timing.measured(1_500_000_000)
+    assert pause_s(timing) > 1.5
+
+
+def test_spread_is_waited_for_on_top() -> None:
+    assert pause_s(PeerTiming(), spread_ns=NS_PER_S) == pytest.approx(
+        pause_s(PeerTiming()) + 1, abs=1e-2
+    )
+
+
+def test_repetitions_to_a_silent_node_become_rare_and_stay_finite() -> None:
+    timing, pauses = PeerTiming(), []
+    for number in range(40):
+        pauses.append(pause_s(timing))
+        timing.unanswered(number * TIMES.first_round_trip_ns, TIMES)
+    assert pauses == sorted(pauses)
+    assert pauses[2] == pytest.approx(pauses[0], abs=1e-2)
+    assert pauses[-1] == pytest.approx(32 * pauses[0], rel=1e-2)
+
+
+def test_what_is_due_together_counts_once() -> None:
+    timing = PeerTiming()
+    for _ in range(40):
+        timing.unanswered(5, TIMES)
+    assert pause_s(timing) == pytest.approx(pause_s(PeerTiming()), abs=1e-2)
+
+
+def test_first_frame_of_a_silent_node_ends_half_of_the_doubt() -> None:
+    timing = PeerTiming()
+    assert not timing.heard()
+    unanswered(timing, 14)
+    assert timing.is_doubtful
+    assert timing.heard()
+    assert not timing.heard(), "it is not silent any more"
+    assert 1 < pause_s(timing) / pause_s(PeerTiming()) < 32
+
+
+def test_answer_ends_the_doubt_except_in_a_crowd() -> None:
+    alone, crowded = PeerTiming(), PeerTiming()
+    for timing in (alone, crowded):
+        unanswered(timing, 14)
+    alone.answered(in_crowd=False)
+    crowded.answered()
+    assert not alone.is_doubtful
+    assert crowded.is_doubtful

@@ -1,0 +1,151 @@
+"""Transmit silence as a service of the gateway, and the verb that asks for it."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.gateway.islands import SECTION, Water, free_port, get, island, run, until
+from zacoustic.cli import main
+from zacoustic.gateway.notices import SilenceKept
+
+
+async def verb(*arguments: str) -> int:
+    """Run the command line in a thread of its own."""
+    return await asyncio.to_thread(main, ["silence", *arguments])
+
+
+async def state(client: Any, parameters: str = "") -> dict[str, Any]:
+    replies = await get(client, f"@acoustic/1/silence{parameters}")
+    assert not replies.errors
+    found: dict[str, Any] = json.loads(replies.payload("@acoustic/1/silence"))
+    return found
+
+
+def test_order_keeps_the_modem_silent_until_it_is_resumed() -> None:
+    async def scene() -> None:
+        water = Water()
+        async with island(1, water) as shore:
+            with shore.client() as client:
+                assert await state(client) == {
+                    "address": 1, "silent": False, "ordered": False, "until_utc": None,
+                }  # fmt: skip
+                found = await state(client, "?order=begin;for_s=1800")
+                assert found["silent"]
+                assert found["ordered"]
+                assert found["until_utc"].endswith("Z")
+                client.put("chat", b"not now")
+                client.put("auv1/text", b"nor the urgent one")
+                assert (await state(client))["silent"]
+                await asyncio.sleep(0)
+                assert water.emissions == []
+                assert not (await state(client, "?order=resume"))["silent"]
+                await until(lambda: water.emissions, water.changed)
+                kept = [each for each in shore.notices if isinstance(each, SilenceKept)]
+                assert [each.silent for each in kept] == [True, False]
+
+    run(scene())
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ("?order=stop", "order is stop; allowed: begin, resume"),
+        ("?order=begin;for_s=-1", "for_s is -1; allowed: with order=begin, seconds above 0"),
+        ("?order=begin;for_s=soon", "for_s is soon"),
+        ("?order=resume;for_s=3", "for_s is 3"),
+        ("?for_s=3", "for_s is 3"),
+    ],
+)
+def test_order_that_is_wrong_is_refused(parameters: str, complaint: str) -> None:
+    async def scene() -> None:
+        async with island(1, Water()) as shore:
+            with shore.client() as client:
+                replies = await get(client, f"@acoustic/1/silence{parameters}")
+                assert not replies.good
+                assert complaint in replies.errors[0]
+                assert not (await state(client))["silent"]
+
+    run(scene())
+
+
+def test_quiet_window_is_told() -> None:
+    async def scene() -> None:
+        section = SECTION | {
+            "quiet": [{"from": "00:00", "to": "12:00"}, {"from": "12:00", "to": "00:00"}]
+        }
+        async with island(1, Water(), section=section) as shore:
+            with shore.client() as client:
+                found = await state(client)
+                assert (found["silent"], found["ordered"]) == (True, False)
+
+    run(scene())
+
+
+def test_verb_orders_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> None:
+    async def scene() -> None:
+        async with island(1, Water()) as shore:
+            where = ["--connect", f"tcp/127.0.0.1:{shore.port}"]
+            assert await verb(*where) == 0
+            assert await verb("--for", "30m", *where) == 0
+            assert await verb("--json", "--node", "1", *where) == 0
+            assert await verb("resume", *where) == 0
+            assert await verb("until-resumed", *where) == 0
+            assert await verb("--node", "9", *where) == 1
+
+    run(scene())
+    captured = capsys.readouterr()
+    free, ordered, as_json, resumed, endless = captured.out.splitlines()
+    assert free == "node 1: transmits"
+    assert ordered.startswith("node 1: silent, ordered, until 2")
+    assert json.loads(as_json)["silent"] is True
+    assert resumed == "node 1: transmits"
+    assert endless == "node 1: silent, ordered, until it is resumed"
+    assert "no gateway with address 9 is on this island (orders over the water" in captured.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--for", "soon"], "--for soon; allowed: a time above 0, such as 90s, 30m, 2h, 1d"),
+        (["--for", "0m"], "--for 0m; allowed"),
+        (["resume", "--for", "3s"], "--for 3s; allowed: not with resume"),
+        (["--node", "300"], "--node 300; allowed: 1..254"),
+        (["--timeout", "0"], "--timeout 0.0; allowed: above 0"),
+        (["stop"], "invalid choice: 'stop'"),
+    ],
+)
+def test_arguments_that_are_wrong(
+    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["silence", *arguments]) == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_router_that_is_not_there_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["silence", "--connect", f"tcp/127.0.0.1:{free_port()}"]) == 1
+    assert "no Zenoh router at" in capsys.readouterr().err
+
+
+def test_permit_log_has_every_emission(tmp_path: Path) -> None:
+    log = tmp_path / "deep" / "permit.jsonl"
+
+    async def scene() -> None:
+        water = Water()
+        section = SECTION | {"permit_log": str(log)}
+        async with island(1, water, section=section) as shore:
+            with shore.client() as client:
+                client.put("chat", b"hello")
+                await until(lambda: water.sent_by(1), water.changed)
+                await get(client, "@acoustic/1/link")
+
+    run(scene())
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    assert len(lines) == 1
+    assert lines[0]["node"] == 1
+    assert lines[0]["destination"] == 255
+    assert lines[0]["outcome"] == "sent"
+    assert lines[0]["utc"].startswith("20")
+    assert lines[0]["bytes"] > 5

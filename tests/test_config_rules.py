@@ -1,0 +1,114 @@
+"""What the configuration says of transmitting: access, quiet windows, airtime, permit log."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from zacoustic.config import config_from_mapping, read_config
+from zacoustic.core.access import (
+    AlohaSpec,
+    CarrierSenseSpec,
+    DelegatedSpec,
+    PollingSpec,
+    TdmaSpec,
+)
+from zacoustic.core.access.spec import AccessSpec
+from zacoustic.core.rules import TransmitRules
+from zacoustic.core.silence import QuietWindow
+from zacoustic.errors import ConfigError
+
+ACCESS: dict[str, Any] = {
+    "method": "tdma", "slots": [1, 2], "slot_s": 3, "max_range_m": 1500, "clock_error_s": 0.01,
+}  # fmt: skip
+
+
+def _rules(**section: object) -> TransmitRules:
+    nodes = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
+    whole = {"address": 1, "nodes": nodes, **section}
+    return config_from_mapping(whole, source="test").rules
+
+
+def _access(access: object) -> AccessSpec | None:
+    return _rules(links=[{"locator": "sim/h:1", "access": access}]).access
+
+
+def test_each_access_is_read() -> None:
+    assert _access(ACCESS) == TdmaSpec(
+        slots=(1, 2), slot_s=3.0, max_range_m=1500.0, clock_error_s=0.01
+    )
+    assert _access({"method": "aloha", "back_off": False}) == AlohaSpec(back_off=False)
+    assert _access({"method": "carrier_sense"}) == CarrierSenseSpec()
+    assert _access({"method": "delegated"}) == DelegatedSpec()
+    polling = {"method": "polling", "poller": 1, "nodes": [2]}
+    assert _access(polling) == PollingSpec(poller=1, nodes=(2,))
+    assert _rules().access is None
+
+
+def test_access_of_the_file_counts_beside_a_locator() -> None:
+    section = {"address": 1, "links": [{"locator": "sim/h:1", "access": {"method": "aloha"}}]}
+    config = config_from_mapping(section, source="test", locator="desert/h:2")
+    assert config.links[0].locator == "desert/h:2"
+    assert config.rules.access == AlohaSpec()
+
+
+@pytest.mark.parametrize(
+    ("access", "complaint"),
+    [
+        ({}, '.method: is missing; allowed: "aloha", "carrier_sense", "tdma", "polling"'),
+        ({"method": "tdam"}, '.method: "tdam"; allowed: "aloha", '),
+        ({"method": 3}, '.method: 3; allowed: "aloha"'),
+        ("tdma", ': "tdma"; allowed: { method: '),
+        ({"method": "carrier_sense", "x": 1}, ".x: unknown key"),
+        (ACCESS | {"slotts": 1}, ".slotts: unknown key; allowed: slots, slot_s"),
+        (ACCESS | {"slots": [1, 3]}, ".slots[1]: 3 is no node; allowed: 1 (shore), 2 (auv1)"),
+        (ACCESS | {"clock": 3}, ".clock: 3 is no node"),
+        (ACCESS | {"slot_s": "3"}, '.slot_s: "3"; allowed: seconds, above 0'),
+        (ACCESS | {"slot_s": 1}, ".slot_s: 1 s is not more than its guard of 1.092 s"),
+        (ACCESS | {"clock_error_s": None}, ".clock_error_s: is missing, and slots need clocks"),
+        ({"method": "polling", "poller": 1, "nodes": [1]}, ".nodes: 1 is the poller; allowed"),
+        ({"method": "polling", "poller": 3, "nodes": [2]}, ".poller: 3 is no node"),
+        ({"method": "aloha", "slot_s": 0}, ".slot_s: 0; allowed: above 0"),
+    ],
+)
+def test_access_that_is_wrong_says_what_and_why(access: object, complaint: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        _access(access)
+    assert f"test: plugins.acoustic.links[0].access{complaint}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_quiet_windows_and_caps_are_read() -> None:
+    rules = _rules(quiet=[{"from": "22:00", "to": "06:30"}], max_airtime=0.3)
+    hour_ns = 3600 * 10**9
+    assert rules.quiet == (QuietWindow(22 * hour_ns, 13 * hour_ns // 2),)
+    assert rules.max_airtime == 0.3
+
+
+@pytest.mark.parametrize(
+    ("section", "complaint"),
+    [
+        ({"quiet": [{"from": "24:00", "to": "06:00"}]}, '.quiet[0].from: "24:00"; allowed: a time'),
+        ({"quiet": [{"from": "22:00"}]}, ".quiet[0].to: is missing; allowed: a time of day"),
+        ({"quiet": [{"from": "6:00", "to": "07:00"}]}, '.quiet[0].from: "6:00"; allowed'),
+        ({"quiet": [{"from": "06:00", "to": "06:00"}]}, '.quiet[0].to: "06:00", when it begins'),
+        ({"quiet": [{"from": "06:00", "to": "07:00", "x": 1}]}, "unknown key; allowed: from, to"),
+        ({"max_airtime": 0}, ".max_airtime: 0; allowed: a share, above 0, at most 1"),
+        ({"max_airtime": 1.5}, ".max_airtime: 1.5; allowed: a share"),
+        ({"permit_log": ""}, '.permit_log: ""; allowed: a text'),
+        (
+            {"streams": [{"id": 1, "topic": "a", "max_airtime": 0}]},
+            ".streams[0].max_airtime: 0; allowed: above 0, at most 1",
+        ),
+    ],
+)
+def test_rules_that_are_wrong_say_what(section: dict[str, object], complaint: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        _rules(**section)
+    assert complaint in str(caught.value)
+
+
+def test_permit_log_is_beside_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "fleet.json5"
+    path.write_text('{ plugins: { acoustic: { address: 1, permit_log: "log/permit.jsonl" } } }')
+    assert read_config(path).permit_log == tmp_path / "log" / "permit.jsonl"

@@ -1,0 +1,431 @@
+"""Goals across the water: each runs at most once, and its client is told one end of it."""
+
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import pytest
+
+from tests.virtual.fleet import line
+from tests.virtual.goalstory import GoalStory
+from zacoustic.core.actions.news import (
+    ActionEvent,
+    CancelAnswered,
+    CancelRequested,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalFailure,
+    GoalKey,
+    GoalReceived,
+    GoalRecovered,
+    GoalStatus,
+    ResultReceived,
+)
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import Event
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import ActionSpec, StreamTable, TopicSpec
+from zacoustic.errors import QueueFullError
+from zacoustic.testing.virtual import Disturb, VirtualNetwork
+
+SUCCEEDED, CANCELED = GoalStatus.SUCCEEDED, GoalStatus.CANCELED
+
+
+def fleet(nodes: int = 2, **settings: Any) -> StreamTable:
+    return StreamTable(
+        [
+            ActionSpec(stream_id=30, name="goto", server=1, **settings),
+            TopicSpec(stream_id=1, name="a", qos=Qos(depth=2000)),
+        ],
+        nodes={address: f"n{address}" for address in range(1, nodes + 1)},
+    )
+
+
+class Desk:
+    """A network whose node 1 accepts every goal, and what its nodes were told."""
+
+    def __init__(
+        self,
+        nodes: int = 2,
+        *,
+        seed: int = 1,
+        tables: dict[int, StreamTable] | None = None,
+        disturb: Disturb | None = None,
+        accepts: bool = True,
+        faults: dict[str, Any] | None = None,
+        **settings: Any,
+    ) -> None:
+        self.told: list[tuple[int, float, ActionEvent]] = []
+        """``(node, instant in s, event)``."""
+        self._accepts = accepts
+        positions = (400.0 * number for number in range(nodes))
+        water = line(*positions, channel="none", seed=seed, faults=faults or {})
+        self.water = VirtualNetwork(
+            water, tables or fleet(nodes, **settings), deliver=self._take, disturb=disturb
+        )
+
+    @property
+    def now_s(self) -> float:
+        return self.water.now / NS_PER_S
+
+    def send(self, node: int = 2, value: bytes = b"there", **settings: Any) -> GoalKey:
+        """Send a goal from a node."""
+        return self.water.apply(
+            node, lambda engine, now: engine.actions.send_goal(30, value, now, **settings)
+        )
+
+    def serve(self, command: Callable[[Engine, int], Any]) -> Any:
+        """Give a command to the server's engine."""
+        return self.water.apply(1, command)
+
+    def finish(
+        self, goal: GoalKey, status: GoalStatus = SUCCEEDED, value: bytes | None = b"done"
+    ) -> bool:
+        """End a goal at the server."""
+        return bool(self.serve(lambda engine, now: engine.actions.finish(goal, status, value, now)))
+
+    def feed(self, goal: GoalKey, value: bytes) -> bool:
+        """Send feedback."""
+        return bool(
+            self.serve(lambda engine, now: engine.actions.publish_feedback(goal, value, now))
+        )
+
+    def cancel(self, goal: GoalKey) -> bool:
+        """Cancel a goal at its client."""
+        return self.water.apply(
+            goal.client, lambda engine, now: engine.actions.cancel_goal(goal, now)
+        )
+
+    def of(self, kind: type[Any], node: int | None = None) -> list[Any]:
+        """Return the events of one kind."""
+        return [
+            event for at, _, event in self.told if isinstance(event, kind) and node in (None, at)
+        ]
+
+    def when(self, kind: type[Any]) -> float:
+        """Return when the only event of a kind came, s."""
+        (instant_s,) = (at for _, at, event in self.told if isinstance(event, kind))
+        return instant_s
+
+    def run(self, until_s: float) -> None:
+        self.water.run(until_s=until_s)
+
+    def _take(self, node: int, event: Event) -> None:
+        if not isinstance(event, ActionEvent):
+            return
+        self.told.append((node, self.now_s, event))
+        if isinstance(event, GoalReceived) and self._accepts:
+            assert self.serve(lambda engine, now: engine.actions.accept(event.goal, now))
+
+
+@pytest.mark.parametrize("half", range(2))
+def test_no_goal_runs_twice_and_each_ends_once_whatever_goes_wrong(
+    half: int, count: Callable[[int], int]
+) -> None:
+    for number in range(count(1000)):
+        story = GoalStory(2 * number + half)
+        assert story.run() == []
+
+
+def test_goal_is_accepted_fed_and_ended() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(10)
+    assert desk.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
+    assert [event.value for event in desk.of(GoalReceived, 1)] == [b"there"]
+    assert desk.feed(goal, b"half way")
+    desk.run(20)
+    assert [event.value for event in desk.of(FeedbackReceived, 2)] == [b"half way"]
+    assert desk.finish(goal)
+    assert not desk.finish(goal)
+    assert not desk.feed(goal, b"late")
+    desk.run(60)
+    assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=SUCCEEDED, value=b"done")]
+    desk.run(10_000)
+    assert desk.water.is_quiet
+    assert desk.water.journal(1).entries.keys() == desk.water.journal(2).entries.keys() == {"epoch"}
+
+
+def test_rejected_goal_says_why() -> None:
+    desk = Desk(accepts=False)
+    goal = desk.send()
+    desk.run(5)
+    desk.serve(lambda engine, now: engine.actions.reject(goal, now, text="battery low"))
+    desk.run(30)
+    assert desk.of(GoalAnswered) == [
+        GoalAnswered(goal=goal, accepted=False, failure=GoalFailure.REJECTED, text="battery low")
+    ]
+    assert not desk.serve(lambda engine, now: engine.actions.accept(goal, now))
+
+
+def test_cancel_overtakes_a_thousand_samples() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(30)
+    for number in range(1000):
+        desk.water.publish(2, 1, b"%60d" % number)
+    desk.run(33.3)
+    assert desk.water.engine(2).pending(1) > 900
+    desk.cancel(goal)
+    desk.run(36)
+    # The frame that is on the air, the next one, and the way: 400 m.
+    assert desk.when(CancelRequested) < 33.3 + 1.0 + 1.0 + 0.3
+    assert desk.water.engine(2).pending(1) > 900
+
+
+def test_cancel_is_answered_and_the_goal_ends_canceled() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(20)
+    assert desk.cancel(goal)
+    desk.run(25)
+    assert len(desk.of(CancelRequested, 1)) == 1
+    desk.serve(lambda engine, now: engine.actions.answer_cancel(goal, now, accepted=True))
+    desk.run(30)
+    assert desk.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
+    desk.finish(goal, CANCELED, None)
+    desk.run(60)
+    assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=CANCELED, value=None)]
+    assert not desk.cancel(goal)
+
+
+def test_refused_cancel_may_be_asked_for_again() -> None:
+    desk = Desk()
+    goal = desk.send()
+    for at_s in (20, 60):
+        desk.run(at_s)
+        desk.cancel(goal)
+        desk.run(at_s + 5)
+        desk.serve(
+            lambda engine, now: engine.actions.answer_cancel(
+                goal, now, accepted=False, text="too deep"
+            )
+        )
+        desk.run(at_s + 15)
+    refused = CancelAnswered(goal=goal, accepted=False, text="too deep")
+    assert desk.of(CancelAnswered) == [refused, refused]
+    assert len(desk.of(CancelRequested)) == 2
+
+
+def test_goal_that_was_not_sent_yet_is_cancelled_without_a_frame() -> None:
+    desk = Desk()
+    desk.water.set_link(2, up=False)
+    goal = desk.send()
+    assert desk.cancel(goal)
+    desk.water.set_link(2, up=True)
+    desk.run(60)
+    (answered,) = desk.of(GoalAnswered)
+    assert answered.failure is GoalFailure.CANCELLED
+    assert desk.of(GoalReceived) == []
+    assert desk.water.engine(2).stats.frames_transmitted == 0
+
+
+def test_cancel_that_overtakes_its_goal_prevents_it() -> None:
+    lost: list[bool] = [True]
+    desk = Desk(disturb=lambda source, node, now: () if lost[0] else (0.0,))
+    goal = desk.send()
+    desk.run(3)
+    assert desk.water.engine(2).stats.transmitted == {30: 1}
+    lost[0] = False
+    desk.cancel(goal)
+    desk.run(60)
+    (answered,) = desk.of(GoalAnswered)
+    assert (answered.accepted, answered.failure) == (False, GoalFailure.CANCELLED)
+    assert desk.of(GoalReceived) == []
+
+
+def test_of_feedback_only_the_newest_goes_and_not_more_often_than_allowed() -> None:
+    desk = Desk(feedback_interval_s=5.0)
+    goal = desk.send()
+    desk.run(20)
+    for number in range(300):
+        desk.water.at(20 + 0.1 * number, partial(desk.feed, goal, b"%d" % number))
+    desk.run(60)
+    got = [
+        (at, int(event.value)) for _, at, event in desk.told if isinstance(event, FeedbackReceived)
+    ]
+    assert 6 <= len(got) <= 8
+    assert [number for _, number in got] == sorted({number for _, number in got})
+    for (before_s, _), (after_s, number) in itertools.pairwise(got):
+        assert after_s - before_s >= 4.5
+        # From a publication to the other end: a frame, the way, a period of publishing.
+        assert after_s - (20 + 0.1 * number) < 1.0
+    assert got[-1][1] == 299
+
+
+def test_result_is_claimed_after_half_an_hour_of_silence() -> None:
+    outage = {"blackouts": [{"node": 1, "from_s": 20, "to_s": 1820}]}
+    desk = Desk(faults=outage)
+    goal = desk.send()
+    desk.water.at(100, partial(desk.finish, goal))
+    desk.run(1820)
+    assert desk.of(ResultReceived) == []
+    desk.run(2200)
+    assert [event.value for event in desk.of(ResultReceived)] == [b"done"]
+
+
+def test_goal_survives_its_client_and_its_server_is_asked() -> None:
+    desk = Desk()
+    goal = desk.send(tag=b"mission 7")
+    desk.run(20)
+    desk.water.crash(2)
+    desk.run(40)
+    desk.finish(goal)
+    desk.run(60)
+    desk.water.start(2)
+    desk.run(100)
+    assert desk.of(GoalRecovered) == [GoalRecovered(goal=goal, tag=b"mission 7")]
+    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
+    assert len(desk.of(GoalReceived)) == 1
+    other = desk.send()
+    desk.run(120)
+    assert desk.of(GoalAnswered)[-1] == GoalAnswered(goal=other, accepted=True)
+    assert other.epoch == goal.epoch + 1
+
+
+def test_goal_of_a_former_life_can_be_cancelled() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(20)
+    desk.water.restart(2)
+    desk.run(21)
+    desk.cancel(goal)
+    desk.run(40)
+    assert [event.goal for event in desk.of(CancelRequested)] == [goal]
+
+
+def test_goal_that_ran_when_its_server_died_is_unknown_and_does_not_run_again() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(20)
+    desk.water.restart(1)
+    desk.run(60)
+    (failed,) = desk.of(GoalFailed)
+    assert (failed.goal, failed.failure) == (goal, GoalFailure.UNKNOWN)
+    assert len(desk.of(GoalReceived)) == 1
+    assert not desk.finish(goal)
+
+
+def test_server_without_a_journal_says_that_it_does_not_know_a_goal() -> None:
+    desk = Desk(journal=False)
+    desk.send()
+    desk.run(20)
+    desk.water.restart(1)
+    desk.water.publish(1, 1, b"I am back")
+    desk.run(60)
+    (failed,) = desk.of(GoalFailed)
+    assert failed.failure is GoalFailure.UNKNOWN
+    assert failed.text == "the server does not know it any more"
+
+
+def test_goal_of_which_nothing_is_heard_is_asked_after_and_then_given_up() -> None:
+    desk = Desk(result_timeout_s=600)
+    desk.send()
+    desk.run(650)
+    assert desk.of(GoalFailed) == []  # asked after 300 s, and answered
+    desk.water.crash(1)
+    desk.run(2000)
+    (failed,) = desk.of(GoalFailed)
+    assert failed.failure is GoalFailure.TIMED_OUT
+    assert 900 < desk.when(GoalFailed) < 1300
+    assert desk.water.is_quiet
+
+
+def test_goal_is_not_taken_when_its_client_has_given_it_up() -> None:
+    desk = Desk(accepts=False, timeout_s=20)
+    goal = desk.send()
+    desk.run(25)
+    (failed,) = desk.of(GoalFailed)
+    assert failed.failure is GoalFailure.TIMED_OUT
+    assert not desk.serve(lambda engine, now: engine.actions.accept(goal, now))
+
+
+def test_a_goal_that_runs_on_does_not_hold_up_a_hundred_others() -> None:
+    desk = Desk(timeout_s=60)
+    long = desk.send()
+    desk.run(20)
+    for number in range(100):
+        goal = desk.send(value=b"%d" % number)
+        desk.run(20 + 30 * number + 10)
+        assert desk.finish(goal, value=b"%d" % number)
+        desk.run(20 + 30 * number + 30)
+    assert [event.value for event in desk.of(ResultReceived)] == [b"%d" % n for n in range(100)]
+    assert desk.feed(long, b"still here")
+    desk.finish(long)
+    desk.run(3100)
+    assert desk.of(FeedbackReceived)[-1].goal == long
+    assert desk.of(ResultReceived)[-1].goal == long
+    assert len(desk.of(GoalReceived)) == 101
+
+
+def test_more_than_twelve_goals_at_once_are_refused() -> None:
+    desk = Desk(timeout_s=1000)
+    for _ in range(12):
+        desk.send()
+    with pytest.raises(QueueFullError, match="12 goals for node 1 are under way"):
+        desk.send()
+    desk.run(100)
+    assert len(desk.of(GoalReceived)) == 12
+
+
+def test_goal_survives_a_new_epoch_of_its_client() -> None:
+    desk = Desk(tables={1: fleet(), 2: fleet()})
+    goal = desk.send()
+    desk.run(20)
+    extra = TopicSpec(stream_id=2, name="b")
+    for node in (1, 2):
+        desk.water.apply(node, lambda engine, now: engine.declare(extra, now))
+    desk.feed(goal, b"nobody has told the server of the new epoch")
+    desk.run(60)
+    desk.finish(goal)
+    desk.run(120)
+    assert desk.water.engine(2).epoch > goal.epoch
+    assert desk.of(GoalRecovered) == []
+    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
+
+
+def test_stream_that_differs_fails_the_goal() -> None:
+    tables = {1: fleet(), 2: fleet(result_timeout_s=10.0)}
+    desk = Desk(tables=tables)
+    desk.send()
+    desk.run(20)
+    (failed,) = desk.of(GoalFailed)
+    assert failed.failure is GoalFailure.TABLE_MISMATCH
+    assert failed.text == "node 1 defines stream 30 in another way"
+    desk.send()
+    assert len(desk.of(GoalFailed)) == 2
+
+
+def test_action_works_between_nodes_that_differ_in_another_stream() -> None:
+    other = fleet()
+    other.declare(TopicSpec(stream_id=9, name="only here"))
+    desk = Desk(tables={1: fleet(), 2: other})
+    goal = desk.send()
+    desk.run(60)
+    desk.finish(goal)
+    desk.run(120)
+    assert [event.value for event in desk.of(ResultReceived)] == [b"done"]
+
+
+def test_several_clients_have_goals_of_the_same_number() -> None:
+    desk = Desk(4)
+    goals: dict[GoalKey, bytes] = {}
+    for node in (2, 3, 4):
+        for number in range(3):
+            value = b"%d.%d" % (node, number)
+
+            def send(node: int = node, value: bytes = value) -> None:
+                goals[desk.send(node, value)] = value
+
+            desk.water.at(10.0 * node + number, send)
+    desk.run(200)
+    assert {event.goal: event.value for event in desk.of(GoalReceived)} == goals
+    for goal, value in goals.items():
+        desk.finish(goal, value=b"re " + value)
+    desk.run(400)
+    results = {event.goal: event.value for event in desk.of(ResultReceived)}
+    assert results == {goal: b"re " + value for goal, value in goals.items()}
+    assert {goal.number for goal in goals} == {0, 1, 2}

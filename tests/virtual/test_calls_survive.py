@@ -1,0 +1,93 @@
+"""Calls survive the sea and the death of either end: each runs once at most, and ends once."""
+
+from collections.abc import Callable
+
+import pytest
+
+from tests.virtual.callload import carry_calls
+from tests.virtual.callstory import CallStory
+from zacoustic.core.answering import Answering
+from zacoustic.core.calls import CallKind
+from zacoustic.core.handshake import Handshake
+
+BLOCKS = range(10)
+
+
+@pytest.mark.parametrize("number", BLOCKS)
+def test_all_holds_in_any_story(count: Callable[[int], int], number: int) -> None:
+    for seed in range(number, count(2000), len(BLOCKS)):
+        complaints = CallStory(seed).run()
+        assert not complaints, f"{len(complaints)} complaints, {complaints[0]}"
+
+
+def test_stories_are_as_bad_as_they_promise() -> None:
+    stories = [CallStory(seed) for seed in range(100)]
+    faults = [story.network.scenario.faults for story in stories]
+    links = [link for story in stories for link in story.network.scenario.links]
+    assert max(link.loss.frame for link in links if link.loss) > 0.55
+    assert max(len(spec.at_s) for each in faults for spec in each.crashes) == 10
+    assert max(each.to_s - each.from_s for fault in faults for each in fault.blackouts) > 1500
+    assert {len(story.network.addresses) for story in stories} == {2, 3, 4}
+
+
+def test_stories_tell_of_every_outcome() -> None:
+    outcomes: set[str] = set()
+    for seed in range(12):
+        story = CallStory(seed)
+        story.run()
+        outcomes |= set(story.outcomes)
+    assert outcomes == {"response", "HANDLER", "TIMED_OUT", "UNKNOWN", "refused"}
+
+
+def test_a_thousand_calls_at_30_percent_loss_and_2_s_delay(count: Callable[[int], int]) -> None:
+    for seed in range(count(20)):
+        load = carry_calls(seed, calls=1000, loss=0.3, delay_s=2.0)
+        assert max(load.executed.values()) == 1, f"seed {seed}"
+        assert len(load.answered) >= 999, f"seed {seed}: {load.failed}"
+        assert len(load.answered) + len(load.failed) == 1000
+
+
+# What the stories are there to find: they do when it is left out.
+
+
+def _answers_of_any_life(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Handshake, "knows_us", lambda self, address: True)
+    monkeypatch.setattr(
+        "zacoustic.core.services.decode_name",
+        lambda content, epoch: CallKind(content[0] >> 6) if content else None,
+    )
+
+
+def _forgotten_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    confirmed = Answering.confirmed
+
+    def forget(self: Answering, key: object, now: int) -> None:
+        confirmed(self, key, now)  # type: ignore[arg-type]
+        self._forget(key, now)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Answering, "confirmed", forget)
+
+
+def _nothing_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Answering, "recover", lambda self, stored: None)
+
+
+@pytest.mark.parametrize(
+    ("break_it", "expected", "first"),
+    [
+        (_answers_of_any_life, "is answered with", 42),
+        (_forgotten_at_once, "is executed again", 4),
+        (_nothing_recovered, "is executed again", 11),
+    ],
+)
+def test_stories_find_what_is_wrong(
+    monkeypatch: pytest.MonkeyPatch,
+    break_it: Callable[[pytest.MonkeyPatch], None],
+    expected: str,
+    first: int,
+) -> None:
+    break_it(monkeypatch)
+    for seed in range(first, first + 100):
+        if any(expected in line for line in CallStory(seed).run()):
+            return
+    raise AssertionError(f'no story complains that something "{expected}"')

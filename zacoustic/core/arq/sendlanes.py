@@ -1,0 +1,90 @@
+"""All lanes of one publisher: each begins with its first sample, or where a former life ended."""
+
+from collections.abc import Iterator
+from typing import Final
+
+from zacoustic.core.arq.keeping import KeptLane
+from zacoustic.core.arq.sendlane import SendLane, Stage
+from zacoustic.core.handshake import Handshake
+from zacoustic.core.keys import Instance
+from zacoustic.core.queue import LaneKey
+from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.errors import LocalError
+
+RELIABLE_LANE: Final = 3
+
+
+class SendLanes:
+    """The lanes of one node.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        handshake: Knows the boot epoch.
+    """
+
+    def __init__(self, address: int, table: StreamTable, handshake: Handshake) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._lanes: dict[LaneKey, SendLane] = {}
+
+    def __iter__(self) -> Iterator[SendLane]:
+        return iter(self._lanes.values())
+
+    def find(self, stream: Stream, instance: Instance) -> SendLane | None:
+        """Return a lane, if there is one."""
+        return self._lanes.get((stream.stream_id, RELIABLE_LANE, *instance))
+
+    def of(self, stream: Stream, instance: Instance) -> SendLane:
+        """Return a lane; a new one begins its count in this life."""
+        lane = self.find(stream, instance)
+        if lane is None:
+            lane = SendLane(
+                (stream.stream_id, RELIABLE_LANE, *instance),
+                self._receivers(stream),
+                self._handshake.epoch,
+                is_kept=stream.spec.journal,
+            )
+            self._lanes[lane.key] = lane
+        return lane
+
+    def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
+        """Go on with a lane of a former life; returns it with its samples, all to be sent."""
+        first = min((number for number, _ in kept.samples), default=kept.next_number)
+        key = (stream.stream_id, RELIABLE_LANE, *kept.instance)
+        lane = SendLane(key, self._receivers(stream), kept.lineage, first, is_kept=True)
+        self._lanes[key] = lane
+        for number, each in kept.samples:
+            lane.next_number = number
+            lane.add(stream, each, queued_at=0, expires_at=None).stage = Stage.BEHIND
+        lane.next_number = kept.next_number
+        return lane
+
+    def check(self, stream: Stream) -> None:
+        """Refuse a topic that nobody could acknowledge.
+
+        Raises:
+            LocalError: Neither nodes nor subscribers are listed.
+        """
+        assert isinstance(stream.spec, TopicSpec)
+        if stream.spec.subscribers is None and not self._table.nodes:
+            raise LocalError(
+                f"{stream.name}: nobody is listed who could acknowledge",
+                hint="list the nodes, or the subscribers of the stream",
+            )
+
+    def repeating_bytes(self) -> int:
+        """Return how much waits to be repeated, or is being repeated."""
+        return sum(
+            sample.waiting.size_bytes
+            for lane in self
+            for sample in lane.active()
+            if sample.tries and sample.stage in (Stage.QUEUED, Stage.ON_AIR)
+        )
+
+    def _receivers(self, stream: Stream) -> tuple[int, ...]:
+        assert isinstance(stream.spec, TopicSpec)
+        listed = stream.spec.subscribers
+        addresses = self._table.nodes if listed is None else listed
+        return tuple(sorted(set(addresses) - {self._address}))

@@ -1,0 +1,230 @@
+"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+
+They share the transmit queue, the handshake and the journal, and know nothing of the link but its
+airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+"""
+
+import random
+from collections.abc import Callable, Mapping
+
+from zacoustic.core.actions.actions import Actions
+from zacoustic.core.arq.receiving import ReliableReceiving
+from zacoustic.core.arq.sending import ReliableSending
+from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.composer import Composed, Composer
+from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.frame import TAG_BYTES
+from zacoustic.core.handshake import Handshake
+from zacoustic.core.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.large import LargeSamples
+from zacoustic.core.linktypes import Transmission, TransmitReport
+from zacoustic.core.port import LinkPort
+from zacoustic.core.queue import TransmitQueue
+from zacoustic.core.ranging import Ranging
+from zacoustic.core.receiver import Receiver
+from zacoustic.core.repeating import Repeater
+from zacoustic.core.services import Services
+from zacoustic.core.stats import EngineStats, count
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.topics import Topics
+
+
+class Protocols:
+    """The components of one engine.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        epoch: Its boot epoch.
+        journal: Keeps what is to survive.
+        stats: Counts.
+        rng: Source of all randomness.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        epoch: int,
+        *,
+        journal: JournalPort,
+        stats: EngineStats,
+        rng: random.Random,
+        emit: Callable[[Event], None],
+    ) -> None:
+        self._journal = journal
+        self._stats = stats
+        self._emit = emit
+        self._epochs_to_keep = 0
+        self.queue = queue = TransmitQueue()
+        self.handshake = handshake = Handshake(address, epoch, table, rng)
+        self.ranging = Ranging(address, table, rng, emit)
+        self.sending = ReliableSending(
+            address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
+        )
+        self.receiving = ReliableReceiving(
+            address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
+        )
+        self.large = LargeSamples(
+            address,
+            table,
+            handshake=handshake,
+            journal=journal,
+            stats=stats,
+            rng=rng,
+            emit=emit,
+            hand_on=self._hand_on,
+        )
+        self.topics = Topics(
+            address,
+            table,
+            queue=queue,
+            stats=stats,
+            sending=self.sending,
+            receiving=self.receiving,
+            emit=self._hand_on,
+        )
+        self.topics.large = self.large
+        self.repeater = Repeater(queue, rng)
+        self.services = Services(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self.begin_epoch,
+            stats=stats,
+            emit=emit,
+        )
+        self.actions = Actions(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self._renew_epoch,
+            stats=stats,
+            emit=emit,
+        )
+        self.receiver = Receiver(
+            table,
+            handshake,
+            self.topics,
+            self.services,
+            self.actions,
+            self.sending,
+            self.large,
+            stats,
+        )
+        self.composer = Composer(queue, handshake, self.ranging, stats)
+        self.composer.objects = self.large.objects
+        self._write_epoch()
+
+    @property
+    def may_speak(self) -> bool:
+        """The boot epoch is written down: no other life of the node will have it."""
+        return not self._epochs_to_keep
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return not self.queue and self.large.objects.is_idle
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left."""
+        self.sending.recover(stored)
+        self.receiving.recover(stored)
+        self.services.recover(stored)
+        self.actions.recover(stored)
+        self.sending.next_delivery_id(above=self.large.recover(stored))
+
+    def begin_epoch(self, now: int) -> None:
+        """Begin a new boot epoch: what peers have confirmed is over."""
+        self.handshake.table_changed()
+        self._write_epoch()
+        self.actions.epoch_changed(now)
+
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take the airtimes of a link, and drop what is too large for it."""
+        self.composer.port = port
+        capabilities = port.capabilities
+        self.handshake.use_link(capabilities)
+        self.ranging.use_link(capabilities)
+        times, settling_ns = LinkTimes(capabilities), self.handshake.settling_ns
+        self.sending.use_link(times, settling_ns)
+        self.services.use_link(times, settling_ns)
+        self.actions.use_link(times, settling_ns)
+        self.repeater.use_link(times, now)
+        self.receiving.use_link(times)
+        self.large.objects.use_link(
+            capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
+        )
+        oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
+        self.sending.dropped(oversized, now)
+        for _ in oversized:
+            self._stats.drop("oversized")
+
+    def link_up(self, now: int) -> None:
+        """The link is up."""
+        self.sending.link_up(now)
+        self.repeater.link_up(now)
+        self.services.link_up(now)
+        self.actions.link_up(now)
+
+    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
+        """A transmission begins."""
+        self.sending.transmitted(composed.records)
+        self.repeater.transmitted(composed.records)
+        self.ranging.transmitted(transmission, now)
+
+    def handle_report(self, report: TransmitReport, now: int) -> None:
+        """A transmission has ended."""
+        self.sending.handle_report(report)
+        self.repeater.handle_report(report)
+        self.large.objects.transmitted(report.finished_at)
+        self.ranging.handle_report(report, now)
+
+    def expire(self, now: int) -> None:
+        """The instant that `next_deadline_at` named has come."""
+        self.services.expire(now)
+        self.actions.expire(now)
+        self.sending.expire(now)
+        self.repeater.expire(now)
+        self.large.at(now).objects.expire(now)
+        self.ranging.expire(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something expires or is due, ns, or None."""
+        instants = (
+            self.services.next_deadline_at(),
+            self.actions.next_due_at(),
+            self.sending.next_deadline_at(),
+            self.repeater.next_due_at(),
+            self.large.objects.next_deadline_at(),
+            self.ranging.next_deadline_at(),
+        )
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    def _renew_epoch(self, now: int) -> bool:
+        """Begin a new epoch unless a call is under way, which would not survive it."""
+        if self.services.is_calling:
+            return False
+        self.begin_epoch(now)
+        return True
+
+    def _write_epoch(self) -> None:
+        self._epochs_to_keep += 1
+        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
+        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
+
+    def _epoch_kept(self, now: int) -> None:
+        self._epochs_to_keep -= 1
+
+    def _hand_on(self, sample: SampleReceived) -> None:
+        count(self._stats.received, sample.stream_id)
+        self._emit(sample)

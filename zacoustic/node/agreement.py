@@ -1,0 +1,85 @@
+"""Where what the code says of a stream and what is defined have to agree."""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
+from zacoustic.errors import ConfigError
+
+PARTS: Final = ("goal", "feedback", "result")
+"""What the three types of an action are for."""
+
+
+def pair_of(service_type: object, name: str) -> tuple[object, object]:
+    """Return the types of request and response.
+
+    Raises:
+        ConfigError: There are none in it.
+    """
+    if isinstance(service_type, tuple) and len(service_type) == 2:
+        return service_type
+    request, response = (getattr(service_type, part, None) for part in ("Request", "Response"))
+    if request is None or response is None:
+        raise ConfigError(
+            f"{name}: {service_type!r}; allowed: a class with Request and Response, or a pair"
+        )
+    return request, response
+
+
+def triple_of(action_type: object, name: str) -> tuple[object, object, object]:
+    """Return the types of goal, feedback and result.
+
+    Raises:
+        ConfigError: They are not in it.
+    """
+    if isinstance(action_type, tuple) and len(action_type) == 3:
+        return action_type
+    goal, feedback, result = (getattr(action_type, part.capitalize(), None) for part in PARTS)
+    if goal is None or feedback is None or result is None:
+        raise ConfigError(
+            f"{name}: {action_type!r}; allowed: a class with Goal, Feedback and Result, or the "
+            "three of them"
+        )
+    return goal, feedback, result
+
+
+def tune(stream: Stream, qos: Qos | None) -> None:
+    """Let the code say how this node's payloads wait; what both ends must agree on stays."""
+    if qos is None:
+        return
+    if qos.stamp not in (Stamp.NONE, stream.qos.stamp):
+        raise ConfigError(
+            f"{stream.name}: stamp: {qos.stamp.value}; allowed: {stream.qos.stamp.value}, "
+            "as it is defined: both ends must agree on it"
+        )
+    own = stream.qos
+    if qos.reliability not in (Reliability.BEST_EFFORT, own.reliability):
+        raise ConfigError(
+            f"{stream.name}: reliability: {qos.reliability.value}; allowed: "
+            f"{own.reliability.value}, as it is defined: both ends must agree on it"
+        )
+    reliable = own.reliability is Reliability.RELIABLE
+    if reliable and qos.depth not in (Qos().depth, own.depth):
+        raise ConfigError(
+            f"{stream.name}: depth: {qos.depth}; allowed: {own.depth}, as it is defined: both ends "
+            "of a reliable topic must agree on it"
+        )
+    stream.qos = msgspec.structs.replace(
+        qos,
+        stamp=own.stamp,
+        reliability=own.reliability,
+        depth=own.depth if reliable else qos.depth,
+    )
+
+
+def kind_of(stream: Stream) -> str:
+    """Say what a stream is, with its article."""
+    match stream.spec:
+        case TopicSpec():
+            return "a topic"
+        case ServiceSpec():
+            return "a service"
+        case ActionSpec():
+            return "an action"
