@@ -326,6 +326,21 @@ class Handshake:
         row = peer.rows.get(stream_id) if peer else None
         return row is not None and row != self._row(stream_id)
 
+    def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
+        """Decide whether a dense string may be decoded: that takes the whole table.
+
+        Args and returns as `verdict`.
+        """
+        peer = self._peer(source)
+        if self._knows_difference(peer) and epoch == peer.epoch:
+            return "differs"
+        return self.verdict(source, epoch, _ASK_HELLO, now)
+
+    def knows_difference(self, address: int) -> bool:
+        """Tell whether a node is known to hold another table."""
+        peer = self._peers.get(address)
+        return peer is not None and self._knows_difference(peer)
+
     def epoch_of(self, address: int) -> int:
         """Return the epoch of a peer whose record was just allowed."""
         epoch = self._peer(address).epoch

@@ -12,6 +12,7 @@ from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
+from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
@@ -59,6 +60,7 @@ class Protocols:
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
+        self.dense = DenseStreams(address, table, handshake)
         self.ranging = Ranging(address, table, rng, emit)
         self.sending = ReliableSending(
             address, table, queue=queue, handshake=handshake, journal=journal, rng=rng, emit=emit
@@ -113,13 +115,14 @@ class Protocols:
             table,
             handshake,
             self.topics,
+            self.dense,
             self.services,
             self.actions,
             self.sending,
             self.large,
             stats,
         )
-        self.composer = Composer(queue, handshake, self.ranging, stats)
+        self.composer = Composer(queue, handshake, self.dense, self.ranging, stats)
         self.composer.objects = self.large.objects
         self._write_epoch()
 
@@ -144,6 +147,7 @@ class Protocols:
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
         self.handshake.table_changed()
+        self.dense.table_changed()
         self._write_epoch()
         self.actions.epoch_changed(now)
 

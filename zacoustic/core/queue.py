@@ -43,6 +43,8 @@ class Waiting:
         for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
         address: What stands behind the prefix in a broadcast frame, where the destination of the
             frame does not say whom it concerns.
+        is_dense: It may be part of a dense string instead of a record.
+        tick: Which sample of its stream it is, of a dense one.
         cause: Why its bytes are on the water; None: header and payload.
         queued_at: Instant of publication, ns.
         expires_at: Instant after which it is worthless, ns, or None.
@@ -57,12 +59,14 @@ class Waiting:
         "expires_at",
         "for_one_node",
         "head",
+        "is_dense",
         "payload",
         "prefix",
         "queued_at",
         "stamped",
         "stream_id",
         "sync",
+        "tick",
     )
 
     def __init__(
@@ -78,6 +82,8 @@ class Waiting:
         delimits_itself: bool = False,
         for_one_node: bool = False,
         address: bytes = b"",
+        is_dense: bool = False,
+        tick: int = 0,
         cause: Cause | None = None,
         expires_at: int | None = None,
     ) -> None:
@@ -92,6 +98,8 @@ class Waiting:
         self.queued_at = queued_at
         self.expires_at = expires_at
         self.address = address
+        self.is_dense = is_dense
+        self.tick = tick
         self.cause = cause
         self.sync = b""
         """A prefix that may still change while the record waits."""

@@ -16,6 +16,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.dense.prior import Model
 from zacoustic.core.encoding import CBOR, OPAQUE
 from zacoustic.core.keys import Instance, KeyPattern, Wildcard
 from zacoustic.core.payload import (
@@ -25,16 +26,28 @@ from zacoustic.core.payload import (
     PayloadCodec,
     TypedCodec,
 )
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.core.qos import Qos, Reliability, Stamp
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 FIRST_STREAM_ID: Final = 1
 LAST_STREAM_ID: Final = 175
 """Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
 
-CODECS: Final[dict[str, type[TypedCodec]]] = {"cbor": CborCodec, "packed": PackedCodec}
-"""How the values of a type can be written on the water, by the word of the configuration."""
+CODECS: Final[dict[str, type[TypedCodec]]] = {
+    "cbor": CborCodec,
+    "packed": PackedCodec,
+    "dense": PackedCodec,
+}
+"""How the values of a type can be written in a record, by the word of the configuration. Those of a
+dense stream are in records only where they are in no dense string (`zacoustic.core.densestreams`).
+"""
+
+DENSE: Final = "dense"
+"""The codec of dense streams."""
+
+AGE_FIELD: Final = "zacoustic_age"
+"""What stands for the age of a sample in a dense string, as its code."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -163,6 +176,8 @@ class Stream:
         """Codec of responses or results, of samples for a topic."""
         self.feedback_codec = codecs[len(codecs) // 2]
         """Codec of an action's feedback. Of no use for others."""
+        self.dense_type = _dense_type(spec, used[0])
+        """What a dense string has of each sample; None: the stream is not dense."""
         self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
         """Zenoh encoding on the application side."""
         description = msgspec.json.encode(self._description())
@@ -211,6 +226,7 @@ class StreamTable:
         specs: The streams, in any order.
         types: The types that they name.
         nodes: Name of each node by address; empty when the fleet is not listed.
+        model: What a fit says of the dense streams.
 
     Raises:
         ConfigError: A duplicate id or name, or anything `Stream` refuses.
@@ -222,10 +238,13 @@ class StreamTable:
         *,
         types: TypeTable | None = None,
         nodes: Mapping[int, str] | None = None,
+        model: Model | None = None,
     ) -> None:
         self.types = types or TypeTable()
         self.nodes: dict[int, str] = dict(nodes or {})
         """Name of each node by address."""
+        self.model = model
+        """What a fit says of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
         self._digest: bytes | None = None
@@ -263,6 +282,8 @@ class StreamTable:
             whole = hashlib.sha256(msgspec.json.encode(sorted(self.nodes.items())))
             for stream in self:
                 whole.update(stream.digest)
+            if self.model is not None:
+                whole.update(self.model.digest)
             self._digest = whole.digest()[:DIGEST_BYTES]
         return self._digest
 
@@ -322,9 +343,36 @@ def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:
             return (spec.goal_type, spec.feedback_type, spec.result_type)
 
 
+def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None:
+    if spec.codec != DENSE or type_spec is None:
+        return None
+    if spec.qos.stamp is not Stamp.AGE:
+        return type_spec
+    age = FieldSpec(name=AGE_FIELD, type="uint8")
+    return msgspec.structs.replace(type_spec, fields=(*type_spec.fields, age))
+
+
+def _check_dense(spec: StreamSpec) -> None:
+    """A dense string names a sample by its stream alone, and is not repeated."""
+    if not isinstance(spec, TopicSpec):
+        raise ConfigError(f'codec: "{DENSE}"; allowed: packed, cbor', hint="topics can be dense")
+    if spec.qos.reliability is Reliability.RELIABLE:
+        raise ConfigError(
+            f'codec: "{DENSE}" for a reliable topic; allowed: packed, cbor',
+            hint="what is repeated is not what follows the last one",
+        )
+    if spec.wildcards:
+        raise ConfigError(
+            f'codec: "{DENSE}" with placeholders other than {{node}}; allowed: packed, cbor',
+            hint="give each of them a stream of its own",
+        )
+
+
 def _check(spec: StreamSpec) -> None:
     if spec.codec not in CODECS:
         raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
+    if spec.codec == DENSE:
+        _check_dense(spec)
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")

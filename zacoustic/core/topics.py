@@ -5,7 +5,7 @@ What a record consists of is told in `zacoustic.core.content`.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, decode_ack
@@ -22,7 +22,7 @@ from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _LANE: Final = 0
@@ -128,6 +128,8 @@ class Topics:
             payload=payload,
             stamped=stamped,
             delimits_itself=stream.codec.delimits_itself or delete,
+            is_dense=stream.dense_type is not None and not prefix,
+            tick=self._stats.published[stream_id],
             queued_at=made_at,
             expires_at=expires_at,
         )
@@ -180,6 +182,28 @@ class Topics:
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             return self._receiving.receive(stream, arrival, now)
+        self._emit(sample)
+        return None
+
+    def receive_dense(
+        self, source: int, stream_id: int, value: dict[str, Any], received: ReceivedFrame
+    ) -> str | None:
+        """Take a sample of a dense string; returns why it is dropped, or None."""
+        stream = self._table.by_id(stream_id)
+        if not stream.may_subscribe(self._address):
+            return "not_subscriber"
+        code: int | None = value.pop(AGE_FIELD, None)
+        sample = SampleReceived(
+            stream_id=stream_id,
+            source=source,
+            instance=(),
+            value=value,
+            deleted=False,
+            encoding=stream.encoding,
+            age_s=None if code is None else decode_age_s(code),
+            received_at=received.received_at,
+            metrics=received.metrics,
+        )
         self._emit(sample)
         return None
 

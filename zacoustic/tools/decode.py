@@ -21,11 +21,14 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
+from zacoustic.core.densestreams import NUMBERS as NUMBERED
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     WIRE_VERSION,
     Ask,
     Confirm,
+    DenseAck,
+    DenseString,
     Hello,
     Item,
     Prefixes,
@@ -70,8 +73,8 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     kind: str
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
     `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
-    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`, `record`
-    (not decoded) or `stray`."""
+    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`, `dense`,
+    `dense_ack`, `record` (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
@@ -159,6 +162,11 @@ class _Reader:
             case Headless(transfer, held):
                 text = f"FEEDBACK object {transfer}: {held} fragments, no manifest"
                 return DecodedItem(kind="feedback", text=text)
+            case DenseAck():
+                return DecodedItem(kind="dense_ack", text=_dense_ack_text(item))
+            case DenseString(string):
+                text = f"dense string of {len(string)} bytes: {string.hex()}"
+                return DecodedItem(kind="dense", text=text, value=string.hex())
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
@@ -220,6 +228,13 @@ def _turn_text(turn: Turn) -> str:
     if turn.node == ANYBODY:
         return f"TURN for anybody: I pause {span_s:g} s after the beginning of this frame"
     return f"TURN of node {turn.node} for {span_s:g} s"
+
+
+def _dense_ack_text(ack: DenseAck) -> str:
+    whose = f"node {ack.address}" if ack.address else "its destination"
+    before = [str((ack.number - 1 - bit) % NUMBERED) for bit in range(8) if ack.before >> bit & 1]
+    also = f", and hold {', '.join(before)}" if before else ""
+    return f"ACK for {whose}: its newest dense string here is number {ack.number}{also}"
 
 
 def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:
