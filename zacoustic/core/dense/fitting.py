@@ -42,7 +42,7 @@ _RESTLESS: Final = 8
 _LEAST_ROWS: Final = 64
 _MOST_ROWS: Final = 4000
 _MOST_TEXT_BYTES: Final = 24000
-_UNUSUAL: Final = 1 << 12  # 1/16: what a frame costs that holds something else is 4 bits a stream
+_UNUSUAL: Final = 1 << 13  # 1/8: a frame that holds something else costs 3 bits a stream
 _FEW: Final = 8
 _OFTEN: Final = 7 << 13
 _WORTH: Final = 4  # a companion must leave at most this part of the scale
@@ -62,6 +62,7 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
         PayloadInvalidError: A value is not of its stream's type.
     """
     fitting: dict[int, _StreamFitting] = {}
+    single = several = 0
     for types, recording in missions:
         layouts = {stream_id: Layout(type_spec) for stream_id, type_spec in types.items()}
         for stream_id, layout in layouts.items():
@@ -79,6 +80,8 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
             latest[stream_id] = parts[0]
             rows[stream_id].append(parts[0])
             windows.setdefault(int(at_s // window_s), Counter())[stream_id] += 1
+        single += sum(1 for each in windows.values() if len(each) == 1)
+        several += sum(1 for each in windows.values() if len(each) > 1)
         for stream_id in layouts:
             stream = fitting[stream_id]
             stream.runs.append(rows[stream_id])
@@ -88,7 +91,8 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
             str(stream_id): stream.prior(stream_id)
             for stream_id, stream in sorted(fitting.items())
             if any(stream.runs)
-        }
+        },
+        single=_usual(single, single + several),
     )
 
 
