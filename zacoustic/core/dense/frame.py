@@ -45,7 +45,7 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = (28, 3, 1)
-_SPARE_BITS: Final = 24  # a frame dearer than its samples plainly by so much: try other kinds
+_SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
 
 Parts = tuple[Row, list[Any]]
 

@@ -77,8 +77,12 @@ class Speaker:
         Returns:
             Whether it is known which frame that is.
         """
-        newest = max((n for n, each in enumerate(self._sent) if listener in each.holders), default=0)
-        meant = [each for n, each in enumerate(self._sent) if n >= newest and each.snapshot.mark == mark]
+        newest = max(
+            (n for n, each in enumerate(self._sent) if listener in each.holders), default=0
+        )
+        meant = [
+            each for n, each in enumerate(self._sent) if n >= newest and each.snapshot.mark == mark
+        ]
         if len(meant) != 1:
             return False
         known = {each.snapshot.digest: each for each in self._sent}
