@@ -12,6 +12,7 @@ end does beforehand, and in `attitude`, before rounding and after decoding.
 from zacoustic.core.dense.fitting import fit
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
 from zacoustic.core.dense.prior import Model, StreamPrior
+from zacoustic.core.dense.references import Listener, Speaker
 from zacoustic.core.dense.snapshot import Snapshot
 
 __all__ = [
@@ -19,8 +20,10 @@ __all__ = [
     "DenseCodec",
     "DenseSample",
     "Encoded",
+    "Listener",
     "Model",
     "Snapshot",
+    "Speaker",
     "StreamPrior",
     "fit",
 ]

@@ -16,15 +16,23 @@ learnt from, is integers.
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Final
 
 from zacoustic.core.types import FieldSpec
 
 _PARTS: Final = "xyzw"
 
-# The angle in steps of the components. A component is off by at most 0.43 to 0.5 of the angle's
-# step, up to a pitch of about 20°; beyond, a sample in thousands is.
-_ANGLE_PER_STEP: Final = 1.05
+# The angles in steps of the components. A component moves by half of what roll and pitch move, with
+# parts that the yaw decides, in the worst case at 45°; and by half of what the yaw moves. So at a
+# pitch of 15° one sample in thousands is off by more than half a step, and within it a step further
+# on; of a quaternion that was rounded to its steps before, one in twelve is, and most of these
+# travel as they are.
+_TILT_PER_STEP: Final = 1.45
+_YAW_PER_STEP: Final = 1.75
+_NEIGHBOURS: Final = sorted(
+    product((-1, 0, 1), repeat=3), key=lambda more: (sum(map(abs, more)), more)
+)
 _COARSEST: Final = 0.1  # of the fields' step: beyond that no angle is small
 
 
@@ -38,8 +46,10 @@ class Attitude:
     def __init__(self, step: float) -> None:
         self._half_step = step / 2
         # Angles are counted from -180° and, for the pitch, from -90°.
-        self.circle = 4 * math.ceil(math.tau / (_ANGLE_PER_STEP * step) / 4)
-        """Steps of the angles in a circle, a multiple of 4."""
+        self.tilt_circle = 4 * math.ceil(math.tau / (_TILT_PER_STEP * step) / 4)
+        """Steps of roll and pitch in a circle, a multiple of 4."""
+        self.yaw_circle = 2 * math.ceil(math.tau / (_YAW_PER_STEP * step) / 2)
+        """Steps of the yaw in a circle, even."""
 
     def angles(self, parts: Sequence[float]) -> tuple[int, int, int, int] | None:
         """Return sign (0, 1), roll, pitch and yaw of x, y, z, w; None: it is no attitude."""
@@ -48,29 +58,30 @@ class Attitude:
         if not 0.5 < norm < 2:
             return None
         x, y, z, w = x / norm, y / norm, z / norm, w / norm
-        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        unit = self.circle / math.tau
-        counts = (
-            round(roll * unit) + self.circle // 2,
-            round(pitch * unit) + self.circle // 4,
-            (round(yaw * unit) + self.circle // 2) % self.circle,
-        )
-        for sign in (0, 1):
-            found = self.parts((sign, *counts))
-            errors = (abs(one - other) for one, other in zip(found, parts, strict=True))
-            if max(errors) <= self._half_step:
-                return (sign, *counts)
+        tilt, turn = self.tilt_circle / math.tau, self.yaw_circle / math.tau
+        roll = round(math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)) * tilt)
+        pitch = round(math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))) * tilt)
+        yaw = round(math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)) * turn)
+        roll, pitch = roll + self.tilt_circle // 2, pitch + self.tilt_circle // 4
+        yaw += self.yaw_circle // 2
+        for more in _NEIGHBOURS:
+            near = (roll + more[0], pitch + more[1], (yaw + more[2]) % self.yaw_circle)
+            if not (0 <= near[0] <= self.tilt_circle and 0 <= near[1] <= self.tilt_circle // 2):
+                continue
+            for sign in (0, 1):
+                found = self.parts((sign, *near))
+                errors = (abs(one - other) for one, other in zip(found, parts, strict=True))
+                if max(errors) <= self._half_step:
+                    return (sign, *near)
         return None
 
     def parts(self, angles: Sequence[int]) -> tuple[float, float, float, float]:
         """Return x, y, z, w of sign, roll, pitch and yaw."""
         sign, *counts = angles
-        unit = math.tau / self.circle / 2  # half angles
-        roll = (counts[0] - self.circle // 2) * unit
-        pitch = (counts[1] - self.circle // 4) * unit
-        yaw = (counts[2] - self.circle // 2) * unit
+        tilt, turn = math.pi / self.tilt_circle, math.pi / self.yaw_circle  # half angles
+        roll = (counts[0] - self.tilt_circle // 2) * tilt
+        pitch = (counts[1] - self.tilt_circle // 4) * tilt
+        yaw = (counts[2] - self.yaw_circle // 2) * turn
         cr, sr = math.cos(roll), math.sin(roll)
         cp, sp = math.cos(pitch), math.sin(pitch)
         cy, sy = math.cos(yaw), math.sin(yaw)

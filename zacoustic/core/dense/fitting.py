@@ -27,9 +27,13 @@ from zacoustic.core.dense.layout import Layout, Row
 from zacoustic.core.dense.prior import Companion, First, Learnt, Model, StreamPrior
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.types import TypeSpec
+from zacoustic.errors import ConfigError
 
 Recording = Sequence[tuple[float, int, Any]]
 """Time in seconds, stream id, value; in the order of time."""
+
+Mission = tuple[Mapping[int, TypeSpec], Recording]
+"""The type of each dense stream, by stream id, and what was recorded of them and others."""
 
 # Steps behind the reference that stand for their class.
 _STEPS: Final = (1, 2, 3, 5, 7, 12, 16)
@@ -38,69 +42,78 @@ _RESTLESS: Final = 8
 _LEAST_ROWS: Final = 64
 _MOST_ROWS: Final = 4000
 _MOST_TEXT_BYTES: Final = 24000
-_UNUSUAL: Final = 1 << 12  # 1/16: what a frame costs that holds something else is 4 bits a stream
+_UNUSUAL: Final = 1 << 13  # 1/8: a frame that holds something else costs 3 bits a stream
 _FEW: Final = 8
 _OFTEN: Final = 7 << 13
 _WORTH: Final = 4  # a companion must leave at most this part of the scale
 _WIDER: Final = 5, 4  # other missions differ from each other more than this one from itself
 
 
-def fit(
-    types: Mapping[int, TypeSpec], recordings: Iterable[Recording], *, window_s: float = 10.0
-) -> Model:
-    """Make a model of one or more recordings.
+def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
+    """Make a model of the recordings of one or more missions.
 
     Args:
-        types: Type of each dense stream, by stream id.
-        recordings: Of missions of one kind, each by itself; samples of other streams are left out.
+        missions: Of one kind, each by itself. Their types may differ in where a range begins (the
+            place of a mission), but not in how many values it has.
         window_s: Time whose samples usually share a frame, s.
+
+    Raises:
+        ConfigError: The types of a stream differ.
+        PayloadInvalidError: A value is not of its stream's type.
     """
-    fitting = {stream_id: _StreamFitting(types[stream_id]) for stream_id in sorted(types)}
-    for recording in recordings:
-        rows: dict[int, list[tuple[float, Row]]] = {}
+    fitting: dict[int, _StreamFitting] = {}
+    single = several = 0
+    for types, recording in missions:
+        layouts = {stream_id: Layout(type_spec) for stream_id, type_spec in types.items()}
+        for stream_id, layout in layouts.items():
+            stream = fitting.setdefault(stream_id, _StreamFitting(layout))
+            if [each.size for each in layout.columns] != stream.model.sizes:
+                raise ConfigError(f"stream {stream_id}: types differ between the missions")
+        rows: dict[int, list[Row]] = {stream_id: [] for stream_id in layouts}
         latest: dict[int, Row] = {}
         windows: dict[int, Counter[int]] = {}
         for at_s, stream_id, value in recording:
-            stream = fitting.get(stream_id)
-            if stream is None:
+            if stream_id not in layouts:
                 continue
-            row = stream.add(value, latest, stream_id)
-            latest[stream_id] = row
-            rows.setdefault(stream_id, []).append((at_s, row))
+            parts = layouts[stream_id].split(types[stream_id].validate(value))
+            fitting[stream_id].add(*parts, latest, stream_id)
+            latest[stream_id] = parts[0]
+            rows[stream_id].append(parts[0])
             windows.setdefault(int(at_s // window_s), Counter())[stream_id] += 1
-        for stream_id, stream in fitting.items():
-            stream.runs.append([row for _, row in rows.get(stream_id, [])])
+        single += sum(1 for each in windows.values() if len(each) == 1)
+        several += sum(1 for each in windows.values() if len(each) > 1)
+        for stream_id in layouts:
+            stream = fitting[stream_id]
+            stream.runs.append(rows[stream_id])
             stream.windows.extend(each.get(stream_id, 0) for each in windows.values())
     return Model(
         streams={
             str(stream_id): stream.prior(stream_id)
-            for stream_id, stream in fitting.items()
+            for stream_id, stream in sorted(fitting.items())
             if any(stream.runs)
-        }
+        },
+        single=_usual(single, single + several),
     )
 
 
 class _StreamFitting:
     """What is collected of one stream."""
 
-    def __init__(self, type_spec: TypeSpec) -> None:
-        self._validate = type_spec.validate
-        self.layout = Layout(type_spec)
-        self.model = RowModel(self.layout.columns)
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.model = RowModel(layout.columns)
         self.runs: list[list[Row]] = []
         self.windows: list[int] = []
         self._texts: Counter[str] = Counter()
         # For companions: rows beside the latest rows of the streams that a frame has earlier.
         self._beside: list[tuple[Row, dict[int, Row]]] = []
 
-    def add(self, value: Any, latest: Mapping[int, Row], stream_id: int) -> Row:  # noqa: ANN401
-        row, rest = self.layout.split(self._validate(value))
+    def add(self, row: Row, rest: list[Any], latest: Mapping[int, Row], stream_id: int) -> None:
         for remainder, part in zip(self.layout.remainders, rest, strict=True):
             if remainder.is_text and part is not None:
                 self._texts[part] += 1
         earlier = {other: each for other, each in latest.items() if other < stream_id}
         self._beside.append((row, earlier))
-        return row
 
     def prior(self, stream_id: int) -> StreamPrior:
         count = len(self._beside)

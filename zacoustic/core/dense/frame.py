@@ -3,17 +3,19 @@
 The problem: on the water a byte costs as much as a thousand on land, and a vehicle's telemetry says
 again and again what is known already. The idea: samples that share a frame need no feedback to be
 coded against each other, so that comes first; a frame that the receiver has acknowledged is the
-reference of the first sample of each stream. Where there is no such frame, or it is too old, a
-frame stands for itself. All prediction, and all learning, runs along these references only.
+reference of the first sample of each stream. Where there is no such frame, a frame stands for
+itself. All prediction, and all learning, runs along these references only.
 
-A frame is, in this order (shares in `_KINDS` and `_GAPS`; the first two bits are the marker):
+A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
 
-1. kind: for itself, or for itself with a number, or with a number and a reference;
-2. number, 4 bits; how many frames back the reference is;
-3. for each stream, by id: are there samples? then each of them, with the steps from the one that it
-   is coded against and, behind it, whether another one follows;
-4. the check of `arithmetic`: of the stream table, the model and the reference, in at least 3 bits
-   where there is a reference, and in what the rounding to bytes leaves over anyway.
+1. kind: with a reference; for itself; or a single sample for itself;
+2. the name of the reference, 5 bits, or 7 more where another frame has the same one;
+3. which streams there are; of each stream, by id, the samples: each with the steps from the one
+   that it is coded against and, behind it, whether another one follows. A single sample has neither
+   steps nor a successor, and its stream is any with the same chance: the frame that costs least
+   more than the sample itself, whatever the habits are;
+4. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
+   to bytes leaves over.
 
 The order of samples of one stream is kept; that of different streams is not.
 
@@ -22,7 +24,7 @@ string is read no further than 64 bits behind its end, and there are at most 255
 stream.
 
 Nothing here remembers: which snapshots there are, and who has acknowledged which, is the affair of
-whoever calls.
+`references`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,19 +34,20 @@ import msgspec
 
 from zacoustic.core.dense.adaptation import LONGEST_STEPS, StreamState
 from zacoustic.core.dense.arithmetic import Reader, Writer
-from zacoustic.core.dense.habits import MOST_SAMPLES, Habit, new_habit
+from zacoustic.core.dense.habits import MOST_SAMPLES, new_habits
 from zacoustic.core.dense.layout import Row
 from zacoustic.core.dense.prior import Model
-from zacoustic.core.dense.snapshot import NUMBERS, Snapshot, chained_digest
+from zacoustic.core.dense.snapshot import LONG_NAME_BITS, SHORT_NAMES, Snapshot, chained_digest
 from zacoustic.core.dense.streamcodec import Beside, StreamCodec
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
+from zacoustic.errors import ConfigError
 
-_ALONE, _NUMBERED, _REFERRING = 0, 1, 2
-_KINDS: Final = (4, 1, 11)
-# How likely a reference is that many frames back, 1…15.
-_GAPS: Final = (20, 24, 16, 12, 10, 7, 5, 4, 3, 2, 2, 1, 1, 1, 1)
-_CHECK_WAYS: Final = 8  # at least 3 bits of check, on average 6, where there is a reference
+_REFERRING, _ALONE, _SINGLE = 0, 1, 2
+_KINDS: Final = (28, 3, 1)
+_SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
+
+Parts = tuple[Row, list[Any]]
 
 
 class DenseSample(msgspec.Struct, frozen=True):
@@ -68,6 +71,8 @@ class Encoded(msgspec.Struct, frozen=True):
     """How many of the samples are in it, from the first on."""
     snapshot: Snapshot
     """What who receives it will know."""
+    reference: Snapshot | None
+    """What it refers to; None: it stands for itself."""
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -75,8 +80,6 @@ class Decoded(msgspec.Struct, frozen=True):
 
     samples: tuple[tuple[int, dict[str, Any]], ...]
     """Stream ids and values."""
-    number: int | None
-    """The frame's number; None: it is not to be referred to."""
     snapshot: Snapshot
     """What is known now."""
 
@@ -90,41 +93,38 @@ class DenseCodec:
         digest: Of everything else that both ends must agree on: four bytes of the stream table.
 
     Raises:
-        ConfigError: The model is for other types.
+        ConfigError: There are no streams, or the model is for other types.
     """
 
     def __init__(
         self, types: Mapping[int, TypeSpec], *, model: Model | None = None, digest: bytes = b""
     ) -> None:
+        if not types:
+            raise ConfigError("streams: none are dense; allowed: at least one")
         priors = {} if model is None else model.streams
         self.streams = {
             stream_id: StreamCodec(stream_id, types[stream_id], priors.get(str(stream_id)))
             for stream_id in sorted(types)
         }
-        habits = {
-            stream_id: new_habit(codec.prior, len(self.streams))
-            for stream_id, codec in self.streams.items()
-        }
+        self._ids = list(self.streams)
         root = chained_digest(digest, b"" if model is None else model.digest)
-        self._root = Snapshot({}, habits, {}, {}, root)
+        self._root = Snapshot({}, new_habits(model, self.streams), {}, root)
 
     def encode(
         self,
         samples: Sequence[DenseSample],
         room: int,
+        reference: Snapshot | None = None,
         *,
-        number: int | None = None,
-        reference: tuple[int, Snapshot] | None = None,
+        long_name: bool = False,
     ) -> Encoded | None:
         """Write a frame.
 
         Args:
             samples: The most important first; as many as fit are taken, without leaving one out.
             room: Greatest size of the frame, bytes.
-            number: The frame's number, 0…15, if it may be referred to: one more than that of the
-                source's last such frame.
-            reference: How many numbers back the reference is, 1…15, and its snapshot; needs a
-                number.
+            reference: A frame that every receiver holds.
+            long_name: The reference's short name would be ambiguous.
 
         Returns:
             None where not even the first sample fits, or there is none.
@@ -137,22 +137,63 @@ class DenseCodec:
         low, high = 0, len(samples)
         count = high
         while low < high:
-            encoded = self._encode(samples, parts, count, number, reference)
+            encoded = self._best(samples, parts, count, reference, long_name)
             size = len(encoded.frame) if encoded is not None else 2 * room
             if encoded is not None and size <= room:
                 fits, low = encoded, count
             else:
                 high = count - 1
-            count = min(max(count * room // size, low + 1), high)
+            count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
-    def _encode(
+    def decode(self, frame: bytes, held: Sequence[Snapshot] = ()) -> Decoded:
+        """Read a frame off the water.
+
+        Args:
+            frame: From the marker on, all of it.
+            held: Snapshots of the source's frames that were received, the newest last.
+
+        Raises:
+            PayloadError: It is damaged, or its reference is not held.
+        """
+        if not frame:
+            raise PayloadError("an empty frame")
+        reader = Reader(frame)
+        kind = reader.choice(_KINDS)
+        reference = _named(reader, held) if kind == _REFERRING else self._root
+        page = _Page(reference)
+        samples: list[tuple[int, dict[str, Any]]] = []
+        if kind == _SINGLE:
+            stream_id = self._ids[reader.uniform(len(self._ids))]
+            value, state = self.streams[stream_id].read(reader, None, 1, page.beside)
+            page.add(stream_id, state, 0)
+            page.habits.learn([stream_id])
+            samples.append((stream_id, value))
+        else:
+            for stream_id in page.habits.code_streams(reader, []):
+                habit, codec = page.habits.streams[stream_id], self.streams[stream_id]
+                nth, is_more = 0, True
+                while is_more:
+                    nth += 1
+                    state_before, steps = page.streams.get(stream_id), 1
+                    if state_before is not None:
+                        steps = habit.code_steps(reader, 0, in_frame=nth > 1)
+                    value, state = codec.read(reader, state_before, steps, page.beside)
+                    page.add(stream_id, state, page.ticks.get(stream_id, 0) + steps)
+                    samples.append((stream_id, value))
+                    is_more = habit.code_more(reader, nth, False)
+        if not samples:
+            raise PayloadError("a frame of no samples")
+        reader.check(1, reference.check)
+        return Decoded(tuple(samples), page.snapshot(frame))
+
+    def _best(
         self,
         samples: Sequence[DenseSample],
-        parts: Sequence[tuple[Row, list[Any]]],
+        parts: Sequence[Parts],
         count: int,
-        number: int | None,
-        reference: tuple[int, Snapshot] | None,
+        reference: Snapshot | None,
+        long_name: bool,
     ) -> Encoded | None:
         """Write a frame of the first `count` samples; None: a stream has too many of them."""
         lanes: dict[int, list[int]] = {}
@@ -160,115 +201,109 @@ class DenseCodec:
             lanes.setdefault(sample.stream_id, []).append(place)
         if any(len(lane) > MOST_SAMPLES for lane in lanes.values()):
             return None
+        best: Encoded | None = None
+        if reference is not None:
+            best = self._several(samples, parts, lanes, reference, long_name=long_name)
+            plain = sum(self.streams[each.stream_id].plain_bits for each in samples[:count])
+            if 8 * len(best.frame) <= plain + _SPARE_BITS:
+                return best
+        others = [self._several(samples, parts, lanes, None)]
+        if count == 1:
+            others.append(self._single(samples[0], parts[0]))
+        for other in others:
+            if best is None or len(other.frame) < len(best.frame):
+                best = other
+        return best
+
+    def _several(
+        self,
+        samples: Sequence[DenseSample],
+        parts: Sequence[Parts],
+        lanes: Mapping[int, Sequence[int]],
+        reference: Snapshot | None,
+        *,
+        long_name: bool = False,
+    ) -> Encoded:
+        """Write a frame of any samples; `lanes` are their places, by stream id."""
         writer = Writer()
-        kind = _ALONE if number is None else _NUMBERED if reference is None else _REFERRING
-        writer.choice(_KINDS, kind)
-        gap, known = reference if reference is not None else (0, self._root)
-        if number is not None:
-            writer.uniform(NUMBERS, number)
-            if reference is not None:
-                writer.choice(_GAPS, gap - 1)
+        known = self._root
+        if reference is None:
+            writer.choice(_KINDS, _ALONE)
+        else:
+            known = reference
+            writer.choice(_KINDS, _REFERRING)
+            writer.uniform(SHORT_NAMES + 1, SHORT_NAMES if long_name else known.short_name)
+            if long_name:
+                writer.raw(LONG_NAME_BITS, known.long_name)
         page = _Page(known)
-        for stream_id, codec in self.streams.items():
-            lane = lanes.get(stream_id, [])
-            habit = page.habit(stream_id)
-            if not habit.code_present(writer, bool(lane)):
-                continue
+        present = [stream_id for stream_id in self._ids if stream_id in lanes]
+        for stream_id in page.habits.code_streams(writer, present):
+            lane, habit = lanes[stream_id], page.habits.streams[stream_id]
             for nth, place in enumerate(lane, 1):
-                state, expected = page.state_of(stream_id, nth, gap)
-                steps, tick = _steps(samples[place].tick, page.ticks.get(stream_id), expected)
+                state = page.streams.get(stream_id)
+                steps, tick = _steps(samples[place].tick, page.ticks.get(stream_id))
                 if state is not None:
-                    habit.code_steps(writer, expected, steps, in_frame=nth > 1)
+                    if nth == 1 and parts[place][0] == state.row:
+                        # What stood still stands still however long it was: the cheapest will do.
+                        steps = habit.likeliest_steps
+                    habit.code_steps(writer, steps, in_frame=nth > 1)
+                codec = self.streams[stream_id]
                 state = codec.write(writer, parts[place], state, steps, page.beside)
                 page.add(stream_id, state, tick)
                 habit.code_more(writer, nth, nth < len(lane))
-        ways = 1 if reference is None else _CHECK_WAYS
-        frame = writer.finish(ways, known.check)
-        return Encoded(frame, count, page.snapshot(chained_digest(known.digest, frame)))
+        frame = writer.finish(1, known.check)
+        return Encoded(frame, sum(map(len, lanes.values())), page.snapshot(frame), reference)
 
-    def decode(self, frame: bytes, known: Mapping[int, Snapshot]) -> Decoded:
-        """Read a frame off the water.
-
-        Args:
-            frame: From the marker on, all of it.
-            known: Snapshots of the source's last frames that were received, by number; none that is
-                more than 15 numbers old.
-
-        Raises:
-            PayloadError: It is damaged, or its reference is not known.
-        """
-        if not frame:
-            raise PayloadError("an empty frame")
-        reader = Reader(frame)
-        kind = reader.choice(_KINDS)
-        number, gap, reference = None, 0, self._root
-        if kind != _ALONE:
-            number = reader.uniform(NUMBERS)
-            if kind == _REFERRING:
-                gap = 1 + reader.choice(_GAPS)
-                found = known.get((number - gap) % NUMBERS)
-                if found is None:
-                    raise PayloadError(f"a reference to frame {(number - gap) % NUMBERS}")
-                reference = found
-        page = _Page(reference)
-        samples: list[tuple[int, dict[str, Any]]] = []
-        for stream_id, codec in self.streams.items():
-            habit = page.habit(stream_id)
-            nth = 0
-            is_more = habit.code_present(reader, False)
-            while is_more:
-                nth += 1
-                state, expected = page.state_of(stream_id, nth, gap)
-                steps = 1
-                if state is not None:
-                    steps = habit.code_steps(reader, expected, 0, in_frame=nth > 1)
-                value, state = codec.read(reader, state, steps, page.beside)
-                page.add(stream_id, state, page.ticks.get(stream_id, 0) + steps)
-                samples.append((stream_id, value))
-                is_more = habit.code_more(reader, nth, False)
-        reader.check(1 if kind != _REFERRING else _CHECK_WAYS, reference.check)
-        snapshot = page.snapshot(chained_digest(reference.digest, frame))
-        return Decoded(tuple(samples), number, snapshot)
+    def _single(self, sample: DenseSample, parts: Parts) -> Encoded:
+        """Write a frame of one sample in the form that knows no habits."""
+        writer, page = Writer(), _Page(self._root)
+        writer.choice(_KINDS, _SINGLE)
+        writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
+        codec = self.streams[sample.stream_id]
+        page.add(
+            sample.stream_id, codec.write(writer, parts, None, 1, page.beside), sample.tick or 0
+        )
+        page.habits.learn([sample.stream_id])
+        frame = writer.finish(1, self._root.check)
+        return Encoded(frame, 1, page.snapshot(frame), None)
 
 
 class _Page:
     """What is known while a frame is written or read."""
 
     def __init__(self, known: Snapshot) -> None:
-        self._known = known
-        self._streams = dict(known.streams)
-        self._habits: dict[int, Habit] = {}
-        self._counts: dict[int, int] = {}
+        self._digest = known.digest
+        self.streams = dict(known.streams)
+        self.habits = known.habits.copy()
         self.ticks = dict(known.ticks)
         self.beside: Beside = {}
 
-    def habit(self, stream_id: int) -> Habit:
-        """The habit of a stream, to be changed."""
-        habit = self._habits[stream_id] = self._known.habits[stream_id].copy()
-        return habit
-
-    def state_of(self, stream_id: int, nth: int, gap: int) -> tuple[StreamState | None, int]:
-        """What the nth sample of a stream is coded against, and the steps that are expected."""
-        state = self._streams.get(stream_id)
-        if nth > 1:
-            return state, 1
-        count = self._known.counts.get(stream_id, 1)
-        return state, min(max(gap * count - count + 1, 1), LONGEST_STEPS)
-
     def add(self, stream_id: int, state: StreamState, tick: int) -> None:
         """Take a sample in."""
-        self._streams[stream_id] = state
-        self._counts[stream_id] = self._counts.get(stream_id, 0) + 1
+        self.streams[stream_id] = state
         self.ticks[stream_id] = tick
         self.beside[stream_id] = state.row
 
-    def snapshot(self, digest: bytes) -> Snapshot:
+    def snapshot(self, frame: bytes) -> Snapshot:
         """All of it, for later frames."""
-        return Snapshot(self._streams, self._habits, self._counts, self.ticks, digest)
+        digest = chained_digest(self._digest, frame)
+        return Snapshot(self.streams, self.habits, self.ticks, digest)
 
 
-def _steps(tick: int | None, last: int | None, expected: int) -> tuple[int, int]:
+def _named(reader: Reader, held: Sequence[Snapshot]) -> Snapshot:
+    """The newest frame of the name that is read."""
+    name = reader.uniform(SHORT_NAMES + 1)
+    long_name = reader.raw(LONG_NAME_BITS) if name == SHORT_NAMES else None
+    for each in reversed(held):
+        if (each.short_name == name) if long_name is None else (each.long_name == long_name):
+            return each
+    raise PayloadError("a reference to a frame that is not held")
+
+
+def _steps(tick: int | None, last: int | None) -> tuple[int, int]:
     """How far a sample lies behind the last one, 1…16, and its tick."""
-    if tick is None or last is None:
-        return expected, (tick if tick is not None else (last or 0) + expected)
+    if tick is None:
+        return 1, (last or 0) + 1
+    if last is None:
+        return 1, tick
     return min(max(tick - last, 1), LONGEST_STEPS), tick

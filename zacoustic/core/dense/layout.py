@@ -156,13 +156,13 @@ class _Quaternion(_Part):
     ) -> None:
         self._attitude = attitude
         self._flag = _flag(layout, f"{path}attitude?", guard)
-        circle, inside = attitude.circle, (self._flag, 1)
+        tilt, yaw, inside = attitude.tilt_circle, attitude.yaw_circle, (self._flag, 1)
         self._place = len(layout.columns)
         layout.columns += [
             Column(f"{path}sign", 2, inside),
-            Column(f"{path}roll", circle + 1, inside, is_ordered=True, zero=circle // 2),
-            Column(f"{path}pitch", circle // 2 + 1, inside, is_ordered=True, zero=circle // 4),
-            Column(f"{path}yaw", circle, inside, is_ordered=True, wraps=True),
+            Column(f"{path}roll", tilt + 1, inside, is_ordered=True, zero=tilt // 2),
+            Column(f"{path}pitch", tilt // 2 + 1, inside, is_ordered=True, zero=tilt // 4),
+            Column(f"{path}yaw", yaw, inside, is_ordered=True, wraps=True),
         ]
         self._names = [field.name for field in group]
         bare = TypeSpec(name="Quaternion", fields=group)

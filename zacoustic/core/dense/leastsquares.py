@@ -48,6 +48,9 @@ _STEP_SHIFT: Final = 34
 # Prediction beyond which weights are taken for broken, in 1/16 of a step: no field is that wide.
 _BROKEN: Final = 1 << 32
 
+# Energy below which a quantity that stood still would throw its weights about when it moves.
+_LEAST_ENERGY: Final = 1 << 6
+
 _LANE_BITS: Final = 96
 _LANE: Final = (1 << _LANE_BITS - WEIGHT_BITS) - 1
 _HALF_LANE: Final = 1 << _LANE_BITS - WEIGHT_BITS - 1
@@ -166,7 +169,7 @@ class Explained:
         ):
             kept = energy - (energy >> _FORGET_BITS)
             lever = trust * innovation
-            more = kept + (lever * innovation >> 16) or 1
+            more = max(kept + (lever * innovation >> 16), _LEAST_ENERGY)
             gain = (lever << _GAIN_SHIFT) // more
             energies.append(more)
             trust = trust * kept // more

@@ -91,6 +91,8 @@ class Model(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
     streams: dict[str, StreamPrior] = {}
     """By stream id, as text."""
+    single: int = 0
+    """How often a frame is of one stream alone, 2**-16; 0: not known."""
 
     @property
     def digest(self) -> bytes:

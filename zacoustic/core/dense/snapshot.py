@@ -1,24 +1,33 @@
 """What both ends know of a source after one of its frames.
 
-A frame that may be referred to has a number, mod 16. Whoever holds it holds its snapshot: of each
-stream the last sample that this frame, its reference or theirs had. So one reference serves all
-streams of a frame, whether it had samples of them or not.
+Whoever holds a frame holds its snapshot: of each stream the last sample that this frame, its
+reference or theirs had. So one reference serves all streams of a frame, whether it had samples of
+them or not.
 
 A snapshot's digest covers the bytes of its frame and the digest of its reference's snapshot, hence
-all that was ever said along the chain. A few bits of it go into the check of each frame that refers
-to it: who holds another frame of that number does not decode plausible garbage, but refuses.
+all that was ever said along the chain. Frames have no numbers: a frame that refers to another says
+a part of that one's digest, its *name*. That tells the receiver which one is meant, and at the same
+time checks that it holds the very same state: a number would cost as much and tell only the first.
+Names are short, so two frames may have the same one; `Speaker` sees to it that it is not ambiguous,
+by the long name where it must.
 """
 
 import hashlib
 from typing import Final
 
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.habits import Habit
+from zacoustic.core.dense.habits import Habits
 
-NUMBERS: Final = 16
-"""Frame numbers are mod this; a reference is fewer frames back."""
+SHORT_NAMES: Final = 31
+"""How many short names there are; what is left of five bits announces a long one."""
 
-_DIGEST_BYTES: Final = 8
+LONG_NAME_BITS: Final = 7
+"""Bits of a long name."""
+
+MARK_BITS: Final = 8
+"""Bits of a mark."""
+
+_DIGEST_BYTES: Final = 12
 
 
 class Snapshot:
@@ -26,28 +35,31 @@ class Snapshot:
 
     Attributes:
         streams: Last sample of each stream, by stream id.
-        habits: What the source's frames usually hold, by stream id.
-        counts: How many samples of each stream the frame had, by stream id; 0 is left out.
+        habits: What the source's frames usually hold.
         ticks: When the last sample of each stream was taken, in steps of the stream, by stream id.
             The sender's affair: a receiver counts on from where it began.
         digest: Of all frames up to this one.
+        short_name: Says which frame is meant, 0…30.
+        long_name: Says it with more certainty, 0…127.
+        mark: Says in an acknowledgement which frame is meant, 0…255.
     """
 
-    __slots__ = ("counts", "digest", "habits", "streams", "ticks")
+    __slots__ = ("digest", "habits", "long_name", "mark", "short_name", "streams", "ticks")
 
     def __init__(
         self,
         streams: dict[int, StreamState],
-        habits: dict[int, Habit],
-        counts: dict[int, int],
+        habits: Habits,
         ticks: dict[int, int],
         digest: bytes,
     ) -> None:
         self.streams = streams
         self.habits = habits
-        self.counts = counts
         self.ticks = ticks
         self.digest = digest
+        self.short_name = int.from_bytes(digest[4:6], "big") % SHORT_NAMES
+        self.long_name = int.from_bytes(digest[6:8], "big") >> 16 - LONG_NAME_BITS
+        self.mark = digest[8]
 
     @property
     def check(self) -> int:

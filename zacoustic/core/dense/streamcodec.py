@@ -29,7 +29,7 @@ from zacoustic.core.types import OutsideNumbers, TypeSpec
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
 # Shares of the three ways where there is a reference, and of the last two where there is none.
 _WAYS: Final = (60, 3, 1)
-_WAYS_ALONE: Final = (7, 1)
+_WAYS_ALONE: Final = (3, 1)
 _SAME: Final = 1 << 13  # how often the rest of a sample is that of its reference, 2**-16
 _DEAR_BITS: Final = 2  # by so many bits more than plainly, another way is tried
 
@@ -89,12 +89,13 @@ class StreamCodec:
         """Write a sample in the shortest way; gives its state."""
         row, rest = parts
         before = coder.mark()
-        limit = coder.bits + self.plain_bits + _DEAR_BITS
+        texts = sum(len(value) for value in rest if isinstance(value, str))
+        limit = coder.bits + self.plain_bits + 7 * texts + _DEAR_BITS
         best, fewest = _PLAIN, 1 << 60
         for way in (_AGAINST, _FIRST, _PLAIN) if reference is not None else (_FIRST, _PLAIN):
             coder.rewind(before)
             try:
-                state = self._code_row(coder, way, list(row), reference, steps, beside)
+                state = self._code(coder, way, list(row), list(rest), reference, steps, beside)
             except TooFarError:
                 continue
             if coder.bits < fewest:
@@ -103,8 +104,8 @@ class StreamCodec:
                 break
         if best != way:
             coder.rewind(before)
-            state = self._code_row(coder, best, list(row), reference, steps, beside)
-        return self._code_rest(coder, row, rest, state)
+            state = self._code(coder, best, list(row), list(rest), reference, steps, beside)
+        return state
 
     def read(
         self, coder: Coder, reference: StreamState | None, steps: int, beside: Beside
@@ -115,16 +116,16 @@ class StreamCodec:
             PayloadError: There is none.
         """
         row: Row = [None] * len(self.layout.columns)
-        state = self._code_row(coder, None, row, reference, steps, beside)
         rest: list[Any] = [None] * len(self.layout.remainders)
-        state = self._code_rest(coder, row, rest, state)
+        state = self._code(coder, None, row, rest, reference, steps, beside)
         return self.layout.join(row, rest), state
 
-    def _code_row(
+    def _code(
         self,
         coder: Coder,
         way: int | None,
         row: Row,
+        rest: list[Any],
         reference: StreamState | None,
         steps: int,
         beside: Beside,
@@ -132,7 +133,8 @@ class StreamCodec:
         if reference is not None:
             way = coder.choice(_WAYS, way or 0)
             if way == _AGAINST:
-                return self.model.code(coder, row, reference, steps)
+                state = self.model.code(coder, row, reference, steps)
+                return self._code_rest(coder, row, rest, state)
         else:
             way = 1 + coder.choice(_WAYS_ALONE, (way or 1) - 1)
         if way == _FIRST and self.prior is not None and self.prior.firsts:
@@ -140,13 +142,14 @@ class StreamCodec:
         else:
             self.model.code_plainly(coder, row)
         known = row if reference is None else reference.row
-        return StreamState(
+        state = StreamState(
             row=[old if new is None else new for new, old in zip(row, known, strict=True)],
             velocity=None,
             rest=[None] * len(self.layout.remainders) if reference is None else reference.rest,
             adaptations=self._adaptations if reference is None else reference.adaptations,
             steadiness=self._steadiness if reference is None else reference.steadiness,
         )
+        return self._code_rest(coder, row, rest, state, plainly=way == _PLAIN)
 
     def _code_first(
         self, coder: Coder, row: Row, firsts: tuple[First, ...], beside: Beside
@@ -176,14 +179,26 @@ class StreamCodec:
                 row[n] = coder.uniform(size, row[n] or 0)
 
     def _code_rest(
-        self, coder: Coder, row: Row, rest: list[Any], state: StreamState
+        self,
+        coder: Coder,
+        row: Row,
+        rest: list[Any],
+        state: StreamState,
+        *,
+        plainly: bool = False,
     ) -> StreamState:
         if not self.layout.remainders:
             return state
         known = list(state.rest)
         for place, remainder in enumerate(self.layout.remainders):
             guard = remainder.guard
-            if guard is None or row[guard[0]] == guard[1]:
+            if guard is not None and row[guard[0]] != guard[1]:
+                continue
+            if plainly:
+                value = rest[place] = _code_plainly(coder, remainder, rest[place])
+                recent = known[place] or () if remainder.is_text else ()
+                known[place] = _remembered(remainder, recent, value)
+            else:
                 rest[place] = self._code_remainder(coder, remainder, rest[place], known, place)
         return StreamState(state.row, state.velocity, known, state.adaptations, state.steadiness)
 
@@ -205,19 +220,32 @@ class StreamCodec:
                 content = recent[-1]
             else:
                 content = self._text.code(coder, content, recent, remainder.longest)
-            known[place] = (*recent, content)[-RECENT_LINES:]
             try:
-                return content.decode()
+                value = content.decode()
             except UnicodeDecodeError:
                 raise PayloadError("a text that is not UTF-8") from None
+            known[place] = _remembered(remainder, recent, value)
+            return value
         if old is not None and coder.flag(_SAME, _is_same(value, old[0])):
             return old[0]
-        if isinstance(coder, Reader):
-            value = remainder.packing.read(_Source(coder))
-        else:
-            remainder.packing.write(_Sink(coder), value)
-        known[place] = (value,)
+        value = _code_plainly(coder, remainder, value)
+        known[place] = _remembered(remainder, (), value)
         return value
+
+
+def _code_plainly(coder: Coder, remainder: Remainder, value: Any) -> Any:  # noqa: ANN401
+    """Write or read a part of the rest as `packed` does."""
+    if isinstance(coder, Reader):
+        return remainder.packing.read(_Source(coder))
+    remainder.packing.write(_Sink(coder), value)
+    return value
+
+
+def _remembered(remainder: Remainder, recent: tuple[bytes, ...], value: Any) -> tuple[Any, ...]:  # noqa: ANN401
+    """What the next sample finds of a part of the rest."""
+    if remainder.is_text:
+        return (*recent, value.encode())[-RECENT_LINES:]
+    return (value,)
 
 
 def _code_around(coder: Coder, center: int, scale: int, first: First, size: int, value: int) -> int:
