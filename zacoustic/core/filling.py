@@ -10,6 +10,8 @@ Samples of dense streams are taken as long as their packed records fit, or the s
 them does; the string is written at the end, where it is not larger than the records.
 """
 
+from typing import Final
+
 from zacoustic.core.age import encode_age
 from zacoustic.core.dense import Encoded
 from zacoustic.core.densestreams import DenseStreams
@@ -18,8 +20,8 @@ from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import Waiting
 from zacoustic.core.stats import Cause, EngineStats, count
 
-# A string that may be referred to later may be so much larger: what comes after it gains.
-_WORTH_BYTES = 1
+# A string may be so much larger than the records: what refers to it later gains.
+_WORTH_BYTES: Final = 1
 
 
 class Filling:
@@ -104,7 +106,7 @@ class Filling:
             records, self._samples = [*self._records, *self._samples], []
             self._records = records = _open_end_last(records, introduced=self._introduced)
             return b"".join(self._record(item, item is records[-1], stats) for item in records)
-        self._dense.said(string, self._samples, self._destination)
+        self._dense.sent(string)
         self._attribute_string(len(string.frame), stats)
         records_bytes = b"".join(self._record(item, False, stats) for item in self._records)
         return records_bytes + string.frame

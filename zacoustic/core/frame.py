@@ -167,26 +167,18 @@ class DenseString(msgspec.Struct, frozen=True):
     """From its marker on."""
 
 
-class DenseAck(msgspec.Struct, frozen=True, kw_only=True):
-    """Which dense strings of a node the sender holds."""
+class DenseAck(msgspec.Struct, frozen=True):
+    """The newest dense string of a node that the sender holds."""
 
     address: int
-    """Whose; 0: those of the frame's destination."""
-    number: int
-    """Of the newest, 0…15."""
-    check: int
-    """Nine bits of its snapshot, 0…511: a number alone comes again after sixteen."""
-    has_map: bool = False
-    """It came in a broadcast: `before` is told."""
-    before: int = 0
-    """The eight before it, bit 0 is the one just before."""
+    """Whose; 0: that of the frame's destination."""
+    mark: int
+    """Which, 0…16383; see `zacoustic.core.dense.references`."""
 
     def encode(self) -> bytes:
-        """Return the 3 to 5 bytes of the control."""
+        """Return the 3 or 4 bytes of the control."""
         whose = bytes((self.address,)) if self.address else b""
-        said = DENSE_FROM | self.number << 2 | self.has_map << 1 | self.check >> 8
-        control = bytes((Control.ACK, *whose, said, self.check & 0xFF))
-        return control + bytes((self.before,) * self.has_map)
+        return bytes((Control.ACK, *whose, DENSE_FROM | self.mark >> 8, self.mark & 0xFF))
 
 
 class Prefixes(msgspec.Struct, frozen=True):
@@ -337,20 +329,10 @@ def _parse_control(frame: bytes, offset: int) -> Item:
 def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[DenseAck, int] | None:
     """Read an acknowledgement of dense strings; None: it is something else, or cut off."""
     said_at = offset + 1 + (not unicast)
-    if frame[offset] != Control.ACK or said_at >= len(frame) or frame[said_at] < DENSE_FROM:
+    if frame[offset] != Control.ACK or said_at + 1 >= len(frame) or frame[said_at] < DENSE_FROM:
         return None
-    said, end = frame[said_at], said_at + 2
-    has_map = bool(said >> 1 & 1)
-    if end + has_map > len(frame):
-        return None
-    ack = DenseAck(
-        address=0 if unicast else frame[offset + 1],
-        number=said >> 2 & 0xF,
-        check=(said & 1) << 8 | frame[end - 1],
-        has_map=has_map,
-        before=frame[end] if has_map else 0,
-    )
-    return ack, end + has_map
+    mark = int.from_bytes(frame[said_at : said_at + 2], "big") & 0x3FFF
+    return DenseAck(0 if unicast else frame[offset + 1], mark), said_at + 2
 
 
 def _parse_delimited(piece: bytes, *, unicast: bool) -> Item:

@@ -147,7 +147,7 @@ class Protocols:
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
         self.handshake.table_changed()
-        self.dense.table_changed()
+        self.dense.epoch_changed()
         self._write_epoch()
         self.actions.epoch_changed(now)
 

@@ -58,6 +58,7 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.objects.wire import Call, Feedback, Fragment
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.services import Services
 from zacoustic.core.stats import NO_STREAM, EngineStats
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
@@ -165,9 +166,9 @@ class Receiver:
         if reason is not None:
             self._stats.drop(reason)
             return []
-        broadcast = received.destination == BROADCAST
-        samples = self._dense.receive(source, item.string, broadcast=broadcast)
-        if samples is None:
+        try:
+            samples = self._dense.receive(source, item.string)
+        except PayloadError:
             self._stats.drop("dense")
             return []
         for stream_id, value in samples:

@@ -21,7 +21,6 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content
-from zacoustic.core.densestreams import NUMBERS as NUMBERED
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     WIRE_VERSION,
@@ -232,9 +231,7 @@ def _turn_text(turn: Turn) -> str:
 
 def _dense_ack_text(ack: DenseAck) -> str:
     whose = f"node {ack.address}" if ack.address else "its destination"
-    before = [str((ack.number - 1 - bit) % NUMBERED) for bit in range(8) if ack.before >> bit & 1]
-    also = f", and hold {', '.join(before)}" if before else ""
-    return f"ACK for {whose}: its newest dense string here is number {ack.number}{also}"
+    return f"ACK for {whose}: its dense string {ack.mark:04x} is held here"
 
 
 def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:

@@ -24,7 +24,7 @@ SHORT_NAMES: Final = 31
 LONG_NAME_BITS: Final = 7
 """Bits of a long name."""
 
-MARK_BITS: Final = 8
+MARK_BITS: Final = 14
 """Bits of a mark."""
 
 _DIGEST_BYTES: Final = 12
@@ -41,7 +41,7 @@ class Snapshot:
         digest: Of all frames up to this one.
         short_name: Says which frame is meant, 0…30.
         long_name: Says it with more certainty, 0…127.
-        mark: Says in an acknowledgement which frame is meant, 0…255.
+        mark: Says in an acknowledgement which frame is meant, 0…16383.
     """
 
     __slots__ = ("digest", "habits", "long_name", "mark", "short_name", "streams", "ticks")
@@ -59,7 +59,7 @@ class Snapshot:
         self.digest = digest
         self.short_name = int.from_bytes(digest[4:6], "big") % SHORT_NAMES
         self.long_name = int.from_bytes(digest[6:8], "big") >> 16 - LONG_NAME_BITS
-        self.mark = digest[8]
+        self.mark = int.from_bytes(digest[8:10], "big") >> 16 - MARK_BITS
 
     @property
     def check(self) -> int:
