@@ -36,6 +36,7 @@ Source: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt al
 least-squares estimation", IEEE Trans. ASSP 34 (1986) 829.
 """
 
+from collections.abc import Iterable
 from typing import Final
 
 WEIGHT_BITS: Final = 16
@@ -66,13 +67,14 @@ class Shape:
     def __init__(self, quantities: int) -> None:
         self.quantities = quantities
         self.places = [_LANE_BITS * (quantities - 1 - k) for k in range(quantities)]
-        """By quantity: the place of its lane, bits."""
+        """By quantity: the place of its lane, bits; and one more, behind the last."""
         ones = [sum(1 << place for place in self.places[k + 1 :]) for k in range(quantities)]
         # By innovation, for the lanes of all quantities after it: half a lane, which makes every
         # lane positive; what is left of a lane after a shift; and half of that.
         self.halves = [one << _LANE_BITS - 1 for one in ones]
         self.masks = [one * ((1 << _LANE_BITS - _STEP_SHIFT) - 1) for one in ones]
         self.shifted_halves = [one << _LANE_BITS - 1 - _STEP_SHIFT for one in ones]
+        self.places.append(0)
 
     def packed(self, weights: list[list[int]]) -> list[int]:
         """Pack weights given by quantity, each with one for every quantity before it."""
@@ -105,6 +107,7 @@ class Explained:
         "_explained",
         "_innovations",
         "_places",
+        "_prediction",
         "_quantities",
         "_shape",
         "_stages",
@@ -122,28 +125,33 @@ class Explained:
         self._explained = 0
         self._stages: list[int] = []
         self._quantities = 0
+        self._prediction = 0
         self.is_broken = False
 
-    def predict(self) -> int:
-        """The next quantity as the ones before it explain it."""
-        place = self._places[len(self._innovations)]
-        prediction = self._explained >> place + WEIGHT_BITS & _LANE
-        if prediction >= _HALF_LANE:
-            prediction -= _LANE + 1
-        if -_BROKEN < prediction < _BROKEN:
-            return prediction
-        self.is_broken = True
-        return 0
+    def add(self, quantities: Iterable[int]) -> int:
+        """Tell what the next quantities are.
 
-    def add(self, quantity: int, prediction: int) -> None:
-        """Tell what the quantity is that was predicted."""
-        innovations = self._innovations
+        Returns:
+            The one after them as these and the ones before explain it; 0 behind the last.
+        """
+        places, weights, stages = self._places, self._weights, self._stages
+        innovations, explained, prediction = self._innovations, self._explained, self._prediction
         k = len(innovations)
-        innovation = quantity - prediction
-        innovations.append(innovation)
-        self._quantities += quantity << self._places[k]
-        self._explained += innovation * self._weights[k]
-        self._stages.append(self._explained)
+        for quantity in quantities:
+            self._quantities += quantity << places[k]
+            innovation = quantity - prediction
+            innovations.append(innovation)
+            explained += innovation * weights[k]
+            stages.append(explained)
+            k += 1
+            prediction = explained >> places[k] + WEIGHT_BITS & _LANE
+            if prediction >= _HALF_LANE:
+                prediction -= _LANE + 1
+            if not -_BROKEN < prediction < _BROKEN:
+                self.is_broken = True
+                prediction = 0
+        self._explained, self._prediction = explained, prediction
+        return prediction
 
     def moved(self, trust: int) -> tuple[list[int], list[int]]:
         """Learn the sample, all of whose quantities must be known.

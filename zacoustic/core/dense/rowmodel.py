@@ -182,21 +182,18 @@ class RowModel:
         scales, widths, holds = before.scales[:], before.widths[:], before.holds[:]
         hold_misses, linear_misses = before.hold_misses[:], before.linear_misses[:]
         explained = Explained(self.shape, before.weights, before.energies)
-        for quantity in self._known(old_row, trends, steps):
-            explained.add(quantity, explained.predict())
+        linear = explained.add(self._known(old_row, trends, steps))
         surprise = greatest = 0
         for n, size, is_relative, guard in self._plan:
             if n == self._course_before and self._course is not None:
-                for way in self._course.ways(row, old_row, trends, steps):
-                    explained.add(way, explained.predict())
-            linear = explained.predict()
+                linear = explained.add(self._course.ways(row, old_row, trends, steps))
             old = old_row[n]
             if guard is not None and row[guard[0]] != guard[1]:
-                explained.add(linear, linear)
+                linear = explained.add((linear,))
                 continue
             if old is None:
                 row[n] = coder.uniform(size, row[n] or 0)
-                explained.add(linear, linear)
+                linear = explained.add((linear,))
                 continue
 
             hold_miss, linear_miss = hold_misses[n], linear_misses[n]
@@ -235,7 +232,7 @@ class RowModel:
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
-            explained.add(moved, linear)
+            following = explained.add((moved,))
 
             # Learn. A wild value must not make the curve wide for long.
             miss = moved - expected
@@ -274,6 +271,7 @@ class RowModel:
             off = (off if off > 0 else -off) << _MISS_BITS
             linear_miss += (off if off < limit else limit) - linear_miss >> _MISS_SHIFT
             linear_misses[n] = linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE
+            linear = following
 
         if explained.is_broken:
             return velocity, self.start()
