@@ -16,6 +16,7 @@ is who listens:
 Of a dense stream, deletes and samples in an encoding of their own are records like any other.
 """
 
+import copy
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -106,7 +107,8 @@ class DenseStreams:
         mark = heard.listener.mark
         decoded = heard.listener.decode(string)
         heard.is_unsaid = heard.is_unsaid or heard.listener.mark != mark
-        return decoded.samples
+        # What comes twice is read once, and an application may change what it is given.
+        return copy.deepcopy(decoded.samples)
 
     def acks(self, destination: int, room_bytes: int) -> bytes:
         """Take what is to be acknowledged to the hearers of a frame, and fits in it."""

@@ -73,6 +73,8 @@ class Encoded(msgspec.Struct, frozen=True):
     """What who receives it will know."""
     reference: Snapshot | None
     """What it refers to; None: it stands for itself."""
+    long_name: bool = False
+    """By its long name."""
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -252,7 +254,9 @@ class DenseCodec:
                 page.add(stream_id, state, tick)
                 habit.code_more(writer, nth, nth < len(lane))
         frame = writer.finish(1, known.check)
-        return Encoded(frame, sum(map(len, lanes.values())), page.snapshot(frame), reference)
+        return Encoded(
+            frame, sum(map(len, lanes.values())), page.snapshot(frame), reference, long_name
+        )
 
     def _single(self, sample: DenseSample, parts: Parts) -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""

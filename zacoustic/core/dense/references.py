@@ -7,11 +7,17 @@ what goes anyway; nothing has to be answered at once, and a lost acknowledgement
 the next.
 
 Both ends keep the same number of frames: the last `KEPT` that were sent are more than the last
-`KEPT` that were received, so what the source may refer to is always still held. Nothing is numbered
-and no order is relied upon, so frames may be lost, doubled and late. A short name must not mean two
-frames: the source compares it with those of all frames sent since, and of a few before, since a
-late one may come after its successors; where two agree, it gives the long name, and where these
-agree too, it takes an older reference.
+`KEPT` that were received, so what the source may refer to is always still held.
+
+Nothing is numbered, and frames may be lost, doubled and late. Names are short, and a name must not
+mean two frames, or the wrong one would be read into plausible garbage. A receiver takes the newest
+that it holds of that name, so the source sees to it that
+
+- among all frames sent since a reference, and `LATEST` before it, which may come after it, no other
+  has its name: else it gives the long name, and where these agree too, it takes an older reference;
+- no frame has the name by which one of the `LATEST` before it refers to another: that one may come
+  after it. Then the same is said in other words, with a long name or without a reference;
+- the same bytes never mean two things, so that what comes twice is read as it was the first time.
 """
 
 from collections import deque
@@ -24,7 +30,7 @@ from zacoustic.core.dense.snapshot import Snapshot
 KEPT: Final = 32
 """How many frames each end remembers."""
 
-LATEST: Final = 2
+LATEST: Final = 4
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
 
 
@@ -32,9 +38,19 @@ class _Sent:
     """A frame that was sent."""
 
     def __init__(self, encoded: Encoded) -> None:
+        self.frame = encoded.frame
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
+        self.has_long_name = encoded.long_name
         self.holders: set[int] = set()
+
+    def may_mean(self, snapshot: Snapshot) -> bool:
+        """Tell whether the name of the reference could be taken for that of another frame."""
+        if self.reference is None or self.reference.digest == snapshot.digest:
+            return False
+        if self.has_long_name:
+            return self.reference.long_name == snapshot.long_name
+        return self.reference.short_name == snapshot.short_name
 
 
 class Speaker:
@@ -57,9 +73,17 @@ class Speaker:
             samples: The most important first.
             room: Greatest size of the frame, bytes.
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
+
+        Returns:
+            None also where whatever form the frame has could be misunderstood.
         """
         reference, long_name = self._reference(set(listeners))
-        return self._codec.encode(samples, room, reference, long_name=long_name)
+        forms = [(reference, long_name), (reference, True), (None, False)]
+        for form in forms if reference is not None else forms[-1:]:
+            encoded = self._codec.encode(samples, room, form[0], long_name=form[1])
+            if encoded is None or self._is_clear(encoded):
+                return encoded
+        return None
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
@@ -98,6 +122,15 @@ class Speaker:
         for each in self._sent:
             each.holders.discard(listener)
 
+    def _is_clear(self, encoded: Encoded) -> bool:
+        """Tell whether no receiver can take a frame, or take another for it."""
+        meant = encoded.snapshot
+        lately = list(self._sent)[-LATEST:]
+        return not any(each.may_mean(meant) for each in lately) and all(
+            each.frame != encoded.frame or each.snapshot.digest == meant.digest
+            for each in self._sent
+        )
+
     def _reference(self, listeners: set[int]) -> tuple[Snapshot | None, bool]:
         """The newest frame that all hold and that can be named, and whether by its long name."""
         if not listeners:
@@ -129,6 +162,7 @@ class Listener:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._held: deque[Snapshot] = deque(maxlen=KEPT)
+        self._read: deque[tuple[bytes, Decoded]] = deque(maxlen=KEPT)
 
     @property
     def mark(self) -> int | None:
@@ -141,11 +175,15 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
+        for known, decoded in self._read:
+            if known == frame:
+                return decoded
         decoded = self._codec.decode(frame, self._held)
-        if all(each.digest != decoded.snapshot.digest for each in self._held):
-            self._held.append(decoded.snapshot)
+        self._held.append(decoded.snapshot)
+        self._read.append((frame, decoded))
         return decoded
 
     def forget(self) -> None:
         """Take note that the source has restarted."""
         self._held.clear()
+        self._read.clear()
