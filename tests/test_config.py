@@ -499,8 +499,8 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     (
         "streams.0.codec",
-        "dense",
-        '.streams[0].codec: "dense" is not available yet; allowed: cbor, packed',
+        "zip",
+        '.streams[0].codec: "zip"; allowed: cbor, packed, dense',
     ),
     ("streams.0.forward", "on_demand", '"on_demand" is not available yet; allowed: always'),
     (

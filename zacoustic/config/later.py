@@ -25,7 +25,6 @@ table; "" for the section."""
 LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
     "durability": {"transient_local": "volatile"},
-    "codec": {"dense": "cbor, packed"},
     "forward": {"on_demand": "always"},
     "stamp": {"time": "none, age"},
 }

@@ -10,6 +10,7 @@ import msgspec
 from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.model import check_model, read_model
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
@@ -106,7 +107,9 @@ def read_config(
         ConfigError: One line: file, key path, value, what is allowed, what to do.
     """
     zenoh_config, section = read_zenoh_config(path)
-    config = config_from_mapping(section, source=str(path), address=address, locator=locator)
+    config = config_from_mapping(
+        section, source=str(path), address=address, locator=locator, folder=Path(path).parent
+    )
     journal = None if config.journal is None else Path(path).parent / config.journal
     permit_log = None if config.permit_log is None else Path(path).parent / config.permit_log
     return msgspec.structs.replace(
@@ -115,7 +118,12 @@ def read_config(
 
 
 def config_from_mapping(
-    section: object, *, source: str, address: int | None = None, locator: str | None = None
+    section: object,
+    *,
+    source: str,
+    address: int | None = None,
+    locator: str | None = None,
+    folder: Path | None = None,
 ) -> Config:
     """Read a section from plain objects.
 
@@ -124,6 +132,7 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
+        folder: What the name of the model is relative to; the present one unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, what is allowed, what to do.
@@ -144,7 +153,10 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
-    fleet = Fleet(nodes=nodes, types=types)
+    model = read_model(place.at("model"), written.model, folder or Path())
+    fleet = Fleet(nodes=nodes, types=types, model=model)
+    table = read_streams(place.at("streams"), len(written.streams), fleet)
+    check_model(place.at("model"), table)
     return Config(
         source=source,
         address=own,
@@ -153,7 +165,7 @@ def config_from_mapping(
         types=types,
         python_types=python_types,
         journal=_read_journal(place.at("journal"), written.journal),
-        table=read_streams(place.at("streams"), len(written.streams), fleet),
+        table=table,
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         rules=_read_rules(place, written, nodes),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),

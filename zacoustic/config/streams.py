@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.config.complaints import Place
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
+from zacoustic.core.dense import Model
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.qos import PRIORITY_NAMES, Qos, Reliability, Stamp
@@ -35,6 +36,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """Name of each node by address; empty: not listed."""
     types: TypeTable
     """The types by name."""
+    model: Model | None = None
+    """What a fit says of the dense streams."""
 
 
 def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
@@ -43,7 +46,7 @@ def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
     Raises:
         ConfigError: The first entry that is wrong.
     """
-    table = StreamTable(types=fleet.types, nodes=fleet.nodes)
+    table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model)
     for index in range(count):
         here = place.at(index)
         spec = _read_stream(here, fleet)

@@ -20,8 +20,9 @@ that it holds of that name, so the source sees to it that
 - the same bytes never mean two things, so that what comes twice is read as it was the first time.
 """
 
+import itertools
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -32,6 +33,10 @@ KEPT: Final = 32
 
 LATEST: Final = 4
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
+
+
+_FORMS: Final = 3
+"""In how many ways, with a reference, a frame is tried to be clear."""
 
 
 class _Sent:
@@ -77,10 +82,9 @@ class Speaker:
         Returns:
             None also where whatever form the frame has could be misunderstood.
         """
-        reference, long_name = self._reference(set(listeners))
-        forms = [(reference, long_name), (reference, True), (None, False)]
-        for form in forms if reference is not None else forms[-1:]:
-            encoded = self._codec.encode(samples, room, form[0], long_name=form[1])
+        forms = itertools.islice(self._references(set(listeners)), _FORMS)
+        for reference, long_name in (*forms, (None, False)):
+            encoded = self._codec.encode(samples, room, reference, long_name=long_name)
             if encoded is None or self._is_clear(encoded):
                 return encoded
         return None
@@ -131,10 +135,13 @@ class Speaker:
             for each in self._sent
         )
 
-    def _reference(self, listeners: set[int]) -> tuple[Snapshot | None, bool]:
-        """The newest frame that all hold and that can be named, and whether by its long name."""
+    def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot, bool]]:
+        """Yield frames that all hold and that can be named, and whether by the long name.
+
+        The newest first, by its short name before its long one.
+        """
         if not listeners:
-            return None, False
+            return
         # The oldest may be pushed out at a receiver by the frame that is being written.
         for place in range(len(self._sent) - 1, 0 if len(self._sent) == KEPT else -1, -1):
             if not listeners <= self._sent[place].holders:
@@ -146,10 +153,9 @@ class Speaker:
                 if other != place
             ]
             if all(other.short_name != meant.short_name for other in others):
-                return meant, False
+                yield meant, False
             if all(other.long_name != meant.long_name for other in others):
-                return meant, True
-        return None, False
+                yield meant, True
 
 
 class Listener:
