@@ -467,7 +467,6 @@ MISTAKES: list[tuple[str, object, str]] = [
         "cbor",
         '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams',
     ),
-    ("streams.0.codec", "zip", '.streams[0].codec: "zip"; allowed: cbor'),
     (
         "streams.0.reliability",
         "no",
