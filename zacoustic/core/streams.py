@@ -343,13 +343,16 @@ def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:
             return (spec.goal_type, spec.feedback_type, spec.result_type)
 
 
+def aged(type_spec: TypeSpec) -> TypeSpec:
+    """Return a type with the code of the age as its last field."""
+    age = FieldSpec(name=AGE_FIELD, type="uint8")
+    return msgspec.structs.replace(type_spec, fields=(*type_spec.fields, age))
+
+
 def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None:
     if spec.codec != DENSE or type_spec is None:
         return None
-    if spec.qos.stamp is not Stamp.AGE:
-        return type_spec
-    age = FieldSpec(name=AGE_FIELD, type="uint8")
-    return msgspec.structs.replace(type_spec, fields=(*type_spec.fields, age))
+    return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec
 
 
 def _check_dense(spec: StreamSpec) -> None:
