@@ -8,10 +8,12 @@ the next.
 
 Both ends keep the same number of frames: the last `KEPT` that were sent are more than the last
 `KEPT` that were received, so what the source may refer to is always still held. Nothing is numbered
-and no order is relied upon, so frames may be lost, doubled and late. A short name must not mean two
-frames: the source compares it with those of all frames sent since, and of a few before, since a
-late one may come after its successors; where two agree, it gives the long name, and where these
-agree too, it takes an older reference.
+and no order is relied upon, so frames may be lost, doubled and late. A receiver takes the newest
+frame of a name; so a name must not mean a newer frame too. Before it refers to a frame the source
+compares its name with those of all that were sent since, and of a few before it, which may be late;
+where two agree it gives the long name, and where these agree too it takes an older reference. And
+a new frame must not have the name by which a frame that may still be on its way, or it itself
+when it comes again, means another one: then it is written in another form.
 """
 
 from collections import deque
@@ -24,8 +26,10 @@ from zacoustic.core.dense.snapshot import Snapshot
 KEPT: Final = 32
 """How many frames each end remembers."""
 
-LATEST: Final = 2
+LATEST: Final = 3
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
+
+_OVERLAP: Final = 8  # frames before the newest acknowledged one that can still be acknowledged
 
 
 class _Sent:
@@ -34,6 +38,7 @@ class _Sent:
     def __init__(self, encoded: Encoded) -> None:
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
+        self.long_name = encoded.long_name
         self.holders: set[int] = set()
 
 
@@ -58,14 +63,35 @@ class Speaker:
             room: Greatest size of the frame, bytes.
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
         """
-        reference, long_name = self._reference(set(listeners))
-        return self._codec.encode(samples, room, reference, long_name=long_name)
+        wanted = set(listeners)
+        forms: list[tuple[Snapshot | None, bool]] = [(None, False)]
+        if wanted:
+            forms = [*self._references(wanted), (None, False)]
+        first: Encoded | None = None
+        repeated: Encoded | None = None
+        for reference, long_name in forms:
+            for is_other in (False, True):
+                encoded = self._codec.encode(
+                    samples, room, reference, long_name=long_name, is_other=is_other
+                )
+                if encoded is None or not wanted:
+                    return encoded
+                first = first or encoded
+                if self._is_mistaken(encoded):
+                    continue
+                if not self._is_repeated(encoded):
+                    return encoded
+                repeated = repeated or encoded
+        return repeated or first
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
-        # The same bytes again (a stream that stands still) are the same frame to the receiver too.
-        if all(each.snapshot.digest != encoded.snapshot.digest for each in self._sent):
-            self._sent.append(_Sent(encoded))
+        # The same bytes again are the same frame, and the newest one for the receiver too.
+        for each in self._sent:
+            if each.snapshot.digest == encoded.snapshot.digest:
+                self._sent.remove(each)
+                break
+        self._sent.append(_Sent(encoded))
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -77,20 +103,26 @@ class Speaker:
         Returns:
             Whether it is known which frame that is.
         """
-        newest = max(
-            (n for n, each in enumerate(self._sent) if listener in each.holders), default=0
-        )
-        meant = [
-            each for n, each in enumerate(self._sent) if n >= newest and each.snapshot.mark == mark
-        ]
+        # What is much older than the newest that is known to be held is of no use; a little older
+        # is what a late frame leads to.
+        meant, left = [], len(self._sent)
+        for each in reversed(self._sent):
+            left -= 1
+            if left < 0:
+                break
+            if each.snapshot.mark == mark:
+                meant.append(each)
+            if listener in each.holders:
+                left = min(left, _OVERLAP)
         if len(meant) != 1:
             return False
-        known = {each.snapshot.digest: each for each in self._sent}
-        found: _Sent | None = meant[0]
-        while found is not None and listener not in found.holders:
-            found.holders.add(listener)
-            before = found.reference
-            found = None if before is None else known.get(before.digest)
+        held: Snapshot | None = meant[0].snapshot
+        for each in reversed(self._sent):
+            if each.snapshot is held:
+                if listener in each.holders:
+                    break
+                each.holders.add(listener)
+                held = each.reference
         return True
 
     def forget(self, listener: int) -> None:
@@ -98,10 +130,25 @@ class Speaker:
         for each in self._sent:
             each.holders.discard(listener)
 
-    def _reference(self, listeners: set[int]) -> tuple[Snapshot | None, bool]:
+    def _is_mistaken(self, new: Encoded) -> bool:
+        """Whether a frame would be taken for what a late one refers to, or it itself repeated."""
+        recent = [(each.reference, each.long_name) for each in list(self._sent)[-LATEST:]]
+        for meant, long_name in (*recent, (new.reference, new.long_name)):
+            if meant is None:
+                continue
+            if long_name:
+                if meant.long_name == new.snapshot.long_name:
+                    return True
+            elif meant.short_name == new.snapshot.short_name:
+                return True
+        return False
+
+    def _is_repeated(self, new: Encoded) -> bool:
+        """Whether the receiver may hold the very same frame, at another place."""
+        return any(each.snapshot.digest == new.snapshot.digest for each in self._sent)
+
+    def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name."""
-        if not listeners:
-            return None, False
         # The oldest may be pushed out at a receiver by the frame that is being written.
         for place in range(len(self._sent) - 1, 0 if len(self._sent) == KEPT else -1, -1):
             if not listeners <= self._sent[place].holders:
@@ -112,11 +159,14 @@ class Speaker:
                 for other in range(max(place - LATEST, 0), len(self._sent))
                 if other != place
             ]
+            found = []
             if all(other.short_name != meant.short_name for other in others):
-                return meant, False
+                found.append((meant, False))
             if all(other.long_name != meant.long_name for other in others):
-                return meant, True
-        return None, False
+                found.append((meant, True))
+            if found:
+                return found
+        return []
 
 
 class Listener:
@@ -142,8 +192,11 @@ class Listener:
             PayloadError: It is damaged, or its reference is not held.
         """
         decoded = self._codec.decode(frame, self._held)
-        if all(each.digest != decoded.snapshot.digest for each in self._held):
-            self._held.append(decoded.snapshot)
+        for each in self._held:
+            if each.digest == decoded.snapshot.digest:
+                self._held.remove(each)
+                break
+        self._held.append(decoded.snapshot)
         return decoded
 
     def forget(self) -> None:
