@@ -120,7 +120,7 @@ def test_a_reference_to_something_else_is_an_error_and_not_plausible_garbage(
     accepted = total = 0
     for seed in range(8):
         speaker, other, held = Speaker(codec), Speaker(codec), []
-        for tick in range(10):
+        for tick in range(2):
             held.append(say(other, values[(tick * 7 + seed) % 80], tick, HERE).snapshot)
             other.acknowledged(HERE, held[-1].mark)
         for tick in range(60):
@@ -135,7 +135,7 @@ def test_a_reference_to_something_else_is_an_error_and_not_plausible_garbage(
                 continue
             accepted += 1
     assert total > 400
-    assert accepted / total < 0.1  # with ten frames held, none of them the right one
+    assert accepted / total < 0.08  # two frames of 31 names, and then the check
 
 
 def test_memory_is_bounded(nav_type: TypeSpec, values: list[dict[str, object]]) -> None:
