@@ -7,6 +7,7 @@ from tests.telemetry.exchange import dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import STREAM_IDS, by_id
 from zacoustic.core.dense import DenseCodec, Model, fit
+from zacoustic.core.dense.prior import Companion
 from zacoustic.errors import ConfigError
 
 NAMES = ("nav", "ctd", "log")
@@ -50,8 +51,11 @@ def test_a_model_with_nonsense_is_refused(model: Model) -> None:
     types = {10: Mission(1, 10).types["nav"]}
     learnt = dict(nav.learnt)
     learnt["1"] = msgspec.structs.replace(learnt["1"], scales=(0,) * len(nav.sizes))
+    later = Companion(stream_id=10, column=0, slope=1, offset=0, scale=9)  # positions come last
+    firsts = [*nav.firsts[:2], msgspec.structs.replace(nav.firsts[2], companion=later)]
     for damage in (
         {"learnt": learnt},
+        {"firsts": (*firsts, *nav.firsts[3:])},
         {"steadiness": (0,) * len(nav.sizes)},
         {"firsts": nav.firsts[:-1]},
         {"present": 1 << 20},
