@@ -8,7 +8,8 @@ itself. All prediction, and all learning, runs along these references only.
 
 A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
 
-1. kind: with a reference; for itself; or a single sample for itself;
+1. kind: with a reference; for itself; or a single sample for itself; and a flag without meaning,
+   for a sender who wants the frame to have another name (see `references`);
 2. the name of the reference, 5 bits, or 7 more where another frame has the same one;
 3. which streams there are; of each stream, by id, the samples: each with the steps from the one
    that it is coded against and, behind it, whether another one follows. A single sample has neither
@@ -45,7 +46,10 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = (28, 3, 1)
+_OTHER: Final = 1 << 11  # how often a frame is in its other form: 1/32
 _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
+
+_FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
 Parts = tuple[Row, list[Any]]
 
@@ -74,7 +78,7 @@ class Encoded(msgspec.Struct, frozen=True):
     reference: Snapshot | None
     """What it refers to; None: it stands for itself."""
     long_name: bool = False
-    """By its long name."""
+    """Whether by the long name."""
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -119,6 +123,7 @@ class DenseCodec:
         reference: Snapshot | None = None,
         *,
         long_name: bool = False,
+        is_other: bool = False,
     ) -> Encoded | None:
         """Write a frame.
 
@@ -127,6 +132,7 @@ class DenseCodec:
             room: Greatest size of the frame, bytes.
             reference: A frame that every receiver holds.
             long_name: The reference's short name would be ambiguous.
+            is_other: Write the frame in its other form, which gives it another name.
 
         Returns:
             None where not even the first sample fits, or there is none.
@@ -134,12 +140,14 @@ class DenseCodec:
         Raises:
             PayloadInvalidError: A value is not of its stream's type.
         """
-        parts = [self.streams[each.stream_id].split(each.value) for each in samples]
+        parts: list[Parts] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
-        count = high
+        count = min(high, _FIRST_TRY)
         while low < high:
-            encoded = self._best(samples, parts, count, reference, long_name)
+            more = samples[len(parts) : count]
+            parts.extend([self.streams[each.stream_id].split(each.value) for each in more])
+            encoded = self._best(samples, parts, count, reference, long_name, is_other)
             size = len(encoded.frame) if encoded is not None else 2 * room
             if encoded is not None and size <= room:
                 fits, low = encoded, count
@@ -161,6 +169,7 @@ class DenseCodec:
         if not frame:
             raise PayloadError("an empty frame")
         reader = Reader(frame)
+        reader.flag(_OTHER)
         kind = reader.choice(_KINDS)
         reference = _named(reader, held) if kind == _REFERRING else self._root
         page = _Page(reference)
@@ -196,6 +205,7 @@ class DenseCodec:
         count: int,
         reference: Snapshot | None,
         long_name: bool,
+        is_other: bool,
     ) -> Encoded | None:
         """Write a frame of the first `count` samples; None: a stream has too many of them."""
         lanes: dict[int, list[int]] = {}
@@ -205,13 +215,13 @@ class DenseCodec:
             return None
         best: Encoded | None = None
         if reference is not None:
-            best = self._several(samples, parts, lanes, reference, long_name=long_name)
+            best = self._several(samples, parts, lanes, reference, long_name, is_other)
             plain = sum(self.streams[each.stream_id].plain_bits for each in samples[:count])
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
-        others = [self._several(samples, parts, lanes, None)]
+        others = [self._several(samples, parts, lanes, None, False, is_other)]
         if count == 1:
-            others.append(self._single(samples[0], parts[0]))
+            others.append(self._single(samples[0], parts[0], is_other))
         for other in others:
             if best is None or len(other.frame) < len(best.frame):
                 best = other
@@ -223,11 +233,12 @@ class DenseCodec:
         parts: Sequence[Parts],
         lanes: Mapping[int, Sequence[int]],
         reference: Snapshot | None,
-        *,
-        long_name: bool = False,
+        long_name: bool,
+        is_other: bool,
     ) -> Encoded:
         """Write a frame of any samples; `lanes` are their places, by stream id."""
         writer = Writer()
+        writer.flag(_OTHER, is_other)
         known = self._root
         if reference is None:
             writer.choice(_KINDS, _ALONE)
@@ -254,13 +265,13 @@ class DenseCodec:
                 page.add(stream_id, state, tick)
                 habit.code_more(writer, nth, nth < len(lane))
         frame = writer.finish(1, known.check)
-        return Encoded(
-            frame, sum(map(len, lanes.values())), page.snapshot(frame), reference, long_name
-        )
+        taken = sum(map(len, lanes.values()))
+        return Encoded(frame, taken, page.snapshot(frame), reference, long_name)
 
-    def _single(self, sample: DenseSample, parts: Parts) -> Encoded:
+    def _single(self, sample: DenseSample, parts: Parts, is_other: bool) -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
         writer, page = Writer(), _Page(self._root)
+        writer.flag(_OTHER, is_other)
         writer.choice(_KINDS, _SINGLE)
         writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
         codec = self.streams[sample.stream_id]

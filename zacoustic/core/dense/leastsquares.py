@@ -177,7 +177,9 @@ class Explained:
         ):
             kept = energy - (energy >> _FORGET_BITS)
             lever = trust * innovation
-            more = max(kept + (lever * innovation >> 16), _LEAST_ENERGY)
+            more = kept + (lever * innovation >> 16)
+            if more < _LEAST_ENERGY:
+                more = _LEAST_ENERGY
             gain = (lever << _GAIN_SHIFT) // more
             energies.append(more)
             trust = trust * kept // more

@@ -101,12 +101,13 @@ class Model(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         return hashlib.sha256(encoder.encode(self)).digest()[:4]
 
 
-def check_prior(prior: StreamPrior, model: RowModel, key: str) -> None:
+def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
     """Check that a prior was made for such a stream, and holds no nonsense.
 
     Raises:
-        ConfigError: It was not; starts with `key`.
+        ConfigError: It was not; starts with the key in a model.
     """
+    key = f"model.streams.{stream_id}"
     sizes = tuple(model.sizes)
     if prior.sizes != sizes:
         raise ConfigError(f"{key}: fitted to another type", hint="fit the model again")
@@ -138,6 +139,17 @@ def check_prior(prior: StreamPrior, model: RowModel, key: str) -> None:
     for first in prior.firsts:
         if not 0 <= first.scale < _LARGEST or not 0 <= first.hold < _CHANCE:
             raise ConfigError(f"{key}.firsts: a number out of bounds")
+    order = [*model.symbols, *model.numbers]
+    for column, first in enumerate(prior.firsts):
+        companion = first.companion
+        if companion is None:
+            continue
+        known = order[: order.index(column)] if companion.stream_id == stream_id else None
+        if known is not None and companion.column not in known:
+            raise ConfigError(f"{key}.firsts[{column}].companion: a column that is coded later")
+        numbers = (companion.column, companion.scale, abs(companion.slope), abs(companion.offset))
+        if companion.scale < 1 or not all(0 <= number < _LARGEST for number in numbers):
+            raise ConfigError(f"{key}.firsts[{column}].companion: a number out of bounds")
     chances = (*prior.steadiness, *prior.more, *((prior.present,) if prior.present else ()))
     if not all(0 < chance < _CHANCE for chance in chances):
         raise ConfigError(f"{key}: a chance out of bounds; allowed: 1..{_CHANCE - 1}")

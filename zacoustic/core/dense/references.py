@@ -7,22 +7,17 @@ what goes anyway; nothing has to be answered at once, and a lost acknowledgement
 the next.
 
 Both ends keep the same number of frames: the last `KEPT` that were sent are more than the last
-`KEPT` that were received, so what the source may refer to is always still held.
-
-Nothing is numbered, and frames may be lost, doubled and late. Names are short, and a name must not
-mean two frames, or the wrong one would be read into plausible garbage. A receiver takes the newest
-that it holds of that name, so the source sees to it that
-
-- among all frames sent since a reference, and `LATEST` before it, which may come after it, no other
-  has its name: else it gives the long name, and where these agree too, it takes an older reference;
-- no frame has the name by which one of the `LATEST` before it refers to another: that one may come
-  after it. Then the same is said in other words, with a long name or without a reference;
-- the same bytes never mean two things, so that what comes twice is read as it was the first time.
+`KEPT` that were received, so what the source may refer to is always still held. Nothing is numbered
+and no order is relied upon, so frames may be lost, doubled and late. A receiver takes the newest
+frame of a name; so a name must not mean a newer frame too. Before it refers to a frame the source
+compares its name with those of all that were sent since, and of a few before it, which may be late;
+where two agree it gives the long name, and where these agree too it takes an older reference. And
+a new frame must not have the name by which a frame that may still be on its way, or it itself
+when it comes again, means another one: then it is written in another form.
 """
 
-import itertools
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -31,31 +26,20 @@ from zacoustic.core.dense.snapshot import Snapshot
 KEPT: Final = 32
 """How many frames each end remembers."""
 
-LATEST: Final = 4
+LATEST: Final = 3
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
 
-
-_FORMS: Final = 3
-"""In how many ways, with a reference, a frame is tried to be clear."""
+_OVERLAP: Final = 8  # frames before the newest acknowledged one that can still be acknowledged
 
 
 class _Sent:
     """A frame that was sent."""
 
     def __init__(self, encoded: Encoded) -> None:
-        self.frame = encoded.frame
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
-        self.has_long_name = encoded.long_name
+        self.long_name = encoded.long_name
         self.holders: set[int] = set()
-
-    def may_mean(self, snapshot: Snapshot) -> bool:
-        """Tell whether the name of the reference could be taken for that of another frame."""
-        if self.reference is None or self.reference.digest == snapshot.digest:
-            return False
-        if self.has_long_name:
-            return self.reference.long_name == snapshot.long_name
-        return self.reference.short_name == snapshot.short_name
 
 
 class Speaker:
@@ -78,22 +62,36 @@ class Speaker:
             samples: The most important first.
             room: Greatest size of the frame, bytes.
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
-
-        Returns:
-            None also where whatever form the frame has could be misunderstood.
         """
-        forms = itertools.islice(self._references(set(listeners)), _FORMS)
-        for reference, long_name in (*forms, (None, False)):
-            encoded = self._codec.encode(samples, room, reference, long_name=long_name)
-            if encoded is None or self._is_clear(encoded):
-                return encoded
-        return None
+        wanted = set(listeners)
+        forms: list[tuple[Snapshot | None, bool]] = [(None, False)]
+        if wanted:
+            forms = [*self._references(wanted), (None, False)]
+        first: Encoded | None = None
+        repeated: Encoded | None = None
+        for reference, long_name in forms:
+            for is_other in (False, True):
+                encoded = self._codec.encode(
+                    samples, room, reference, long_name=long_name, is_other=is_other
+                )
+                if encoded is None or not wanted:
+                    return encoded
+                first = first or encoded
+                if self._is_mistaken(encoded):
+                    continue
+                if not self._is_repeated(encoded):
+                    return encoded
+                repeated = repeated or encoded
+        return repeated or first
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
-        # The same bytes again (a stream that stands still) are the same frame to the receiver too.
-        if all(each.snapshot.digest != encoded.snapshot.digest for each in self._sent):
-            self._sent.append(_Sent(encoded))
+        # The same bytes again are the same frame, and the newest one for the receiver too.
+        for each in self._sent:
+            if each.snapshot.digest == encoded.snapshot.digest:
+                self._sent.remove(each)
+                break
+        self._sent.append(_Sent(encoded))
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -105,20 +103,26 @@ class Speaker:
         Returns:
             Whether it is known which frame that is.
         """
-        newest = max(
-            (n for n, each in enumerate(self._sent) if listener in each.holders), default=0
-        )
-        meant = [
-            each for n, each in enumerate(self._sent) if n >= newest and each.snapshot.mark == mark
-        ]
+        # What is much older than the newest that is known to be held is of no use; a little older
+        # is what a late frame leads to.
+        meant, left = [], len(self._sent)
+        for each in reversed(self._sent):
+            left -= 1
+            if left < 0:
+                break
+            if each.snapshot.mark == mark:
+                meant.append(each)
+            if listener in each.holders:
+                left = min(left, _OVERLAP)
         if len(meant) != 1:
             return False
-        known = {each.snapshot.digest: each for each in self._sent}
-        found: _Sent | None = meant[0]
-        while found is not None and listener not in found.holders:
-            found.holders.add(listener)
-            before = found.reference
-            found = None if before is None else known.get(before.digest)
+        held: Snapshot | None = meant[0].snapshot
+        for each in reversed(self._sent):
+            if each.snapshot is held:
+                if listener in each.holders:
+                    break
+                each.holders.add(listener)
+                held = each.reference
         return True
 
     def forget(self, listener: int) -> None:
@@ -126,22 +130,25 @@ class Speaker:
         for each in self._sent:
             each.holders.discard(listener)
 
-    def _is_clear(self, encoded: Encoded) -> bool:
-        """Tell whether no receiver can take a frame, or take another for it."""
-        meant = encoded.snapshot
-        lately = list(self._sent)[-LATEST:]
-        return not any(each.may_mean(meant) for each in lately) and all(
-            each.frame != encoded.frame or each.snapshot.digest == meant.digest
-            for each in self._sent
-        )
+    def _is_mistaken(self, new: Encoded) -> bool:
+        """Whether a frame would be taken for what a late one refers to, or it itself repeated."""
+        recent = [(each.reference, each.long_name) for each in list(self._sent)[-LATEST:]]
+        for meant, long_name in (*recent, (new.reference, new.long_name)):
+            if meant is None:
+                continue
+            if long_name:
+                if meant.long_name == new.snapshot.long_name:
+                    return True
+            elif meant.short_name == new.snapshot.short_name:
+                return True
+        return False
 
-    def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot, bool]]:
-        """Yield frames that all hold and that can be named, and whether by the long name.
+    def _is_repeated(self, new: Encoded) -> bool:
+        """Whether the receiver may hold the very same frame, at another place."""
+        return any(each.snapshot.digest == new.snapshot.digest for each in self._sent)
 
-        The newest first, by its short name before its long one.
-        """
-        if not listeners:
-            return
+    def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
+        """The newest frame that all hold and that can be named, and whether by its long name."""
         # The oldest may be pushed out at a receiver by the frame that is being written.
         for place in range(len(self._sent) - 1, 0 if len(self._sent) == KEPT else -1, -1):
             if not listeners <= self._sent[place].holders:
@@ -152,10 +159,14 @@ class Speaker:
                 for other in range(max(place - LATEST, 0), len(self._sent))
                 if other != place
             ]
+            found = []
             if all(other.short_name != meant.short_name for other in others):
-                yield meant, False
+                found.append((meant, False))
             if all(other.long_name != meant.long_name for other in others):
-                yield meant, True
+                found.append((meant, True))
+            if found:
+                return found
+        return []
 
 
 class Listener:
@@ -168,7 +179,6 @@ class Listener:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._held: deque[Snapshot] = deque(maxlen=KEPT)
-        self._read: deque[tuple[bytes, Decoded]] = deque(maxlen=KEPT)
 
     @property
     def mark(self) -> int | None:
@@ -181,15 +191,14 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        for known, decoded in self._read:
-            if known == frame:
-                return decoded
         decoded = self._codec.decode(frame, self._held)
+        for each in self._held:
+            if each.digest == decoded.snapshot.digest:
+                self._held.remove(each)
+                break
         self._held.append(decoded.snapshot)
-        self._read.append((frame, decoded))
         return decoded
 
     def forget(self) -> None:
         """Take note that the source has restarted."""
         self._held.clear()
-        self._read.clear()

@@ -288,7 +288,7 @@ class RowModel:
         size, half = self.sizes[n], curve.size >> 1
         if self.columns[n].wraps:
             change = (change + half) % size - half
-        if not -half <= change < curve.size - half:
+        if not coder.is_reader and not -half <= change < curve.size - half:
             raise TooFarError
         return coder.number(curve, change + half)
 

@@ -60,7 +60,7 @@ class StreamCodec:
         self.model = RowModel(self.layout.columns)
         self.prior = prior
         if prior is not None:
-            check_prior(prior, self.model, f"model.streams.{stream_id}")
+            check_prior(prior, self.model, stream_id)
         self._adaptations = {} if prior is None else adaptations_of(prior, self.model)
         columns = len(self.layout.columns)
         self._steadiness = list(prior.steadiness) if prior is not None else []
