@@ -70,9 +70,9 @@ class FitCommand(Command):
         recordings = read_recordings(
             arguments.recordings, table, only_dense=True, window_s=window_s
         )
-        model, report = fit_recordings(recordings, table, window_s=window_s)
+        fitted, report = fit_recordings(recordings, table, window_s=window_s)
         if arguments.output is not None:
-            _write(arguments.output, msgspec.json.encode(model, order="sorted") + b"\n")
+            _write(arguments.output, msgspec.json.encode(fitted, order="sorted") + b"\n")
         if arguments.json:
             print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
         else:

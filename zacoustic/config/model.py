@@ -14,7 +14,17 @@ _HINT = "`zacoustic fit RECORDING --config FILE --output MODEL` makes one"
 _MOST_BYTES = 1 << 24
 
 
-def read_model(place: Place, written: str | None, folder: Path) -> Model | None:
+class ModelFile(msgspec.Struct, frozen=True, kw_only=True):
+    """What a model file has."""
+
+    model: Model
+    """What a fit says of the dense streams."""
+    typical_bits: dict[str, float] = {}
+    """What a sample usually costs, as the fit has measured it, by stream id as text; for people
+    and planners: not part of what both ends must agree on."""
+
+
+def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | None:
     """Read the model file; None where none is named.
 
     Args:
@@ -36,7 +46,7 @@ def read_model(place: Place, written: str | None, folder: Path) -> Model | None:
     if len(content) > _MOST_BYTES:
         place.complain(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}", hint=_HINT)
     try:
-        return msgspec.json.decode(content, type=Model, strict=True)
+        return msgspec.json.decode(content, type=ModelFile, strict=True)
     except (msgspec.DecodeError, RecursionError) as error:
         place.complain(f"{written}: no model: {error}", allowed=ALLOWED["model"], hint=_HINT)
 

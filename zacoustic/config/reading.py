@@ -56,6 +56,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """The Python class of each type that names one."""
     table: StreamTable
     """The streams."""
+    typical_bits: dict[int, float] = {}
+    """What a sample of a dense stream usually costs, bits, by stream id, as a fit has measured it;
+    empty without a model."""
     journal: Path | None = None
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
@@ -153,8 +156,8 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
-    model = read_model(place.at("model"), written.model, folder or Path())
-    fleet = Fleet(nodes=nodes, types=types, model=model)
+    read = read_model(place.at("model"), written.model, folder or Path())
+    fleet = Fleet(nodes=nodes, types=types, model=read.model if read is not None else None)
     table = read_streams(place.at("streams"), len(written.streams), fleet)
     check_model(place.at("model"), table)
     return Config(
@@ -166,10 +169,15 @@ def config_from_mapping(
         python_types=python_types,
         journal=_read_journal(place.at("journal"), written.journal),
         table=table,
+        typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         rules=_read_rules(place, written, nodes),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
+
+
+def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:
+    return {int(text): bits for text, bits in by_text.items() if text.isdecimal()}
 
 
 def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:

@@ -1,4 +1,4 @@
-"""A vehicle and one who listens, over water that loses frames: sizes, and whether all is read right.
+"""A vehicle and one who listens, over lossy water: what frames cost, and that they are read right.
 
 An acknowledgement is known when the next but one frame is written, unless it is lost too. It goes
 in a frame that goes anyway, as on the water, and is not counted here.

@@ -10,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.config.model import ModelFile
 from zacoustic.core.dense import DenseCodec, DenseSample, Model, StreamPrior, fit
 from zacoustic.core.dense.adaptation import StreamState
 from zacoustic.core.dense.arithmetic import Writer
@@ -78,7 +79,7 @@ class FitReport(msgspec.Struct, frozen=True, kw_only=True):
 
 def fit_recordings(
     recordings: Recordings, table: StreamTable, *, window_s: float
-) -> tuple[Model, FitReport]:
+) -> tuple[ModelFile, FitReport]:
     """Fit a model to recordings, and measure what it is worth.
 
     Args:
@@ -114,7 +115,8 @@ def fit_recordings(
         digest=whole.digest.hex(),
         notes=tuple(recordings.notes),
     )
-    return whole, report
+    typical_bits = {str(each.stream_id): round(each.next_bits.after, 1) for each in streams}
+    return ModelFile(model=whole, typical_bits=typical_bits), report
 
 
 def _halves(mission: Mission) -> tuple[Mission, Mission]:
