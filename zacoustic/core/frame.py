@@ -215,7 +215,7 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-Item = (
+PlainItem = (
     Hello
     | Tag
     | Confirm
@@ -226,9 +226,11 @@ Item = (
     | Feedback
     | DenseAck
     | Record
-    | DenseString
     | Stray
 )
+"""What is in a frame beside a dense string."""
+
+Item = PlainItem | DenseString
 
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
 """``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.

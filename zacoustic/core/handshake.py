@@ -66,8 +66,6 @@ from zacoustic.core.streams import StreamTable
 HELLO_EVERY: Final = 8
 """On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
 on average."""
-
-
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
 do; four is generous."""
@@ -216,7 +214,7 @@ class Handshake:
         peer.questions.pop(_ASK_HELLO, None)
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
-            self._forget(peer)
+            peer.forget()
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
             same = digest == self._digest
@@ -236,7 +234,7 @@ class Handshake:
         peer = self._peer(source)
         if peer.epoch != epoch:
             # What is known of it may be of a life that is over: better to know nothing.
-            self._forget(peer)
+            peer.forget()
             peer.epoch, peer.digest = None, b""
             self._ask(peer, _ASK_HELLO, now)
 
@@ -396,18 +394,6 @@ class Handshake:
 
     def _knows_difference(self, peer: Peer) -> bool:
         return peer.epoch is not None and peer.digest != self._digest
-
-    @staticmethod
-    def _forget(peer: Peer) -> None:
-        """A peer has begun a new life: it knows nothing of us, and we nothing of its table."""
-        peer.confirmed_us = peer.knows_us = False
-        peer.owes_confirm = False
-        peer.rows.clear()
-        peer.told_differing.clear()
-        peer.owed_rows.clear()
-        peer.questions.clear()
-        peer.ask_pause.reset()
-        peer.answer_pause.reset()
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
