@@ -13,6 +13,20 @@ def test_packed_weights_are_the_weights() -> None:
     assert shape.unpacked(shape.packed(weights)) == weights
 
 
+def test_what_was_learnt_elsewhere_is_carried_over_in_full_or_by_half() -> None:
+    rng, shape = random.Random(4), Shape(5)
+    lists = [
+        [[rng.randint(-(1 << 30), 1 << 30) for _ in range(k)] for k in range(5)] for _ in range(3)
+    ]
+    weights, learnt, start = (shape.packed(each) for each in lists)
+    for in_full in (True, False):
+        found = shape.unpacked(shape.carried_over(weights, learnt, start, in_full=in_full))
+        for row, *others in zip(found, *lists, strict=True):
+            for number, weight, new, old in zip(row, *others, strict=True):
+                moved = weight + new - old
+                assert number == (moved if in_full else (weight + moved) >> 1)
+
+
 def test_a_quantity_that_follows_from_others_is_predicted() -> None:
     rng, shape = random.Random(1), Shape(3)
     weights, energies = [0] * 3, [256] * 3

@@ -23,7 +23,7 @@ from zacoustic.core.dense.adaptation import (
 )
 from zacoustic.core.dense.arithmetic import Writer
 from zacoustic.core.dense.curve import MOST_HOLD, POINT_BITS, SCALE_BITS
-from zacoustic.core.dense.layout import Layout, Row
+from zacoustic.core.dense.layout import Content, Layout, Row
 from zacoustic.core.dense.prior import Companion, First, Learnt, Model, StreamPrior
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.types import TypeSpec
@@ -110,7 +110,7 @@ class _StreamFitting:
 
     def add(self, row: Row, rest: list[Any], latest: Mapping[int, Row], stream_id: int) -> None:
         for remainder, part in zip(self.layout.remainders, rest, strict=True):
-            if remainder.is_text and part is not None:
+            if remainder.content is Content.TEXT and part is not None:
                 self._texts[part] += 1
         earlier = {other: each for other, each in latest.items() if other < stream_id}
         self._beside.append((row, earlier))

@@ -10,6 +10,7 @@ A column that is not there in a sample (the value of a missing optional) is None
 """
 
 from abc import ABC, abstractmethod
+from enum import Enum
 from typing import Any, Final
 
 import msgspec
@@ -56,21 +57,38 @@ class Column:
         self.zero = zero if self.is_ordered else None
 
 
+class Content(Enum):
+    """What a part of the rest holds."""
+
+    TEXT = "text"
+    BYTES = "bytes"
+    # Exact floats, lists.
+    OTHER = "other"
+
+
+_CONTENTS: Final = {"string": Content.TEXT, "bytes": Content.BYTES}
+
+
 class Remainder:
     """One part of the rest of every sample.
 
     Attributes:
         packing: Its bits.
-        is_text: Whether it is a text.
-        longest: Most bytes of a text; None: no bound.
+        content: What it holds.
+        longest: Most bytes of a text or of bytes; None: no bound.
         guard: As for columns.
     """
 
     def __init__(
-        self, packing: Packing, guard: tuple[int, int] | None, *, is_text: bool, longest: int | None
+        self,
+        packing: Packing,
+        guard: tuple[int, int] | None,
+        *,
+        content: Content,
+        longest: int | None,
     ) -> None:
         self.packing = packing
-        self.is_text = is_text
+        self.content = content
         self.longest = longest
         self.guard = guard
 
@@ -263,11 +281,11 @@ class _Other(_Part):
         packing: Packing,
         guard: tuple[int, int] | None,
         *,
-        is_text: bool = False,
+        content: Content = Content.OTHER,
         longest: int | None = None,
     ) -> None:
         self._place = len(layout.remainders)
-        layout.remainders.append(Remainder(packing, guard, is_text=is_text, longest=longest))
+        layout.remainders.append(Remainder(packing, guard, content=content, longest=longest))
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
         rest[self._place] = value
@@ -303,9 +321,9 @@ def _of_field(
     if Lattice.has_lattice(field):
         make = _Escaping if field.escapes else _Number
         return make(layout, field, path, guard)
-    is_text = field.type == "string"
+    content = _CONTENTS.get(field.type, Content.OTHER)
     longest = field.max_length
-    return _Other(layout, field_packing(type_spec, field), guard, is_text=is_text, longest=longest)
+    return _Other(layout, field_packing(type_spec, field), guard, content=content, longest=longest)
 
 
 def _width(type_spec: TypeSpec, field: FieldSpec) -> int:

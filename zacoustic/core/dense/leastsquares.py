@@ -74,6 +74,7 @@ class Shape:
         self.halves = [one << _LANE_BITS - 1 for one in ones]
         self.masks = [one * ((1 << _LANE_BITS - _STEP_SHIFT) - 1) for one in ones]
         self.shifted_halves = [one << _LANE_BITS - 1 - _STEP_SHIFT for one in ones]
+        self._ones = ones
         self.places.append(0)
 
     def packed(self, weights: list[list[int]]) -> list[int]:
@@ -81,6 +82,23 @@ class Shape:
         return [
             sum(weights[k][i] << self.places[k] for k in range(i + 1, self.quantities))
             for i in range(self.quantities)
+        ]
+
+    def carried_over(
+        self, weights: list[int], learnt: list[int], start: list[int], *, in_full: bool
+    ) -> list[int]:
+        """Weights plus the way, or half the way, that others have come from their start."""
+        moved = [
+            weight + new - old for weight, new, old in zip(weights, learnt, start, strict=True)
+        ]
+        if in_full:
+            return moved
+        # As in `moved`: lanes are made positive, and what one loses must not reach the next.
+        return [
+            ((weight + other + half) >> 1 & (half - one)) - (half >> 1)
+            for weight, other, half, one in zip(
+                weights, moved, self.halves, self._ones, strict=True
+            )
         ]
 
     def unpacked(self, weights: list[int]) -> list[list[int]]:

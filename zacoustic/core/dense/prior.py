@@ -10,7 +10,6 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.dense.adaptation import SITUATIONS, Adaptation
-from zacoustic.core.dense.lines import LINES
 from zacoustic.core.dense.rowmodel import RowModel
 from zacoustic.errors import ConfigError
 
@@ -169,8 +168,3 @@ def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]
         )
         for place, learnt in prior.learnt.items()
     }
-
-
-def lines_of(prior: StreamPrior | None) -> tuple[str, ...]:
-    """The texts that a stream's texts are like."""
-    return prior.lines if prior is not None and prior.lines else LINES

@@ -14,6 +14,10 @@ compares its name with those of all that were sent since, and of a few before it
 where two agree it gives the long name, and where these agree too it takes an older reference. And
 a new frame must not have the name by which a frame that may still be on its way, or it itself
 when it comes again, means another one: then it is written in another form.
+
+A stream that stands still may have the same bytes again, against the same reference. That is the
+same frame once more; the receiver has it at the place where it came last, which may be any of those
+at which it was sent.
 """
 
 from collections import deque
@@ -26,19 +30,26 @@ from zacoustic.core.dense.snapshot import Snapshot
 KEPT: Final = 32
 """How many frames each end remembers."""
 
-LATEST: Final = 3
+LATEST: Final = 2
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
 
-_OVERLAP: Final = 8  # frames before the newest acknowledged one that can still be acknowledged
+_OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
+_MARKED: Final = 8  # as many of the last frames have marks of their own
 
 
 class _Sent:
-    """A frame that was sent."""
+    """A frame that was sent, once or several times.
 
-    def __init__(self, encoded: Encoded) -> None:
+    Attributes:
+        first: When it was sent first, counted in frames.
+        last: When it was sent last.
+        holders: Who is known to hold it.
+    """
+
+    def __init__(self, encoded: Encoded, count: int) -> None:
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
-        self.long_name = encoded.long_name
+        self.first = self.last = count
         self.holders: set[int] = set()
 
 
@@ -51,7 +62,10 @@ class Speaker:
 
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
-        self._sent: deque[_Sent] = deque(maxlen=KEPT)
+        self._count = 0
+        self._sent: list[_Sent] = []  # by when they were sent last
+        self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
+        self._late: deque[Encoded] = deque(maxlen=LATEST)
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -68,30 +82,28 @@ class Speaker:
         if wanted:
             forms = [*self._references(wanted), (None, False)]
         first: Encoded | None = None
-        repeated: Encoded | None = None
         for reference, long_name in forms:
             for is_other in (False, True):
                 encoded = self._codec.encode(
                     samples, room, reference, long_name=long_name, is_other=is_other
                 )
-                if encoded is None or not wanted:
+                if encoded is None or not wanted or not self._is_mistaken(encoded):
                     return encoded
                 first = first or encoded
-                if self._is_mistaken(encoded):
-                    continue
-                if not self._is_repeated(encoded):
-                    return encoded
-                repeated = repeated or encoded
-        return repeated or first
+        return first
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
-        # The same bytes again are the same frame, and the newest one for the receiver too.
-        for each in self._sent:
+        self._count += 1
+        self._late.append(encoded)
+        for place, each in enumerate(self._sent):
             if each.snapshot.digest == encoded.snapshot.digest:
-                self._sent.remove(each)
-                break
-        self._sent.append(_Sent(encoded))
+                each.last = self._count
+                self._sent.append(self._sent.pop(place))
+                return
+        self._sent.append(_Sent(encoded, self._count))
+        if len(self._sent) > KEPT:
+            self._forgotten = self._sent.pop(0).last
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -131,33 +143,35 @@ class Speaker:
             each.holders.discard(listener)
 
     def _is_mistaken(self, new: Encoded) -> bool:
-        """Whether a frame would be taken for what a late one refers to, or it itself repeated."""
-        recent = [(each.reference, each.long_name) for each in list(self._sent)[-LATEST:]]
-        for meant, long_name in (*recent, (new.reference, new.long_name)):
+        """Whether a frame, or its acknowledgement, would be taken for another one.
+
+        For what a late frame refers to, or what it refers to itself, when it comes again.
+        """
+        for each in self._sent[-_MARKED:]:
+            is_same = each.snapshot.digest == new.snapshot.digest
+            if each.snapshot.mark == new.snapshot.mark and not is_same:
+                return True
+        for late in (*self._late, new):
+            meant = late.reference
             if meant is None:
                 continue
-            if long_name:
+            if late.long_name:
                 if meant.long_name == new.snapshot.long_name:
                     return True
             elif meant.short_name == new.snapshot.short_name:
                 return True
         return False
 
-    def _is_repeated(self, new: Encoded) -> bool:
-        """Whether the receiver may hold the very same frame, at another place."""
-        return any(each.snapshot.digest == new.snapshot.digest for each in self._sent)
-
     def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name."""
-        # The oldest may be pushed out at a receiver by the frame that is being written.
-        for place in range(len(self._sent) - 1, 0 if len(self._sent) == KEPT else -1, -1):
-            if not listeners <= self._sent[place].holders:
+        for record in reversed(self._sent):
+            # Only what came after a frame can push it out at a receiver, or be taken for it.
+            earliest = record.first - LATEST
+            if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
-            meant = self._sent[place].snapshot
+            meant = record.snapshot
             others = [
-                self._sent[other].snapshot
-                for other in range(max(place - LATEST, 0), len(self._sent))
-                if other != place
+                each.snapshot for each in self._sent if each.last >= earliest and each is not record
             ]
             found = []
             if all(other.short_name != meant.short_name for other in others):

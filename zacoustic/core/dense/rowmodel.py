@@ -25,6 +25,7 @@ The quantities of `leastsquares`, in this order:
 from typing import Final
 
 from zacoustic.core.dense.adaptation import (
+    RESTING,
     SITUATIONS,
     WIDTH_BITS,
     Adaptation,
@@ -105,6 +106,8 @@ class RowModel:
         known = 1 + len(self._levels) + len(self._ways)
         on_course = 2 + len(positions) if self._course is not None else 0
         self.shape = Shape(known + len(self.numbers) + on_course)
+        self.priors: dict[int, Adaptation] = {}
+        """What a fit says, by `step_class`."""
 
     def start(self) -> Adaptation:
         """Make the adaptation of who knows nothing."""
@@ -127,7 +130,7 @@ class RowModel:
         """
         steadiness = self._code_symbols(coder, row, reference)
         place = step_class(steps, moving=reference.velocity is not None)
-        before = nearest(reference.adaptations, place) or self.start()
+        before = self._adaptation(reference.adaptations, place)
         velocity, learnt = self._code_numbers(coder, row, reference, before, steps)
         return StreamState(
             row=[old if new is None else new for new, old in zip(row, reference.row, strict=True)],
@@ -143,6 +146,42 @@ class RowModel:
             guard = self.columns[n].guard
             if guard is None or row[guard[0]] == guard[1]:
                 row[n] = coder.uniform(self.sizes[n], row[n] or 0)
+
+    def _adaptation(self, adaptations: dict[int, Adaptation], place: int) -> Adaptation:
+        """What is known of samples at a distance: learnt, carried over, fitted, or nothing.
+
+        Acknowledged frames lie at one distance from each other, and only what is acknowledged is
+        learnt from; the frames between them are nearer to their reference. What this mission has
+        taught of one distance, less what the fit said of it, is true of the others too: all of it
+        next door, half of it further away.
+        """
+        found, prior = adaptations.get(place), self.priors.get(place)
+        if found is None:
+            return nearest(adaptations, place) or self.start()
+        if prior is None or found is not prior or place == RESTING:
+            return found
+        learnt = {
+            other: each
+            for other, each in adaptations.items()
+            if other != RESTING and each is not self.priors.get(other, each)
+        }
+        if not learnt:
+            return found
+        other = min(learnt, key=lambda known: (abs(known - place), known))
+        start, end = self.priors[other], learnt[other]
+        return Adaptation(
+            weights=self.shape.carried_over(
+                prior.weights, end.weights, start.weights, in_full=abs(other - place) == 1
+            ),
+            energies=prior.energies,
+            scales=_in_proportion(prior.scales, end.scales, start.scales),
+            widths=end.widths,
+            hold_misses=_in_proportion(prior.hold_misses, end.hold_misses, start.hold_misses),
+            linear_misses=_in_proportion(
+                prior.linear_misses, end.linear_misses, start.linear_misses
+            ),
+            holds=prior.holds,
+        )
 
     def _code_symbols(self, coder: Coder, row: Row, reference: StreamState) -> list[int]:
         steadiness = reference.steadiness[:]
@@ -300,3 +339,11 @@ class RowModel:
             known.append(0 if old is None else old - zero << POINT_BITS)
         known.extend([trends[n] for n in self._ways])
         return known
+
+
+def _in_proportion(values: list[int], end: list[int], start: list[int]) -> list[int]:
+    """Values that change as others did from start to end."""
+    return [
+        max(value * new // old, _LEAST_SCALE)
+        for value, new, old in zip(values, end, start, strict=True)
+    ]

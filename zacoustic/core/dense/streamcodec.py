@@ -10,27 +10,23 @@ import math
 from typing import Any, Final
 
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.arithmetic import Coder, Reader, Writer
+from zacoustic.core.dense.arithmetic import Coder, Writer
 from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, Curve
-from zacoustic.core.dense.layout import Layout, Remainder, Row
+from zacoustic.core.dense.layout import Layout, Row
 from zacoustic.core.dense.prior import (
     First,
     StreamPrior,
     adaptations_of,
     check_prior,
-    lines_of,
 )
+from zacoustic.core.dense.restcodec import RestCodec, plain_bits
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
-from zacoustic.core.dense.text import RECENT_LINES, TextModel
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.payload.bits import BitSink, BitSource
 from zacoustic.core.types import OutsideNumbers, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
 # Shares of the three ways where there is a reference, and of the last two where there is none.
 _WAYS: Final = (60, 3, 1)
 _WAYS_ALONE: Final = (3, 1)
-_SAME: Final = 1 << 13  # how often the rest of a sample is that of its reference, 2**-16
 _DEAR_BITS: Final = 2  # by so many bits more than plainly, another way is tried
 
 Beside = dict[int, Row]
@@ -61,12 +57,12 @@ class StreamCodec:
         self.prior = prior
         if prior is not None:
             check_prior(prior, self.model, stream_id)
-        self._adaptations = {} if prior is None else adaptations_of(prior, self.model)
+        if prior is not None:
+            self.model.priors = adaptations_of(prior, self.model)
         columns = len(self.layout.columns)
         self._steadiness = list(prior.steadiness) if prior is not None else []
         self._steadiness = self._steadiness or [START_STEADY] * columns
-        has_text = any(remainder.is_text for remainder in self.layout.remainders)
-        self._text = TextModel(lines_of(prior)) if has_text else TextModel()
+        self._rest = RestCodec(self.layout.remainders, () if prior is None else prior.lines)
         # What the row costs plainly, the ways included, bits.
         self.plain_bits = sum(math.ceil(math.log2(size)) for size in self.model.sizes if size > 1)
 
@@ -89,8 +85,7 @@ class StreamCodec:
         """Write a sample in the shortest way; gives its state."""
         row, rest = parts
         before = coder.mark()
-        texts = sum(len(value) for value in rest if isinstance(value, str))
-        limit = coder.bits + self.plain_bits + 7 * texts + _DEAR_BITS
+        limit = coder.bits + self.plain_bits + plain_bits(rest) + _DEAR_BITS
         best, fewest = _PLAIN, 1 << 60
         for way in (_AGAINST, _FIRST, _PLAIN) if reference is not None else (_FIRST, _PLAIN):
             coder.rewind(before)
@@ -134,7 +129,8 @@ class StreamCodec:
             way = coder.choice(_WAYS, way or 0)
             if way == _AGAINST:
                 state = self.model.code(coder, row, reference, steps)
-                return self._code_rest(coder, row, rest, state)
+                state.rest = self._rest.code(coder, row, rest, state.rest, plainly=False)
+                return state
         else:
             way = 1 + coder.choice(_WAYS_ALONE, (way or 1) - 1)
         if way == _FIRST and self.prior is not None and self.prior.firsts:
@@ -142,14 +138,14 @@ class StreamCodec:
         else:
             self.model.code_plainly(coder, row)
         known = row if reference is None else reference.row
-        state = StreamState(
+        known_rest = [None] * len(self.layout.remainders) if reference is None else reference.rest
+        return StreamState(
             row=[old if new is None else new for new, old in zip(row, known, strict=True)],
             velocity=None,
-            rest=[None] * len(self.layout.remainders) if reference is None else reference.rest,
-            adaptations=self._adaptations if reference is None else reference.adaptations,
+            rest=self._rest.code(coder, row, rest, known_rest, plainly=way == _PLAIN),
+            adaptations=self.model.priors if reference is None else reference.adaptations,
             steadiness=self._steadiness if reference is None else reference.steadiness,
         )
-        return self._code_rest(coder, row, rest, state, plainly=way == _PLAIN)
 
     def _code_first(
         self, coder: Coder, row: Row, firsts: tuple[First, ...], beside: Beside
@@ -178,75 +174,6 @@ class StreamCodec:
             else:
                 row[n] = coder.uniform(size, row[n] or 0)
 
-    def _code_rest(
-        self,
-        coder: Coder,
-        row: Row,
-        rest: list[Any],
-        state: StreamState,
-        *,
-        plainly: bool = False,
-    ) -> StreamState:
-        if not self.layout.remainders:
-            return state
-        known = list(state.rest)
-        for place, remainder in enumerate(self.layout.remainders):
-            guard = remainder.guard
-            if guard is not None and row[guard[0]] != guard[1]:
-                continue
-            if plainly:
-                value = rest[place] = _code_plainly(coder, remainder, rest[place])
-                recent = known[place] or () if remainder.is_text else ()
-                known[place] = _remembered(remainder, recent, value)
-            else:
-                rest[place] = self._code_remainder(coder, remainder, rest[place], known, place)
-        return StreamState(state.row, state.velocity, known, state.adaptations, state.steadiness)
-
-    def _code_remainder(
-        self,
-        coder: Coder,
-        remainder: Remainder,
-        value: Any,  # noqa: ANN401
-        known: list[Any],
-        place: int,
-    ) -> Any:  # noqa: ANN401
-        """Write or read a part of the rest, and put it where the next sample finds it."""
-        old = known[place]
-        if remainder.is_text:
-            recent: tuple[bytes, ...] = old or ()
-            content = b"" if value is None else value.encode()
-            same = bool(recent) and coder.flag(_SAME, content == recent[-1])
-            if same:
-                content = recent[-1]
-            else:
-                content = self._text.code(coder, content, recent, remainder.longest)
-            try:
-                value = content.decode()
-            except UnicodeDecodeError:
-                raise PayloadError("a text that is not UTF-8") from None
-            known[place] = _remembered(remainder, recent, value)
-            return value
-        if old is not None and coder.flag(_SAME, _is_same(value, old[0])):
-            return old[0]
-        value = _code_plainly(coder, remainder, value)
-        known[place] = _remembered(remainder, (), value)
-        return value
-
-
-def _code_plainly(coder: Coder, remainder: Remainder, value: Any) -> Any:  # noqa: ANN401
-    """Write or read a part of the rest as `packed` does."""
-    if isinstance(coder, Reader):
-        return remainder.packing.read(_Source(coder))
-    remainder.packing.write(_Sink(coder), value)
-    return value
-
-
-def _remembered(remainder: Remainder, recent: tuple[bytes, ...], value: Any) -> tuple[Any, ...]:  # noqa: ANN401
-    """What the next sample finds of a part of the rest."""
-    if remainder.is_text:
-        return (*recent, value.encode())[-RECENT_LINES:]
-    return (value,)
-
 
 def _code_around(coder: Coder, center: int, scale: int, first: First, size: int, value: int) -> int:
     """Write or read a number around a center; one of many values by its distance from there."""
@@ -261,35 +188,3 @@ def _code_around(coder: Coder, center: int, scale: int, first: First, size: int,
         span, center - (least << POINT_BITS), scale, first.held - least, min(first.hold, MOST_HOLD)
     )
     return coder.number(curve, value - least) + least
-
-
-def _is_same(value: Any, old: Any) -> bool:  # noqa: ANN401
-    """Whether both are one payload: zeros differ by their sign, and nan is itself."""
-    return bool(value == old) and repr(value) == repr(old)
-
-
-class _Sink(BitSink):
-    """A writer as what a packing writes its bits to."""
-
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
-
-    def write(self, number: int, width: int) -> None:
-        self._writer.raw(width, number)
-
-
-class _Source(BitSource):
-    """A reader as what a packing reads its bits from."""
-
-    def __init__(self, reader: Reader) -> None:
-        self._reader = reader
-
-    @property
-    def bits_left(self) -> int:
-        return self._reader.bits_left
-
-    def read(self, width: int) -> int:
-        return self._reader.raw(width)
-
-    def skip(self, width: int) -> int:
-        return self._reader.raw(width)

@@ -19,8 +19,8 @@ from typing import Final
 from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.payload import PayloadError
 
-LONGEST_BYTES: Final = 65535
-"""Longest text, bytes."""
+LONGEST_BYTES: Final = 1024
+"""Longest text that is modelled, bytes: it bounds what a short frame can cost to read."""
 
 RECENT_LINES: Final = 8
 """How many of a stream's last lines are kept for the next."""
@@ -42,10 +42,10 @@ class TextModel:
         lines: Any order, each as often as it is likely.
     """
 
-    def __init__(self, lines: Iterable[str] = ()) -> None:
+    def __init__(self, lines: Iterable[bytes] = ()) -> None:
         self._known: Counts = {}
         for line in lines:
-            _learn(self._known, line.encode(), 1)
+            _learn(self._known, line, 1)
 
     def code(
         self, coder: Coder, content: bytes, recent: Iterable[bytes], longest: int | None
@@ -54,7 +54,7 @@ class TextModel:
 
         Args:
             coder: Where.
-            content: UTF-8 to be written; a reader passes b"".
+            content: To be written, at most `LONGEST_BYTES`; a reader passes b"".
             recent: The last lines of the stream.
             longest: Most bytes there can be; None: `LONGEST_BYTES`.
 
@@ -64,7 +64,7 @@ class TextModel:
         fresh: Counts = {}
         for line in recent:
             _learn(fresh, line, _RECENT_COUNTS)
-        limit = LONGEST_BYTES if longest is None else longest
+        limit = LONGEST_BYTES if longest is None else min(longest, LONGEST_BYTES)
         written = bytearray()
         for octet in (*content, _END) if not coder.is_reader else iter(int, 1):
             symbol = self._code_symbol(coder, octet, _contexts(written), fresh)
