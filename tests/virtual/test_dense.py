@@ -183,6 +183,38 @@ def test_age_is_part_of_a_dense_string() -> None:
     assert len(set(ages)) > 1
 
 
+def test_an_attitude_comes_back_within_half_a_step() -> None:
+    step = 0.001
+    parts = tuple(
+        FieldSpec(name=f"q{part}", type="float64", range=(-1, 1), step=step) for part in "xyzw"
+    )
+    pose = TypeSpec(name="Pose", fields=(FieldSpec(name="ticket", type="uint16"), *parts))
+    table = StreamTable(
+        [TopicSpec(stream_id=10, name="pose", type_name="Pose", codec="dense")],
+        types=TypeTable([pose]),
+        nodes={1: "n1", 2: "n2"},
+    )
+    rng = random.Random(5)
+    sent: list[dict[str, float]] = []
+    errors: list[float] = []
+
+    def look(address: int, event: Event) -> None:
+        if isinstance(event, SampleReceived):
+            value = sent[event.value["ticket"]]
+            errors.append(max(abs(value[each.name] - event.value[each.name]) for each in parts))
+
+    water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+    for number in range(100):
+        angles = [rng.uniform(-0.3, 0.3) for _ in range(3)]
+        norm = (1 + sum(angle * angle for angle in angles)) ** 0.5
+        value = {f"q{part}": angle / norm for part, angle in zip("xyz", angles, strict=True)}
+        sent.append({"ticket": number, **value, "qw": 1 / norm})
+        water.at(10 * number, partial(water.publish, 1, 10, sent[-1]))
+    water.run(until_s=1100)
+    assert len(errors) > 90
+    assert max(errors) <= step / 2 + 1e-9
+
+
 def tell(seed: int) -> Voyage:
     """Tell a story of two to four vehicles in bad water."""
     rng = random.Random(f"weather/{seed}")

@@ -25,7 +25,7 @@ from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Spe
 from zacoustic.core.frame import DenseAck
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.payload import PayloadError, TypedCodec
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.queue import Waiting
 from zacoustic.core.streams import AGE_FIELD, StreamTable, TopicSpec
 
@@ -59,7 +59,7 @@ class DenseStreams:
 
     def admits(self, item: Waiting, destination: int) -> bool:
         """Tell whether a payload that waits can be part of a dense string to `destination`."""
-        return item.is_dense and not any(
+        return item.dense_value is not None and not any(
             self._handshake.knows_difference(address)
             for address in self._audience([item], destination)
         )
@@ -154,10 +154,9 @@ class DenseStreams:
         return DenseCodec(types, model=self._table.model, digest=self._table.digest)
 
     def _sample(self, item: Waiting, now: int) -> DenseSample:
-        codec = self._table.by_id(item.stream_id).codec
-        assert isinstance(codec, TypedCodec)
-        # What the receiver would get from the packed form is what it gets from this one.
-        value = codec.decode(item.payload)
+        assert item.dense_value is not None
+        # In full precision: rounded before, an attitude would be off by more than half a step.
+        value = dict(item.dense_value)
         if item.stamped:
             value[AGE_FIELD] = encode_age(now - item.queued_at)
         return DenseSample(item.stream_id, value, item.tick)

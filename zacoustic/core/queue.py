@@ -16,7 +16,7 @@ Memory is bounded by the table: lanes by keys, nodes and streams, each lane by i
 import heapq
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
@@ -43,7 +43,8 @@ class Waiting:
         for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
         address: What stands behind the prefix in a broadcast frame, where the destination of the
             frame does not say whom it concerns.
-        is_dense: It may be part of a dense string instead of a record.
+        dense_value: What a dense string says instead of the record, in full precision; None: it
+            may be in none.
         tick: Which sample of its stream it is, of a dense one.
         cause: Why its bytes are on the water; None: header and payload.
         queued_at: Instant of publication, ns.
@@ -55,11 +56,11 @@ class Waiting:
         "address",
         "cause",
         "delimits_itself",
+        "dense_value",
         "destination",
         "expires_at",
         "for_one_node",
         "head",
-        "is_dense",
         "payload",
         "prefix",
         "queued_at",
@@ -82,7 +83,7 @@ class Waiting:
         delimits_itself: bool = False,
         for_one_node: bool = False,
         address: bytes = b"",
-        is_dense: bool = False,
+        dense_value: dict[str, Any] | None = None,
         tick: int = 0,
         cause: Cause | None = None,
         expires_at: int | None = None,
@@ -98,7 +99,7 @@ class Waiting:
         self.queued_at = queued_at
         self.expires_at = expires_at
         self.address = address
-        self.is_dense = is_dense
+        self.dense_value = dense_value
         self.tick = tick
         self.cause = cause
         self.sync = b""

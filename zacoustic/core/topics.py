@@ -18,7 +18,7 @@ from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.payload import PayloadError
+from zacoustic.core.payload import PayloadError, TypedCodec
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
@@ -90,7 +90,12 @@ class Topics:
         made_at = now if queued_at is None else min(queued_at, now)
         lifespan_s = stream.qos.lifespan_s
         expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
-        payload = b"" if delete else stream.codec.encode(value)
+        dense_value = None
+        if stream.dense_type is not None and not prefix and isinstance(stream.codec, TypedCodec):
+            dense_value = stream.codec.normalised(value)
+            payload = stream.codec.write(dense_value)
+        else:
+            payload = b"" if delete else stream.codec.encode(value)
         stamped = stream.qos.stamp is Stamp.AGE and not delete
         reliable = stream.qos.reliability is Reliability.RELIABLE
         needed_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
@@ -128,7 +133,7 @@ class Topics:
             payload=payload,
             stamped=stamped,
             delimits_itself=stream.codec.delimits_itself or delete,
-            is_dense=stream.dense_type is not None and not prefix,
+            dense_value=dense_value,
             tick=self._stats.published[stream_id],
             queued_at=made_at,
             expires_at=expires_at,

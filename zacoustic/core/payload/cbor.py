@@ -60,10 +60,10 @@ class CborCodec(TypedCodec):
         self._read = compile_reader(type_spec)
         self._skip = compile_skipper(type_spec)
 
-    def encode(self, value: object) -> bytes:
-        """Return the payload of a Mapping of field names to values, or of a `msgspec.Struct`."""
+    def write(self, normal: dict[str, Any]) -> bytes:
+        """Return the payload of a value that `normalised` returned."""
         payload = bytearray()
-        self._write(payload, self.normalised(value))
+        self._write(payload, normal)
         return bytes(payload)
 
     def decode(self, payload: bytes) -> dict[str, Any]:

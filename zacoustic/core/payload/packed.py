@@ -56,10 +56,10 @@ class PackedCodec(TypedCodec):
         largest = self.largest_bits
         self.largest_bytes = None if largest is None else (largest + 7) // 8
 
-    def encode(self, value: object) -> bytes:
-        """Return the payload of a Mapping of field names to values, or of a `msgspec.Struct`."""
+    def write(self, normal: dict[str, Any]) -> bytes:
+        """Return the payload of a value that `normalised` returned."""
         writer = BitWriter()
-        self._packing.write(writer, self.normalised(value))
+        self._packing.write(writer, normal)
         return writer.to_bytes()
 
     def decode(self, payload: bytes) -> dict[str, Any]:

@@ -44,6 +44,14 @@ class TypedCodec(PayloadCodec):
         """
         return self.outside.bound(self._validate(value))
 
+    def encode(self, value: object) -> bytes:
+        """Return the payload of a Mapping of field names to values, or of a `msgspec.Struct`."""
+        return self.write(self.normalised(value))
+
+    @abstractmethod
+    def write(self, normal: dict[str, Any]) -> bytes:
+        """Return the payload of a value that `normalised` returned."""
+
     @abstractmethod
     def decode(self, payload: bytes) -> dict[str, Any]:
         """Return the value as a dict with every field, as `TypeSpec.validate` normalises it."""
