@@ -254,3 +254,37 @@ def test_an_unknown_profile_lists_those_there_are(
 ) -> None:
     assert main(["check", str(fleet), "--profile", "morse"]) == 2
     assert "evologics_s2c_18_34" in capsys.readouterr().err
+
+
+def test_what_a_sample_costs_in_bits_is_told_of_packed_and_dense_topics(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("streams.0.codec", "packed")
+    section["streams"] += [
+        {"id": 30, "topic": "auv1/way", "type": "Nav", "codec": "dense"},
+        {"id": 31, "topic": "auv1/words", "type": "Text", "codec": "packed"},
+    ]
+    fleet = write(tmp_path, section)
+    assert main(["check", str(fleet), "--json"]) == 0
+    rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
+    # 180 000 001 latitudes and two modes are 29 bits, in a dense string two bytes more at most
+    assert rows[10]["bits"] == {"smallest": 29, "typical": 29.0, "largest": 29}
+    assert rows[30]["bits"] == {"smallest": 1, "typical": None, "largest": 48}
+    assert rows[31]["bits"] == {"smallest": 9, "typical": None, "largest": None}
+    assert rows[11]["bits"] is rows[20]["bits"] is None
+    assert main(["check", str(fleet)]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["30", "auv1/way", "Nav", "1", "?", "48"] in lines
+    assert ["31", "auv1/words", "Text", "9", "?", "no", "bound"] in lines
+
+
+def test_what_is_typical_comes_from_the_model(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("model", "m.json")
+    section["streams"].append({"id": 30, "topic": "auv1/way", "type": "Nav", "codec": "dense"})
+    model = {"model": {"streams": {}, "single": 0}, "typical_bits": {"30": 12.5, "31": 1}}
+    (tmp_path / "m.json").write_text(json.dumps(model), encoding="utf-8")
+    assert main(["check", str(write(tmp_path, section)), "--json"]) == 0
+    rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
+    assert rows[30]["bits"]["typical"] == 12.5

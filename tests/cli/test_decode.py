@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.cli.dive import section, write_config
 from zacoustic.cli import main
-from zacoustic.config import read_config
+from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.calls import (
     NAMED,
     CallKind,
@@ -17,13 +18,36 @@ from zacoustic.core.calls import (
     encode_error,
     encode_name,
 )
+from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
 from zacoustic.core.events import CallFailure
-from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
-from zacoustic.core.streams import StreamTable
-from zacoustic.tools.decode import decode_frame
+from zacoustic.core.frame import Ask, Confirm, DenseAck, Hello, TableRow, Tag
+from zacoustic.core.streams import AGE_FIELD, StreamTable
+from zacoustic.tools.decode import FrameDecoder, decode_frame
 
 FLEET = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
 TABLE = read_config(FLEET).table
+
+
+DENSE = config_from_mapping(section(), source="made up").table
+
+
+def strings(count: int) -> list[bytes]:
+    """Dense strings of node 2, each but the first with a reference to the one before it."""
+    types = {each.stream_id: each.dense_type for each in DENSE if each.dense_type is not None}
+    codec = DenseCodec(types, digest=DENSE.digest)
+    speaker, listener, made = Speaker(codec), Listener(codec), []
+    for number in range(count):
+        nav = {"lat": 43.1 + number * 1e-5, "depth": 10, "heading": 90, "speed": 1}
+        status = {"mode": "survey", "leak": False, "battery": 90, AGE_FIELD: 15}
+        samples = [DenseSample(10, nav), DenseSample(11, status)]
+        encoded = speaker.encode(samples, 60, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        listener.decode(encoded.frame)
+        assert listener.mark is not None
+        speaker.acknowledged(1, listener.mark)
+        made.append(encoded.frame)
+    return made
 
 
 @pytest.fixture
@@ -115,7 +139,7 @@ def test_what_does_not_decode_says_why(table: StreamTable) -> None:
 
 @given(st.binary(max_size=80), st.integers(0, 255))
 def test_garbage_never_raises(frame: bytes, source: int) -> None:
-    for known in (None, TABLE):
+    for known in (None, TABLE, DENSE):
         for item in decode_frame(frame, known, source=source):
             assert item.text
             assert "\n" not in item.text.replace("\\n", "")
@@ -145,3 +169,71 @@ def test_what_is_not_hexadecimal_is_said_and_the_rest_is_decoded(
     written = capsys.readouterr()
     assert written.err == "zacoustic decode: 'hello' is not hexadecimal\n"
     assert "TAG epoch 7" in written.out
+
+
+def test_a_dense_string_that_stands_for_itself_is_decoded_with_a_table() -> None:
+    (frame,) = strings(1)
+    (item,) = decode_frame(frame)
+    assert (item.kind, item.value, item.fault) == ("dense", frame.hex(), "")
+    string, nav, status = decode_frame(frame, DENSE, source=2)
+    assert (string.kind, string.fault) == ("dense", "")
+    assert (nav.kind, nav.stream_id, nav.name) == ("sample", 10, "auv1/nav")
+    assert nav.value == {"lat": 43.1, "depth": 10.0, "heading": 90.0, "speed": 1.0}
+    assert status.value == {"mode": "survey", "leak": False, "battery": 90}
+    assert "auv1/status, 1.5 s old: {" in status.text
+
+
+def test_a_dense_string_that_refers_to_a_frame_that_is_not_there_says_so() -> None:
+    (item,) = decode_frame(strings(2)[1], DENSE, source=2)
+    assert item.fault == "a reference to a frame that is not held"
+    assert "is not decoded: a reference to a frame that is not held" in item.text
+
+
+def test_whose_dense_string_it_is_must_be_known() -> None:
+    streams = [each for each in section()["streams"] if "publishers" in each]
+    log = config_from_mapping(section(streams=streams), source="made up").table
+    (item,) = decode_frame(b"\xff\x00", log, source=1)
+    assert item.fault == "node 1 has no dense streams"
+
+
+def test_references_are_known_to_who_has_seen_the_frames_before() -> None:
+    first, second, third = strings(3)
+    decoder = FrameDecoder(DENSE)
+    hello = Hello(1, 7, DENSE.digest).encode()
+    for frame in (hello + first, second, second, hello + third):
+        assert decoder.decode(frame, source=2)[-1].kind == "sample"
+    restarted = Hello(1, 8, DENSE.digest).encode()
+    assert decoder.decode(restarted + third, source=2)[-1].fault
+    assert decoder.decode(third, source=1)[-1].fault
+
+
+def test_dense_strings_of_a_trace_are_told_apart_by_their_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = write_config(tmp_path / "fleet.json5")
+    ack = DenseAck(0, 0x1234).encode()
+    lines = [
+        {"node": 2, "what": "transmit", "peer": 255, "frame": strings(1)[0].hex()},
+        {"node": 1, "what": "receive", "peer": 2, "frame": strings(1)[0].hex()},
+        {"node": 1, "what": "transmit", "peer": 2, "frame": ack.hex()},
+        {"node": 2, "what": "receive", "peer": 1, "frame": ack.hex()},
+        {"node": 1, "what": "receive", "peer": 2, "frame": strings(2)[1].hex()},
+        {"node": 1, "what": "transmit", "peer": 255, "frame": strings(2)[1].hex()},
+    ]
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join(map(json.dumps, lines))))
+    assert main(["decode", "--json", "--config", str(fleet)]) == 0
+    told = [json.loads(line)["items"] for line in capsys.readouterr().out.splitlines()]
+    kinds = [[item["kind"] for item in items] for items in told]
+    samples = ["dense", "sample", "sample"]
+    assert kinds == [samples, samples, ["dense_ack"], ["dense_ack"], samples, ["dense"]]
+    assert told[2][0]["text"] == "ACK for its destination: its dense string 1234 is held here"
+    assert told[5][0]["fault"] == "a reference to a frame that is not held"
+
+
+def test_frames_as_arguments_are_taken_in_their_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = write_config(tmp_path / "fleet.json5")
+    frames = [frame.hex() for frame in strings(3)]
+    assert main(["decode", *frames, "--config", str(fleet), "--source", "2"]) == 0
+    assert capsys.readouterr().out.count("auv1/nav: {") == 3

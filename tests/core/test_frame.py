@@ -11,6 +11,8 @@ from zacoustic.core.frame import (
     Ask,
     Confirm,
     Control,
+    DenseAck,
+    DenseString,
     Hello,
     Item,
     Prefixes,
@@ -82,7 +84,7 @@ def test_unknown_stream_ends_the_frame_unless_it_is_delimited() -> None:
     assert parse(b"\xb2\x03\x09ab\x01cd") == [Record(9, b"ab"), Record(1, b"cd")]
 
 
-@pytest.mark.parametrize("code", [0xBF, 0xC0, 0xFF])
+@pytest.mark.parametrize("code", [0xBC, 0xBF])
 def test_reserved_code_ends_the_frame_or_its_delimited_record(code: int) -> None:
     assert parse(bytes((code,)) + b"\x01ab") == [Stray("reserved", 4)]
     assert parse(b"\xb2\x02" + bytes((code, 1)) + b"\x01ab") == [
@@ -159,3 +161,32 @@ def test_delimited_records_come_back_in_their_order(pieces: list[bytes]) -> None
     ]
     assert records == [piece for piece in pieces if piece[0] <= 0xAF]
     assert not [item for item in items if isinstance(item, Stray)]
+
+
+@given(st.integers(1, 254), st.integers(0, 0x3FFF))
+def test_an_acknowledgement_of_a_dense_string_names_its_source_in_a_broadcast(
+    address: int, mark: int
+) -> None:
+    named, bare = DenseAck(address, mark), DenseAck(0, mark)
+    assert len(bare.encode()) == 3
+    assert parse(named.encode() + bytes(1)) == [named]
+    assert list(parse_frame(bare.encode() + b"\x02x", measure, unicast=True)) == [
+        bare,
+        Record(2, b"x"),
+    ]
+
+
+def test_an_acknowledgement_of_a_dense_string_that_is_cut_off_is_read_no_further() -> None:
+    for size in (1, 2, 3):
+        (item,) = parse(DenseAck(9, 5).encode()[:size])
+        assert isinstance(item, Stray)
+
+
+def test_a_dense_string_is_all_of_the_rest() -> None:
+    string = b"\xc0\x01\xb2\xff"
+    assert parse(b"\x01ab" + string) == [Record(1, b"ab"), DenseString(string)]
+    assert parse(Tag(1).encode() + b"\xb2\x02\x02x" + string) == [
+        Tag(1),
+        Record(2, b"x"),
+        DenseString(string),
+    ]

@@ -120,7 +120,7 @@ def test_sample_of_the_future_is_one_of_now() -> None:
         (b"\x07x", "not_subscriber"),
         (b"\xb2\x02\x63x", "unknown_stream"),
         (b"\x63x", "unknown_stream"),
-        (b"\xc0x", "reserved"),
+        (b"\xc0x", "dense"),
     ],
 )
 def test_record_that_is_none_is_dropped_for_a_reason(records: bytes, reason: str) -> None:

@@ -34,7 +34,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.events import CallFailure, CallKey, RequestReceived
-from zacoustic.core.frame import Ask, Confirm, Control, Hello, TableRow, Tag
+from zacoustic.core.frame import Ask, Confirm, Control, DenseAck, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
@@ -51,7 +51,7 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamSpec, StreamTable, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -116,6 +116,7 @@ def vectors() -> Iterator[Vector]:
     yield from _goals()
     yield from _orders()
     yield from _subscriptions()
+    yield from _dense()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -476,6 +477,53 @@ def _subscriptions() -> Iterator[Vector]:
     )
     digest = demand_table().by_id(50).digest
     yield _vector("digest_of_stream_50", digest, "digest of the on-demand stream 50")
+
+
+def dense_table() -> StreamTable:
+    """Return the table of the vectors of dense topics: stream 10 is one, and 50, of its age."""
+    known = table()
+    specs: list[StreamSpec] = [stream.spec for stream in known if stream.stream_id != 10]
+    aged = Qos(stamp=Stamp.AGE)
+    specs += [
+        TopicSpec(stream_id=10, name="auv1/nav", type_name="Nav", codec="dense", qos=Qos(depth=4)),
+        TopicSpec(stream_id=50, name="auv1/way", type_name="Nav", codec="dense", qos=aged),
+    ]
+    return StreamTable(specs, types=known.types, nodes=known.nodes)
+
+
+def _dense() -> Iterator[Vector]:
+    mark = DenseAck(0, 0x1234).encode()
+    yield _vector("dense_ack", mark, "ACK to the destination: its dense string 1234 is held")
+    mark = DenseAck(1, 0x3FFF).encode()
+    meaning = "ACK to node 1, in a broadcast frame: its dense string 3fff is held"
+    yield _vector("dense_ack_broadcast", mark, meaning)
+
+    def publish(stream_id: int, **changed: object) -> Callable[[Engine, int], object]:
+        value = {**NAV_VALUE, **changed}
+        return lambda engine, now: engine.publish(stream_id, value, now)
+
+    first = _Pair(confirmed=False, streams=dense_table()).frame(1, publish(10))
+    meaning = "HELLO; a dense string for itself: Nav 45.4, 12.3, 271.5, survey"
+    yield _vector("dense_first", first, meaning)
+    pair = _Pair(streams=dense_table())
+    several = pair.frame(
+        1, publish(10), publish(10, depth=12.4), publish(50),
+        lambda engine, now: engine.publish(11, b"raw", now),
+    )  # fmt: skip
+    meaning = (
+        "LEN before the opaque sample; a dense string for itself: two Nav of stream 10, one of 50"
+    )
+    yield _vector("dense_several", several, meaning)
+    acknowledging = pair.frame(2, lambda engine, now: engine.publish(11, b"", now))
+    yield _vector("dense_acknowledged", acknowledging, "ACK to node 1; an opaque sample of nothing")
+    referring = pair.frame(1, publish(10, heading=272.0))
+    yield _vector(
+        "dense_referring", referring, "a dense string that refers to it: Nav, heading 272"
+    )
+    for stream_id in (10, 50):
+        digest = dense_table().by_id(stream_id).digest
+        name = f"digest_of_dense_stream_{stream_id}"
+        yield _vector(name, digest, f"digest of the dense stream {stream_id}")
 
 
 def _call(pair: _Pair) -> CallKey:

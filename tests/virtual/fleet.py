@@ -100,6 +100,7 @@ def _wildcard(*values: str) -> tuple[Wildcard, ...]:
 AGREED: Final = 5
 """The stream that every table has in the same way, and that carries bytes."""
 CALLS: Final = 6
+DENSE: Final = 7
 
 VARIANTS: Final[dict[int, tuple[Lane | None, ...]]] = {
     1: (
@@ -133,6 +134,13 @@ VARIANTS: Final[dict[int, tuple[Lane | None, ...]]] = {
         None,
     ),
     AGREED: (_topic(AGREED, "agreed", OPAQUE),),
+    DENSE: (
+        _topic(DENSE, "speed", FINE, codec="dense"),
+        _topic(DENSE, "speed", BOUNDED, codec="dense"),
+        _topic(DENSE, "speed", FINE, codec="dense", qos=Qos(depth=3, stamp=Stamp.AGE)),
+        _topic(DENSE, "speed", FINE),
+        None,
+    ),
     CALLS: (
         _service(CALLS, "arm", FINE, OPAQUE, 1),
         _service(CALLS, "arm", FINE, SIGNED, 1),

@@ -4,8 +4,12 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator
+from typing import Final, NamedTuple
 
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+
+_BROADCAST: Final = 255
+_MOST_FRAMES: Final = 256
 
 
 class DecodeCommand(Command):
@@ -18,8 +22,9 @@ class DecodeCommand(Command):
         """Declare frames, table and source."""
         parser.add_argument(
             "frames", metavar="HEX", nargs="*",
-            help="one frame each, in hexadecimal; without any, frames are read from standard "
-            "input, one in a line: hexadecimal, or a JSON object with the key `frame`",
+            help="one frame each, in hexadecimal, in the order in which they were sent; without "
+            "any, frames are read from standard input, one in a line: hexadecimal, or an object of "
+            "a trace, which says who has sent the frame",
         )  # fmt: skip
         parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
         parser.add_argument(
@@ -41,7 +46,7 @@ class DecodeCommand(Command):
         """
         import msgspec
 
-        from zacoustic.tools.decode import decode_frame
+        from zacoustic.tools.decode import FrameDecoder
 
         table = None
         if arguments.config is not None:
@@ -49,14 +54,18 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
-        for text in arguments.frames or _frames_in(sys.stdin):
-            frame = _from_hex(text)
+        decoder, destinations = FrameDecoder(table), _Destinations()
+        written = [_Written(text) for text in arguments.frames]
+        for each in written or _frames_in(sys.stdin):
+            frame = _from_hex(each.text)
             if frame is None:
-                shown = text if len(text) <= 40 else f"{text[:40]}…"
+                shown = each.text if len(each.text) <= 40 else f"{each.text[:40]}…"
                 print(f"zacoustic decode: {shown!r} is not hexadecimal", file=sys.stderr)
                 code = EXIT_FAILED
                 continue
-            items = decode_frame(frame, table, source=arguments.source)
+            unicast = destinations.is_unicast(frame, each.destination)
+            source = arguments.source or each.source
+            items = decoder.decode(frame, source=source, unicast=unicast)
             if arguments.json:
                 found = {"frame": frame.hex(), "items": msgspec.to_builtins(items)}
                 print(json.dumps(found, ensure_ascii=False))
@@ -66,7 +75,33 @@ class DecodeCommand(Command):
         return code
 
 
-def _frames_in(lines: Iterable[str]) -> Iterator[str]:
+class _Written(NamedTuple):
+    """A frame as it is written."""
+
+    text: str
+    source: int = 0
+    """Who has sent it; 0: not known."""
+    destination: int | None = None
+    """Whom it is for; None: not known."""
+
+
+class _Destinations:
+    """Whom the last frames were for: who receives one does not say it."""
+
+    def __init__(self) -> None:
+        self._known: dict[bytes, int] = {}
+
+    def is_unicast(self, frame: bytes, destination: int | None) -> bool:
+        """Tell whether a frame is for one node; not, where nobody has said it."""
+        if destination is not None:
+            self._known.pop(frame, None)
+            self._known[frame] = destination
+            if len(self._known) > _MOST_FRAMES:
+                self._known.pop(next(iter(self._known)))
+        return self._known.get(frame, _BROADCAST) != _BROADCAST
+
+
+def _frames_in(lines: Iterable[str]) -> Iterator[_Written]:
     """The frames of a text or of a trace; lines without any are passed over."""
     for line in lines:
         text = line.strip()
@@ -74,11 +109,23 @@ def _frames_in(lines: Iterable[str]) -> Iterator[str]:
             try:
                 found = json.loads(text)
             except (ValueError, RecursionError):
-                yield text
+                yield _Written(text)
                 continue
             text = str(found.get("frame", ""))
-        if text:
-            yield text
+            if text:
+                yield _of_trace(text, found)
+        elif text:
+            yield _Written(text)
+
+
+def _of_trace(text: str, record: dict[str, object]) -> _Written:
+    """A frame of a trace: of the node itself, or of its peer."""
+    node, peer = (
+        number if isinstance(number := record.get(key), int) else 0 for key in ("node", "peer")
+    )
+    if record.get("what") == "transmit":
+        return _Written(text, node, peer)
+    return _Written(text, peer)
 
 
 def _from_hex(text: str) -> bytes | None:

@@ -25,7 +25,6 @@ table; "" for the section."""
 LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
     "durability": {"transient_local": "volatile"},
-    "codec": {"packed": "cbor", "dense": "cbor"},
     "stamp": {"time": "none, age"},
 }
 """Values that are refused, and what is allowed instead, by key."""

@@ -11,6 +11,7 @@ from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.model import check_model, read_model
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
@@ -56,6 +57,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """The Python class of each type that names one."""
     table: StreamTable
     """The streams."""
+    typical_bits: dict[int, float] = {}
+    """What a sample of a dense stream usually costs, bits, by stream id, as a fit has measured it;
+    empty without a model."""
     journal: Path | None = None
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
@@ -107,7 +111,9 @@ def read_config(
         ConfigError: One line: file, key path, value, what is allowed, what to do.
     """
     zenoh_config, section = read_zenoh_config(path)
-    config = config_from_mapping(section, source=str(path), address=address, locator=locator)
+    config = config_from_mapping(
+        section, source=str(path), address=address, locator=locator, folder=Path(path).parent
+    )
     journal = None if config.journal is None else Path(path).parent / config.journal
     permit_log = None if config.permit_log is None else Path(path).parent / config.permit_log
     return msgspec.structs.replace(
@@ -116,7 +122,12 @@ def read_config(
 
 
 def config_from_mapping(
-    section: object, *, source: str, address: int | None = None, locator: str | None = None
+    section: object,
+    *,
+    source: str,
+    address: int | None = None,
+    locator: str | None = None,
+    folder: Path | None = None,
 ) -> Config:
     """Read a section from plain objects.
 
@@ -125,6 +136,7 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
+        folder: What the name of the model is relative to; the present one unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, what is allowed, what to do.
@@ -145,7 +157,10 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
-    fleet = Fleet(nodes=nodes, types=types)
+    read = read_model(place.at("model"), written.model, folder or Path())
+    fleet = Fleet(nodes=nodes, types=types, model=read.model if read is not None else None)
+    table = read_streams(place.at("streams"), len(written.streams), fleet)
+    check_model(place.at("model"), table)
     return Config(
         source=source,
         address=own,
@@ -154,11 +169,16 @@ def config_from_mapping(
         types=types,
         python_types=python_types,
         journal=_read_journal(place.at("journal"), written.journal),
-        table=read_streams(place.at("streams"), len(written.streams), fleet),
+        table=table,
+        typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         rules=_read_rules(place, written, fleet, own),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
+
+
+def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:
+    return {int(text): bits for text, bits in by_text.items() if text.isdecimal()}
 
 
 def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:

@@ -70,9 +70,10 @@ ALLOWED: Final = {
     "feedback_interval_s": "seconds, 0 or more",
     "stamp": ", ".join(stamp.value for stamp in Stamp),
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
+    "model": "a file that `zacoustic fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile"',
-    "codec": '"cbor" for typed streams',
+    "codec": '"cbor", "packed", for topics "dense"',
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
     "lost_after_s": "seconds, above 0",
@@ -80,6 +81,7 @@ ALLOWED: Final = {
     "step": "a number above 0",
     "unit": "a text",
     "wraps": "true, false",
+    "outside": "reject, clamp, escape",
     "optional": "true, false",
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
@@ -272,6 +274,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Folder of the journal, relative to the file's; none: nothing survives a restart."""
     streams: tuple[dict[str, Any], ...] = ()
     """What crosses the water."""
+    model: str | None = None
+    """File with the model of the dense streams, relative to the file's; none: they start anew."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that are measured again and again."""
     quiet: tuple[QuietEntry, ...] = ()

@@ -9,10 +9,18 @@ import msgspec
 from zacoustic.config.complaints import Place
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
+from zacoustic.core.dense import Model
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.qos import PRIORITY_NAMES, Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import (
+    CODECS,
+    ActionSpec,
+    ServiceSpec,
+    StreamSpec,
+    StreamTable,
+    TopicSpec,
+)
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
 
@@ -28,6 +36,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """Name of each node by address; empty: not listed."""
     types: TypeTable
     """The types by name."""
+    model: Model | None = None
+    """What a fit says of the dense streams."""
 
 
 def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
@@ -36,7 +46,7 @@ def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
     Raises:
         ConfigError: The first entry that is wrong.
     """
-    table = StreamTable(types=fleet.types, nodes=fleet.nodes)
+    table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model)
     for index in range(count):
         here = place.at(index)
         spec = _read_stream(here, fleet)
@@ -104,6 +114,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         subscribers=entry.subscribers,
         wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
         encoding=entry.encoding,
+        codec=entry.codec or "cbor",
         qos=qos,
         journal=entry.journal,
     )
@@ -131,6 +142,7 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         response_type=entry.response,
         timeout_s=entry.timeout_s,
         encoding=entry.encoding,
+        codec=entry.codec or "cbor",
         qos=qos,
         journal=entry.journal,
     )
@@ -161,6 +173,7 @@ def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
         result_timeout_s=entry.result_timeout_s,
         feedback_interval_s=entry.feedback_interval_s,
         encoding=entry.encoding,
+        codec=entry.codec or "cbor",
         qos=qos,
         journal=entry.journal,
     )
@@ -192,7 +205,7 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     """Check codec, encoding and priority."""
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
     if entry.codec is not None:
-        check_word(place.at("codec"), entry.codec, ("cbor",))
+        check_word(place.at("codec"), entry.codec, tuple(CODECS))
         if not is_typed:
             place.at("codec").complain(
                 f'"{entry.codec}" for opaque bytes', allowed="typed streams", hint="add a type"

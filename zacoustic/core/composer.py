@@ -10,29 +10,20 @@ Order of decisions:
 3. What is owed to the hearers: confirmations, answers, questions.
 4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
    all that is not meant for one node alone, in a unicast frame what that node needs.
+5. What is to be acknowledged of dense strings, where there is room left for it.
 
-Where a record ends is shown by its payload or by LEN, but the last record needs neither. So one
-record whose payload does not delimit itself is moved to the end, and each other one costs two
-bytes more. Behind a HELLO or TAG the receiver
-may hold another table and cannot measure anything: there every record but the last is delimited
-by LEN.
+How records share a frame is the affair of `zacoustic.core.filling`.
 """
 
 from collections.abc import Iterator
 
 import msgspec
 
-from zacoustic.core.age import encode_age
 from zacoustic.core.contact import Contact
+from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Envelope
-from zacoustic.core.frame import (
-    DELIMITER_BYTES,
-    HELLO_BYTES,
-    LONGEST_DELIMITED_BYTES,
-    PADDING,
-    TAG_BYTES,
-    Control,
-)
+from zacoustic.core.filling import Filling
+from zacoustic.core.frame import HELLO_BYTES, PADDING, TAG_BYTES
 from zacoustic.core.handshake import HELLO_EVERY, Handshake
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.objects import Objects, Offer
@@ -40,7 +31,7 @@ from zacoustic.core.port import LinkPort
 from zacoustic.core.qos import Priority
 from zacoustic.core.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.ranging import Ranging
-from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
+from zacoustic.core.stats import NO_STREAM, Cause, EngineStats
 
 
 class Composed(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,15 +70,22 @@ class Composer:
     Args:
         queue: What waits.
         handshake: What has to be said beside it.
+        dense: Writes dense strings.
         ranging: The ranges that are wanted.
         stats: Counts every byte.
     """
 
     def __init__(
-        self, queue: TransmitQueue, handshake: Handshake, ranging: Ranging, stats: EngineStats
+        self,
+        queue: TransmitQueue,
+        handshake: Handshake,
+        dense: DenseStreams,
+        ranging: Ranging,
+        stats: EngineStats,
     ) -> None:
         self._queue = queue
         self._handshake = handshake
+        self._dense = dense
         self._ranging = ranging
         self._stats = stats
         self.objects: Objects | None = None
@@ -267,7 +265,7 @@ class Composer:
             owed = self._handshake.owed(destination, room_bytes, now)
             room_bytes -= _size(owed)
         owed = answers + owed
-        items = []
+        filling: Filling | None = None
         if self.port is not None and (first or introduction or owed):
             said = self.port.controls(room_bytes - first_bytes, self._queue.waiting_bytes, now)
             if said:
@@ -278,26 +276,28 @@ class Composer:
                 spent_bytes = envelope.room_bytes - room_bytes
                 room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
-            items = self._choose(destination, room_bytes, now, only, introduced=bool(introduction))
+            introduced = bool(introduction)
+            filling = self._choose(destination, room_bytes, now, only, introduced=introduced)
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
+        items = filling.items if filling is not None else ()
         if not introduction and not owed and not items:
             if must_go is None:
                 return None
             owed = [(must_go, PADDING)]
-        records = introduction + b"".join(control for _, control in owed)
+        records = filling.encode(self._stats) if filling is not None else b""
+        left_bytes = room_bytes - len(records)
+        owed.append((Cause.ACK, self._dense.acks(destination, left_bytes)))
         self._stats.attribute(NO_STREAM, Cause.HELLO, len(introduction))
         for cause, control in owed:
             self._stats.attribute(NO_STREAM, cause, len(control))
-        records += self._encode(
-            items, now, introduced=bool(introduction), broadcast=destination == BROADCAST
-        )
+        records = introduction + b"".join(control for _, control in owed) + records
         frame_bytes = envelope.wrap(records, destination)
         self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(records))
         return Composed(
             destination=destination,
             frame_bytes=frame_bytes,
-            records=tuple(items),
+            records=items,
         )
 
     def _concerning(
@@ -312,66 +312,16 @@ class Composer:
 
     def _choose(
         self, destination: int, room_bytes: int, now: int, only: LaneKey, *, introduced: bool
-    ) -> list[Waiting]:
-        """Take payloads until no more fits, in an order in which the last needs no LEN."""
-        chosen: list[Waiting] = []
-        used_bytes = open_ended = 0
-        last: Waiting | None = None
+    ) -> Filling:
+        """Take payloads until no more fits."""
+        filling = Filling(destination, room_bytes, now, self._dense, introduced=introduced)
         for lane, item in self._concerning(destination, now, only):
-            needs_end = item.needs_end(introduced=introduced)
-            must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
-            ends = open_ended + needs_end
-            delimiters_bytes = DELIMITER_BYTES * max(0, ends - 1)
-            fits = used_bytes + item.size_bytes + delimiters_bytes <= room_bytes
-            displaces_last = last is not None and (must_be_last or item.stream_id == last.stream_id)
-            if fits and not displaces_last:
-                chosen.append(self._queue.take(lane, now))
-                used_bytes += item.size_bytes
-                open_ended = ends
-                last = item if must_be_last else last
-            elif room_bytes - used_bytes < DELIMITER_BYTES:
+            if filling.add(item):
+                self._queue.take(lane, now)
+            elif filling.is_full:
                 break
-        return _open_end_last(chosen, introduced=introduced)
-
-    def _encode(
-        self, items: list[Waiting], now: int, *, introduced: bool, broadcast: bool
-    ) -> bytes:
-        records = bytearray()
-        for item in items:
-            record = bytearray(item.sync + item.prefix)
-            if broadcast:
-                record += item.address
-            record.append(item.code)
-            record += item.head_at(now)
-            if item.stamped:
-                record.append(encode_age(now - item.queued_at))
-            header_bytes = len(record)
-            record += item.payload
-            if item is not items[-1] and item.needs_end(introduced=introduced):
-                records += bytes((Control.LEN, len(record)))
-                header_bytes += DELIMITER_BYTES
-            records += record
-            self._attribute(item, header_bytes)
-        return bytes(records)
-
-    def _attribute(self, item: Waiting, header_bytes: int) -> None:
-        if item.cause is not None:
-            self._stats.attribute(item.stream_id, item.cause, header_bytes + len(item.payload))
-            return
-        self._stats.attribute(item.stream_id, Cause.HEADER, header_bytes)
-        self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
-        count(self._stats.transmitted, item.stream_id)
+        return filling
 
 
 def _size(controls: list[tuple[Cause, bytes]]) -> int:
     return sum(len(control) for _, control in controls)
-
-
-def _open_end_last(chosen: list[Waiting], *, introduced: bool) -> list[Waiting]:
-    """Move one record that needs an end to the last place; keep the order within a stream."""
-    open_ended = [item for item in chosen if item.needs_end(introduced=introduced)]
-    if not open_ended:
-        return chosen
-    too_long = [item for item in open_ended if item.size_bytes > LONGEST_DELIMITED_BYTES]
-    last = too_long[0] if too_long else open_ended[-1]
-    return [item for item in chosen if item is not last] + [last]

@@ -5,7 +5,7 @@ A frame is a sequence of *records*. The first byte says which kind::
     0x00         padding
     0x01…0xAF    stream id: content of that stream follows
     0xB0…0xBF    control, below
-    0xC0…0xFF    dense frame (a later version)
+    0xC0…0xFF    dense string, to the end of the frame (`zacoustic.core.dense`)
 
 What follows a stream id is fixed by the stream, which both ends have in their tables: a
 best-effort sample costs its id and nothing else. Nothing in a record says how long it is, unless
@@ -38,6 +38,8 @@ WIRE_VERSION: Final = 1
 """Version of this wire format, in every HELLO."""
 
 LAST_STREAM_ID: Final = 0xAF
+DENSE_FROM: Final = 0xC0
+"""A dense string begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
 """Longest record that LEN can delimit."""
 
@@ -68,7 +70,8 @@ class Control(enum.IntEnum):
     """Prefix: lineage (2) and floor (3) of the count of a reliable topic (`zacoustic.core.arq`)."""
     ACK = 0xB9
     """Prefix: the record acknowledges samples of the node with this address (1); in a unicast frame
-    those of the frame's destination, without the address."""
+    those of the frame's destination, without the address. Before a byte from `C0` on it is a
+    control: `DenseAck`."""
     FRAGMENT = 0xBA
     """Transfer (1), index (2), data to the end: a fragment of an object
     (`zacoustic.core.objects`)."""
@@ -161,6 +164,27 @@ class Sync(msgspec.Struct, frozen=True):
         return bytes((Control.SYNC,)) + self.lineage.to_bytes(2, "big") + floor.to_bytes(3, "big")
 
 
+class DenseString(msgspec.Struct, frozen=True):
+    """Samples of dense streams; always the last item of a frame."""
+
+    string: bytes
+    """From its marker on."""
+
+
+class DenseAck(msgspec.Struct, frozen=True):
+    """The newest dense string of a node that the sender holds."""
+
+    address: int
+    """Whose; 0: that of the frame's destination."""
+    mark: int
+    """Which, 0…16383; see `zacoustic.core.dense.references`."""
+
+    def encode(self) -> bytes:
+        """Return the 3 or 4 bytes of the control."""
+        whose = bytes((self.address,)) if self.address else b""
+        return bytes((Control.ACK, *whose, DENSE_FROM | self.mark >> 8, self.mark & 0xFF))
+
+
 class Prefixes(msgspec.Struct, frozen=True):
     """What stands before the stream id of a record."""
 
@@ -195,7 +219,7 @@ class Stray(msgspec.Struct, frozen=True):
     size_bytes: int
 
 
-Item = (
+PlainItem = (
     Hello
     | Tag
     | Confirm
@@ -205,9 +229,13 @@ Item = (
     | Fragment
     | Feedback
     | Subscribe
+    | DenseAck
     | Record
     | Stray
 )
+"""What is in a frame beside a dense string."""
+
+Item = PlainItem | DenseString
 
 Measure = Callable[[int, bytes, int, Prefixes], int | None]
 """``(stream_id, buffer, offset, prefixes)`` → end of the content there; None: it shows none.
@@ -277,6 +305,12 @@ def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Ite
                 return
             yield feedback[0]
             offset = feedback[1]
+        elif code >= DENSE_FROM:
+            yield DenseString(frame[offset:])
+            return
+        elif (ack := _parse_dense_ack(frame, offset, unicast=unicast)) is not None:
+            yield ack[0]
+            offset = ack[1]
         else:
             item, offset = _parse_record(frame, offset, measure, unicast=unicast)
             yield item
@@ -300,6 +334,15 @@ def _parse_control(frame: bytes, offset: int) -> Item:
     if code == Control.TURN:
         return Turn.decode(body)
     return TableRow(int.from_bytes(body[0:2], "big"), body[2], body[3:7])
+
+
+def _parse_dense_ack(frame: bytes, offset: int, *, unicast: bool) -> tuple[DenseAck, int] | None:
+    """Read an acknowledgement of dense strings; None: it is something else, or cut off."""
+    said_at = offset + 1 + (not unicast)
+    if frame[offset] != Control.ACK or said_at + 1 >= len(frame) or frame[said_at] < DENSE_FROM:
+        return None
+    mark = int.from_bytes(frame[said_at : said_at + 2], "big") & 0x3FFF
+    return DenseAck(0 if unicast else frame[offset + 1], mark), said_at + 2
 
 
 def _parse_delimited(piece: bytes, *, unicast: bool) -> Item:

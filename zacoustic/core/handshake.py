@@ -222,7 +222,7 @@ class Handshake:
         peer.questions.pop(_ASK_HELLO, None)
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
-            self._forget(peer)
+            peer.forget()
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
             same = digest == self._digest
@@ -242,7 +242,7 @@ class Handshake:
         peer = self._peer(source)
         if peer.epoch != epoch:
             # What is known of it may be of a life that is over: better to know nothing.
-            self._forget(peer)
+            peer.forget()
             peer.epoch, peer.digest = None, b""
             self._ask(peer, _ASK_HELLO, now)
 
@@ -332,6 +332,21 @@ class Handshake:
         row = peer.rows.get(stream_id) if peer else None
         return row is not None and row != self._row(stream_id)
 
+    def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
+        """Decide whether a dense string may be decoded: that takes the whole table.
+
+        Args and returns as `verdict`.
+        """
+        peer = self._peer(source)
+        if self._knows_difference(peer) and epoch == peer.epoch:
+            return "differs"
+        return self.verdict(source, epoch, _ASK_HELLO, now)
+
+    def knows_difference(self, address: int) -> bool:
+        """Tell whether a node is known to hold another table."""
+        peer = self._peers.get(address)
+        return peer is not None and self._knows_difference(peer)
+
     def epoch_of(self, address: int) -> int:
         """Return the epoch of a peer whose record was just allowed."""
         epoch = self._peer(address).epoch
@@ -387,18 +402,6 @@ class Handshake:
 
     def _knows_difference(self, peer: Peer) -> bool:
         return peer.epoch is not None and peer.digest != self._digest
-
-    @staticmethod
-    def _forget(peer: Peer) -> None:
-        """A peer has begun a new life: it knows nothing of us, and we nothing of its table."""
-        peer.confirmed_us = peer.knows_us = False
-        peer.owes_confirm = False
-        peer.rows.clear()
-        peer.told_differing.clear()
-        peer.owed_rows.clear()
-        peer.questions.clear()
-        peer.ask_pause.reset()
-        peer.answer_pause.reset()
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:

@@ -74,3 +74,14 @@ class Peer:
         if self.questions:
             instants.append(self.ask_pause.not_before)
         return 0 if self.owes_hello or self.owed_rows else min(instants)
+
+    def forget(self) -> None:
+        """It has begun a new life: it knows nothing of us, and we nothing of its table."""
+        self.confirmed_us = self.knows_us = False
+        self.owes_confirm = False
+        self.rows.clear()
+        self.told_differing.clear()
+        self.owed_rows.clear()
+        self.questions.clear()
+        self.ask_pause.reset()
+        self.answer_pause.reset()

@@ -14,6 +14,7 @@ from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
 from zacoustic.core.contact import Contact
 from zacoustic.core.demand.demand import Demand
+from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
@@ -77,6 +78,7 @@ class Protocols:
             changed=self._audience_changed,
             emit=emit,
         )
+        self.dense = DenseStreams(address, table, handshake, self.demand)
         self.sending = ReliableSending(
             address,
             table,
@@ -138,6 +140,7 @@ class Protocols:
             table,
             handshake,
             self.topics,
+            self.dense,
             self.services,
             self.actions,
             self.sending,
@@ -145,7 +148,7 @@ class Protocols:
             self.demand,
             stats,
         )
-        self.composer = Composer(queue, handshake, self.ranging, stats)
+        self.composer = Composer(queue, handshake, self.dense, self.ranging, stats)
         self.composer.objects = self.large.objects
         self.composer.contact = self.contact
         self._write_epoch()
@@ -172,6 +175,7 @@ class Protocols:
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
         self.handshake.table_changed()
+        self.dense.epoch_changed()
         self._write_epoch()
         self.actions.epoch_changed(now)
 

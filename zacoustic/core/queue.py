@@ -17,7 +17,7 @@ Memory is bounded by the table: lanes by keys, nodes and streams, each lane by i
 import heapq
 from collections import deque
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
@@ -49,6 +49,9 @@ class Waiting:
         for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
         address: What stands behind the prefix in a broadcast frame, where the destination of the
             frame does not say whom it concerns.
+        dense_value: What a dense string says instead of the record, in full precision; None: it
+            may be in none.
+        tick: Which sample of its stream it is, of a dense one.
         cause: Why its bytes are on the water; None: header and payload.
         code: First byte of the record where it is not the id of its stream: a control.
         queued_at: Instant of publication, ns.
@@ -61,6 +64,7 @@ class Waiting:
         "cause",
         "code",
         "delimits_itself",
+        "dense_value",
         "destination",
         "expires_at",
         "for_one_node",
@@ -71,6 +75,7 @@ class Waiting:
         "stamped",
         "stream_id",
         "sync",
+        "tick",
     )
 
     def __init__(
@@ -86,6 +91,8 @@ class Waiting:
         delimits_itself: bool = False,
         for_one_node: bool = False,
         address: bytes = b"",
+        dense_value: dict[str, Any] | None = None,
+        tick: int = 0,
         cause: Cause | None = None,
         expires_at: int | None = None,
         code: int | None = None,
@@ -102,6 +109,8 @@ class Waiting:
         self.queued_at = queued_at
         self.expires_at = expires_at
         self.address = address
+        self.dense_value = dense_value
+        self.tick = tick
         self.cause = cause
         self.sync = b""
         """A prefix that may still change while the record waits."""

@@ -14,6 +14,7 @@ unknown_stream``
 ``not_publisher         the table does not allow this record between these nodes
 not_subscriber``
 ``payload``             the content does not decode, or is out of the bounds of its type
+``dense``               a dense string that is damaged, or refers to what is not known here
 ``unexpected_answer     an answer to no call, or too late; a request that came before
 repeated_request
 repeated_goal``
@@ -40,11 +41,14 @@ from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.content import measure_content
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.demand.wire import Subscribe
+from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Opened
 from zacoustic.core.frame import (
     WIRE_VERSION,
     Ask,
     Confirm,
+    DenseAck,
+    DenseString,
     Hello,
     Prefixes,
     Record,
@@ -57,6 +61,7 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.objects.wire import Call, Feedback, Fragment
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.services import Services
 from zacoustic.core.stats import NO_STREAM, EngineStats
 from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
@@ -70,6 +75,7 @@ class Receiver:
         table: The streams of this node.
         handshake: Decides what may be decoded.
         topics: Takes samples.
+        dense: Reads dense strings.
         services: Takes requests and answers.
         actions: Takes what is said about goals.
         sending: Is told who is heard, and who has forgotten us.
@@ -83,6 +89,7 @@ class Receiver:
         table: StreamTable,
         handshake: Handshake,
         topics: Topics,
+        dense: DenseStreams,
         services: Services,
         actions: Actions,
         sending: ReliableSending,
@@ -93,6 +100,7 @@ class Receiver:
         self._table = table
         self._handshake = handshake
         self._topics = topics
+        self._dense = dense
         self._services = services
         self._actions = actions
         self._sending = sending
@@ -119,6 +127,12 @@ class Receiver:
                 reason = self._handle_record(source, epoch, item, received, now)
                 if reason is not None:
                     self._stats.drop(reason)
+            elif isinstance(item, DenseString):
+                streams += self._handle_dense(source, epoch, item, received, now)
+            elif isinstance(item, DenseAck):
+                reason = self._dense.acknowledged(source, item)
+                if reason is not None:
+                    self._stats.drop(reason)
             elif isinstance(item, Stray):
                 self._stats.drop(item.reason)
             elif isinstance(item, Hello):
@@ -127,6 +141,7 @@ class Receiver:
                     self._actions.peer_restarted(source, now)
                     self._sending.lost_sync(source, now)
                     self._demand.publisher_restarted(source, now)
+                    self._dense.peer_restarted(source)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
@@ -154,6 +169,25 @@ class Receiver:
         self._sending.heard(source, now)
         self._services.heard(source)
         return tuple(streams)
+
+    def _handle_dense(
+        self, source: int, epoch: int | None, item: DenseString, received: ReceivedFrame, now: int
+    ) -> list[int]:
+        """Take the samples of a dense string; returns their streams."""
+        reason = self._handshake.verdict_dense(source, epoch, now)
+        if reason is not None:
+            self._stats.drop(reason)
+            return []
+        try:
+            samples = self._dense.receive(source, item.string)
+        except PayloadError:
+            self._stats.drop("dense")
+            return []
+        for stream_id, value in samples:
+            reason = self._topics.receive_dense(source, stream_id, value, received)
+            if reason is not None:
+                self._stats.drop(reason)
+        return [stream_id for stream_id, _ in samples]
 
     def _handle_object(
         self, opened: Opened, item: Fragment | Feedback, received: ReceivedFrame, now: int
@@ -210,6 +244,7 @@ class Receiver:
         elif isinstance(item, Ask):
             if self._handshake.heard_ask(source, item, now):
                 self._sending.lost_sync(source, now)
+                self._dense.peer_forgot(source)
         else:
             self._handshake.heard_row(source, item, now)
             if self._handshake.differs(source, item.stream_id):

@@ -19,6 +19,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.dense.prior import Model
 from zacoustic.core.encoding import CBOR, OPAQUE
 from zacoustic.core.keys import Instance, KeyPattern, Wildcard
 from zacoustic.core.orders.words import (
@@ -28,9 +29,15 @@ from zacoustic.core.orders.words import (
     RESPONSE_TYPE,
     order_types,
 )
-from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec
+from zacoustic.core.payload import (
+    CborCodec,
+    OpaqueCodec,
+    PackedCodec,
+    PayloadCodec,
+    TypedCodec,
+)
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 FIRST_STREAM_ID: Final = 1
@@ -39,6 +46,21 @@ LAST_STREAM_ID: Final = 175
 
 EVERY_NODE: Final = 0
 """In place of the address of a server: each node serves, and the records say which one."""
+
+CODECS: Final[dict[str, type[TypedCodec]]] = {
+    "cbor": CborCodec,
+    "packed": PackedCodec,
+    "dense": PackedCodec,
+}
+"""How the values of a type can be written in a record, by the word of the configuration. Those of a
+dense stream are in records only where they are in no dense string (`zacoustic.core.densestreams`).
+"""
+
+DENSE: Final = "dense"
+"""The codec of dense streams."""
+
+AGE_FIELD: Final = "zacoustic_age"
+"""What stands for the age of a sample in a dense string, as its code."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -62,6 +84,8 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
+    codec: str = "cbor"
+    """How typed samples are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """How samples wait."""
     journal: bool = False
@@ -87,6 +111,8 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
+    codec: str = "cbor"
+    """How typed payloads are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
     calls."""
@@ -120,6 +146,8 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
+    codec: str = "cbor"
+    """How typed goals, feedback and results are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
     lifespan do not apply."""
@@ -158,7 +186,8 @@ class Stream:
         self.keys = KeyPattern(spec.name, wildcards, node_names)
         """The keys that the name stands for."""
         used = [types.by_name(name) if name is not None else None for name in _type_names(spec)]
-        codecs: list[PayloadCodec] = [CborCodec(each) if each else OpaqueCodec() for each in used]
+        typed = CODECS[spec.codec]
+        codecs: list[PayloadCodec] = [typed(each) if each else OpaqueCodec() for each in used]
         self.type: TypeSpec | None = used[0]
         """Type of samples, requests or goals; None: opaque."""
         self.response_type: TypeSpec | None = used[-1]
@@ -171,6 +200,8 @@ class Stream:
         """Codec of responses or results, of samples for a topic."""
         self.feedback_codec = codecs[len(codecs) // 2]
         """Codec of an action's feedback. Of no use for others."""
+        self.dense_type = _dense_type(spec, used[0])
+        """What a dense string has of each sample; None: the stream is not dense."""
         self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
         """Zenoh encoding on the application side."""
         description = msgspec.json.encode(self._description())
@@ -203,6 +234,8 @@ class Stream:
             each.canonical().decode() if each else None for each in (self.type, self.response_type)
         ]
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
+        if spec.codec != "cbor":
+            head.append(f"codec {spec.codec}")
         if isinstance(spec, ActionSpec):
             feedback = self.feedback_type.canonical().decode() if self.feedback_type else None
             return ["action", *head, feedback, spec.server, spec.timeout_s, spec.result_timeout_s]
@@ -230,6 +263,7 @@ class StreamTable:
         specs: The streams, in any order.
         types: The types that they name.
         nodes: Name of each node by address; empty when the fleet is not listed.
+        model: What a fit says of the dense streams.
 
     Raises:
         ConfigError: A duplicate id or name, or anything `Stream` refuses.
@@ -241,10 +275,13 @@ class StreamTable:
         *,
         types: TypeTable | None = None,
         nodes: Mapping[int, str] | None = None,
+        model: Model | None = None,
     ) -> None:
         self.types = types or TypeTable()
         self.nodes: dict[int, str] = dict(nodes or {})
         """Name of each node by address."""
+        self.model = model
+        """What a fit says of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
         self._built_in = {ORDERS_STREAM_ID: _orders()}
@@ -283,6 +320,8 @@ class StreamTable:
             whole = hashlib.sha256(msgspec.json.encode(sorted(self.nodes.items())))
             for stream in self:
                 whole.update(stream.digest)
+            if self.model is not None:
+                whole.update(self.model.digest)
             self._digest = whole.digest()[:DIGEST_BYTES]
         return self._digest
 
@@ -358,7 +397,39 @@ def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:
             return (spec.goal_type, spec.feedback_type, spec.result_type)
 
 
+def aged(type_spec: TypeSpec) -> TypeSpec:
+    """Return a type with the code of the age as its last field."""
+    age = FieldSpec(name=AGE_FIELD, type="uint8")
+    return msgspec.structs.replace(type_spec, fields=(*type_spec.fields, age))
+
+
+def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None:
+    if spec.codec != DENSE or type_spec is None:
+        return None
+    return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec
+
+
+def _check_dense(spec: StreamSpec) -> None:
+    """A dense string names a sample by its stream alone, and is not repeated."""
+    if not isinstance(spec, TopicSpec):
+        raise ConfigError(f'codec: "{DENSE}"; allowed: packed, cbor', hint="topics can be dense")
+    if spec.qos.reliability is Reliability.RELIABLE:
+        raise ConfigError(
+            f'codec: "{DENSE}" for a reliable topic; allowed: packed, cbor',
+            hint="what is repeated is not what follows the last one",
+        )
+    if spec.wildcards:
+        raise ConfigError(
+            f'codec: "{DENSE}" with placeholders other than {{node}}; allowed: packed, cbor',
+            hint="give each of them a stream of its own",
+        )
+
+
 def _check(spec: StreamSpec) -> None:
+    if spec.codec not in CODECS:
+        raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
+    if spec.codec == DENSE:
+        _check_dense(spec)
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")

@@ -5,7 +5,7 @@ What a record consists of is told in `zacoustic.core.content`.
 """
 
 from collections.abc import Callable, Set
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
@@ -19,11 +19,11 @@ from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.payload import PayloadError
+from zacoustic.core.payload import PayloadError, TypedCodec
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable, TopicSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _AGE_BYTES: Final = 1
@@ -93,7 +93,12 @@ class Topics:
         made_at = now if queued_at is None else min(queued_at, now)
         lifespan_s = stream.qos.lifespan_s
         expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
-        payload = b"" if delete else stream.codec.encode(value)
+        dense_value = None
+        if stream.dense_type is not None and not prefix and isinstance(stream.codec, TypedCodec):
+            dense_value = stream.codec.normalised(value)
+            payload = stream.codec.write(dense_value)
+        else:
+            payload = b"" if delete else stream.codec.encode(value)
         stamped = stream.qos.stamp is Stamp.AGE and not delete
         reliable = stream.qos.reliability is Reliability.RELIABLE
         needed_bytes = len(prefix) + 1 + len(instance) + stamped + len(payload)
@@ -137,6 +142,8 @@ class Topics:
             payload=payload,
             stamped=stamped,
             delimits_itself=stream.codec.delimits_itself or delete,
+            dense_value=dense_value,
+            tick=self._stats.published[stream_id],
             queued_at=made_at,
             expires_at=expires_at,
         )
@@ -193,6 +200,28 @@ class Topics:
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             return self._receiving.receive(stream, arrival, now)
+        self._emit(sample)
+        return None
+
+    def receive_dense(
+        self, source: int, stream_id: int, value: dict[str, Any], received: ReceivedFrame
+    ) -> str | None:
+        """Take a sample of a dense string; returns why it is dropped, or None."""
+        stream = self._table.by_id(stream_id)
+        if not stream.may_subscribe(self._address):
+            return "not_subscriber"
+        code: int | None = value.pop(AGE_FIELD, None)
+        sample = SampleReceived(
+            stream_id=stream_id,
+            source=source,
+            instance=(),
+            value=value,
+            deleted=False,
+            encoding=stream.encoding,
+            age_s=None if code is None else decode_age_s(code),
+            received_at=received.received_at,
+            metrics=received.metrics,
+        )
         self._emit(sample)
         return None
 

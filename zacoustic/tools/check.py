@@ -8,7 +8,7 @@ link) is docs/wire.md's matter.
 
 import os
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
@@ -19,12 +19,13 @@ from zacoustic.config import Config
 from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.payload import CborCodec, PayloadCodec
+from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.qos import Stamp
 from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
+from zacoustic.tools.bits import SampleBits, sample_bits
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
@@ -58,6 +59,8 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     """Largest record, id included; None: without a bound of its own."""
     airtime_s: float
     """Airtime of the largest record that fits a frame, alone in it, s."""
+    bits: SampleBits | None = None
+    """What a sample costs where bytes do not tell: packed and dense ones."""
 
 
 class TypeRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -115,7 +118,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
 def report_of(config: Config, profile: ModemProfile) -> Report:
     """Make the report of a configuration."""
-    rows = tuple(row for stream in config.table for row in _rows(stream, profile))
+    rows = tuple(
+        row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
+    )
     links = tuple(_link_row(entry.locator, config.address) for entry in config.links)
     return Report(
         file=config.source,
@@ -133,14 +138,16 @@ def report_of(config: Config, profile: ModemProfile) -> Report:
     )
 
 
-def _rows(stream: Stream, profile: ModemProfile) -> Iterator[StreamRow]:
+def _rows(
+    stream: Stream, profile: ModemProfile, typical: Mapping[int, float]
+) -> Iterator[StreamRow]:
     spec = stream.spec
     if isinstance(spec, TopicSpec):
         stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
         head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
         yield _row(
             stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
-            sizes=_sizes(stream.codec, head_bytes), profile=profile,
+            codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
         )  # fmt: skip
         return
     head_bytes = _ID_BYTES + _CALL_BYTES
@@ -154,16 +161,16 @@ def _rows(stream: Stream, profile: ModemProfile) -> Iterator[StreamRow]:
             status_bytes = 1 if kind == "result" else 0
             yield _row(
                 stream, kind, type_name, audience,
-                sizes=_sizes(codec, head_bytes + status_bytes), profile=profile,
+                codec=codec, head_bytes=head_bytes + status_bytes, profile=profile, typical=typical,
             )  # fmt: skip
         return
     yield _row(
         stream, "request", spec.request_type, (None, server),
-        sizes=_sizes(stream.codec, head_bytes), profile=profile,
+        codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
     )  # fmt: skip
     yield _row(
         stream, "response", spec.response_type, (server, None),
-        sizes=_sizes(stream.response_codec, head_bytes), profile=profile,
+        codec=stream.response_codec, head_bytes=head_bytes, profile=profile, typical=typical,
     )  # fmt: skip
 
 
@@ -173,10 +180,12 @@ def _row(
     type_name: str | None,
     audience: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
     *,
-    sizes: tuple[int, int | None],
+    codec: PayloadCodec,
+    head_bytes: int,
     profile: ModemProfile,
+    typical: Mapping[int, float],
 ) -> StreamRow:
-    spec, (smallest, largest) = stream.spec, sizes
+    spec, (smallest, largest) = stream.spec, _sizes(codec, head_bytes)
     lifespan_s = stream.qos.lifespan_s
     if isinstance(spec, ServiceSpec):
         lifespan_s = spec.timeout_s
@@ -196,6 +205,7 @@ def _row(
         smallest_bytes=smallest,
         largest_bytes=largest,
         airtime_s=profile.airtime_s(frame_bytes),
+        bits=sample_bits(stream, codec, typical),
     )
 
 
@@ -204,7 +214,7 @@ def _sizes(codec: PayloadCodec, head_bytes: int) -> tuple[int, int | None]:
     return head_bytes + codec.smallest_bytes, None if largest is None else head_bytes + largest
 
 
-def _type_row(codec: CborCodec) -> TypeRow:
+def _type_row(codec: TypedCodec) -> TypeRow:
     return TypeRow(
         name=codec.type_spec.name,
         fields=len(codec.type_spec.fields),

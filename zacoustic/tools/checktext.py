@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
+from zacoustic.tools.bits import SampleBits
 from zacoustic.tools.check import Report, StreamRow, TypeRow
 from zacoustic.tools.columns import align
 
@@ -10,7 +11,8 @@ _STREAMS = (
 )  # fmt: skip
 _TYPES = ("type", "fields", "bytes")
 _LISTENERS = {"response": "caller", "feedback": "client", "result": "client"}
-_RIGHT = ("id", "depth", "lifespan", "bytes", "airtime", "fields")
+_BITS = ("id", "name", "type", "smallest", "typical", "largest")
+_RIGHT = ("id", "depth", "lifespan", "bytes", "airtime", "fields", *_BITS[3:])
 
 
 def as_text(report: Report) -> str:
@@ -37,6 +39,14 @@ def _paragraphs(report: Report) -> Iterator[str]:
             "bytes: smallest–largest record, stream id included; airtime: of the largest one "
             f"alone in a frame, {report.profile}, at most {report.mtu_bytes} bytes"
         )
+    bits = [_bits_cells(row, row.bits) for row in report.streams if row.bits is not None]
+    if bits:
+        yield ""
+        yield align(_BITS, bits, right=_RIGHT)
+        yield (
+            "bits of a sample: packed, its payload; dense, what it adds to a string that goes "
+            "anyway, at most the whole string; typical: as the fit has measured it, ? if not known"
+        )
     if report.types:
         yield ""
         yield align(_TYPES, [_type_cells(row) for row in report.types], right=_RIGHT)
@@ -58,6 +68,17 @@ def _stream_cells(row: StreamRow, nodes: Mapping[int, str]) -> tuple[str, ...]:
         "" if row.lifespan_s is None else f"{row.lifespan_s:g} s",
         _sizes(row.smallest_bytes, row.largest_bytes),
         f"{row.airtime_s:.3f} s",
+    )
+
+
+def _bits_cells(row: StreamRow, bits: SampleBits) -> tuple[str, ...]:
+    return (
+        str(row.stream_id),
+        row.name if row.kind == "topic" else f"{row.name} {row.kind}",
+        row.type or "bytes",
+        str(bits.smallest),
+        "?" if bits.typical is None else f"{bits.typical:.0f}",
+        "no bound" if bits.largest is None else str(bits.largest),
     )
 
 

@@ -1,11 +1,14 @@
 """Frames in words: what a frame off the water says, with or without the table it was written with.
 
 Where a record ends is known only to who has its stream's type, so without a table the first record
-that LEN does not delimit reaches to the end of the frame. Nothing here raises, whatever the bytes.
+that LEN does not delimit reaches to the end of the frame. Dense strings refer to earlier ones of
+their source: a `FrameDecoder` remembers those that it has seen. Nothing here raises, whatever the
+bytes.
 """
 
 import json
-from typing import assert_never
+from collections.abc import Mapping
+from typing import Any, assert_never
 
 import msgspec
 
@@ -27,8 +30,10 @@ from zacoustic.core.frame import (
     WIRE_VERSION,
     Ask,
     Confirm,
+    DenseAck,
+    DenseString,
     Hello,
-    Item,
+    PlainItem,
     Prefixes,
     Record,
     Stray,
@@ -36,6 +41,7 @@ from zacoustic.core.frame import (
     Tag,
     parse_frame,
 )
+from zacoustic.core.keys import Instance
 from zacoustic.core.objects.wire import (
     WITHDRAWN,
     Call,
@@ -47,8 +53,16 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import EVERY_NODE, ActionSpec, ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import (
+    AGE_FIELD,
+    EVERY_NODE,
+    ActionSpec,
+    ServiceSpec,
+    Stream,
+    StreamTable,
+)
 from zacoustic.errors import UnknownStreamError
+from zacoustic.tools.overheard import Overheard
 
 _WHY_STRAY = {
     "truncated": "the record is cut short",
@@ -72,7 +86,7 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
     """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
     `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
     `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`,
-    `subscribe`, `record` (not decoded) or `stray`."""
+    `subscribe`, `dense`, `dense_ack`, `record` (not decoded) or `stray`."""
     text: str
     """One line for people."""
     stream_id: int = 0
@@ -95,8 +109,40 @@ def decode_frame(
         table: The streams; None: values stay in hexadecimal.
         source: Address of the sender, where it is known: fills in `{node}`.
     """
-    reader = _Reader(table, source)
-    return [reader.explain(item) for item in parse_frame(records, reader.measure)]
+    return FrameDecoder(table).decode(records, source=source)
+
+
+class FrameDecoder:
+    """Puts frames into words, one after the other.
+
+    Args:
+        table: The streams; None: values stay in hexadecimal.
+    """
+
+    def __init__(self, table: StreamTable | None = None) -> None:
+        self._table = table
+        self._overheard = Overheard(table) if table is not None else None
+
+    def decode(
+        self, records: bytes, *, source: int = 0, unicast: bool = False
+    ) -> list[DecodedItem]:
+        """Put a frame into words; never raises.
+
+        Args:
+            records: The frame without what a link or an envelope put around it.
+            source: Address of the sender, where it is known.
+            unicast: The frame is known to be for one node.
+        """
+        reader = _Reader(self._table, source)
+        items: list[DecodedItem] = []
+        for item in parse_frame(records, reader.measure, unicast=unicast):
+            if isinstance(item, Hello | Tag) and self._overheard is not None:
+                self._overheard.introduced(source, item.epoch)
+            if isinstance(item, DenseString):
+                items += reader.explain_dense(item.string, self._overheard)
+            else:
+                items.append(reader.explain(item))
+        return items
 
 
 class _Reader:
@@ -115,7 +161,31 @@ class _Reader:
             raise KeyError(stream_id)
         return measure_content(stream, buffer, offset, prefixes, self._source)
 
-    def explain(self, item: Item) -> DecodedItem:
+    def explain_dense(self, string: bytes, overheard: Overheard | None) -> list[DecodedItem]:
+        head = f"dense string of {len(string)} bytes: {string.hex()}"
+        fault = ""
+        samples: tuple[tuple[int, dict[str, Any]], ...] = ()
+        if overheard is not None:
+            try:
+                samples = overheard.read(self._source, string)
+            except PayloadError as error:
+                fault = str(error)
+                head += f" is not decoded: {fault}"
+        first = DecodedItem(kind="dense", text=head, value=string.hex(), fault=fault)
+        return [first, *(self._dense_sample(*each) for each in samples)]
+
+    def _dense_sample(self, stream_id: int, value: Mapping[str, Any]) -> DecodedItem:
+        assert self._table is not None
+        stream = self._table.by_id(stream_id)
+        key = _key(stream, self._source, ())
+        head = f"stream {stream_id} {key}"
+        shown = {name: printable(part) for name, part in value.items() if name != AGE_FIELD}
+        if AGE_FIELD in value:
+            head += f", {decode_age_s(value[AGE_FIELD]):g} s old"
+        text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
+        return DecodedItem(kind="sample", text=text, stream_id=stream_id, name=key, value=shown)
+
+    def explain(self, item: PlainItem) -> DecodedItem:
         match item:
             case Record():
                 return self._record(item)
@@ -162,6 +232,8 @@ class _Reader:
                 return DecodedItem(kind="feedback", text=text)
             case Subscribe():
                 return DecodedItem(kind="subscribe", text=_subscribe_text(item))
+            case DenseAck():
+                return DecodedItem(kind="dense_ack", text=_dense_ack_text(item))
             case Stray(reason, size_bytes):
                 why = _WHY_STRAY.get(reason, reason)
                 text = f"STRAY {size_bytes} bytes: {why}"
@@ -192,10 +264,7 @@ class _Reader:
         prefixes = record.prefixes
         wild = len(stream.keys.wildcards)
         instance, payload = tuple(record.content[:wild]), record.content[wild:]
-        try:
-            key = stream.keys.key(self._source, instance)
-        except UnknownStreamError:
-            key = stream.name
+        key = _key(stream, self._source, instance)
         head = f"stream {stream.stream_id} {key}"
         if prefixes.acknowledged is not None:
             return _ack(stream, key, head, record, payload)
@@ -216,6 +285,13 @@ class _Reader:
         return _decoded("sample", head, stream.stream_id, key, stream.codec, payload)
 
 
+def _key(stream: Stream, source: int, instance: Instance) -> str:
+    try:
+        return stream.keys.key(source, instance)
+    except UnknownStreamError:
+        return stream.name
+
+
 def _turn_text(turn: Turn) -> str:
     span_s = turn.span_ns / NS_PER_S
     if turn.node == NOBODY:
@@ -231,6 +307,11 @@ def _subscribe_text(said: Subscribe) -> str:
     wanted = ", ".join(str(each) for each in streams_of(said.page, said.streams)) or "none"
     verb = "noted, you want" if said.is_answer else "I want"
     return f"SUBSCRIBE of the streams {of_page}: {verb} {wanted}"
+
+
+def _dense_ack_text(ack: DenseAck) -> str:
+    whose = f"node {ack.address}" if ack.address else "its destination"
+    return f"ACK for {whose}: its dense string {ack.mark:04x} is held here"
 
 
 def _ack(stream: Stream, key: str, head: str, record: Record, content: bytes) -> DecodedItem:

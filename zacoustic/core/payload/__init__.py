@@ -1,7 +1,8 @@
 """Codecs of the payloads that cross the water.
 
 A stream has one codec, made once from what both ends know of the stream. `OpaqueCodec` carries
-bytes as they are; `CborCodec` carries the values of a type as CBOR by position. The frame layer
+bytes as they are; `CborCodec` carries the values of a type as CBOR by position, `PackedCodec` as
+bits. The frame layer
 needs three facts of a codec: whether a payload says itself where it ends, how small and how large
 it can be.
 
@@ -11,5 +12,14 @@ the way in is a `PayloadError`, internal to the core: it is counted, traced, dro
 
 from zacoustic.core.payload.cbor import CborCodec
 from zacoustic.core.payload.codec import OpaqueCodec, PayloadCodec, PayloadError
+from zacoustic.core.payload.packed import PackedCodec
+from zacoustic.core.payload.typed import TypedCodec
 
-__all__ = ["CborCodec", "OpaqueCodec", "PayloadCodec", "PayloadError"]
+__all__ = [
+    "CborCodec",
+    "OpaqueCodec",
+    "PackedCodec",
+    "PayloadCodec",
+    "PayloadError",
+    "TypedCodec",
+]

@@ -9,6 +9,7 @@ field                       items
 bool                        ``f4`` or ``f5``
 integers                    integer
 number with a step          integer: the multiple of the step, see `zacoustic.core.types.quantiser`
+... outside, escaping       float: the number itself; integer: its multiple of the step
 float32                     half where that is exact, else single
 float64                     the shortest of half, single, double that is exact
 string, bytes               text, bytes
@@ -32,20 +33,17 @@ back as that end, which encodes the same.
 import struct
 from typing import Any, Final
 
-import msgspec
-
-from zacoustic.core.payload.codec import PayloadCodec, PayloadError
+from zacoustic.core.payload.codec import PayloadError
 from zacoustic.core.payload.readers import compile_reader, compile_skipper
 from zacoustic.core.payload.sizes import sizes_bytes
+from zacoustic.core.payload.typed import TypedCodec
 from zacoustic.core.payload.writers import compile_writer
-from zacoustic.core.types import TypeSpec, check_agreement, struct_builder, type_from_struct
-from zacoustic.core.types.structs import BuildStruct
-from zacoustic.errors import ConfigError, PayloadInvalidError
+from zacoustic.core.types import TypeSpec
 
 _TRUNCATED: Final = (IndexError, struct.error)
 
 
-class CborCodec(PayloadCodec):
+class CborCodec(TypedCodec):
     """Values of a type as CBOR by position.
 
     Args:
@@ -55,21 +53,17 @@ class CborCodec(PayloadCodec):
         ConfigError: The type is not resolved.
     """
 
-    delimits_itself = True
-
     def __init__(self, type_spec: TypeSpec) -> None:
-        self.type_spec = type_spec
+        super().__init__(type_spec)
         self.smallest_bytes, self.largest_bytes = sizes_bytes(type_spec)
-        self._validate = type_spec.validate
         self._write = compile_writer(type_spec)
         self._read = compile_reader(type_spec)
         self._skip = compile_skipper(type_spec)
-        self._builders: dict[type[msgspec.Struct], BuildStruct] = {}
 
-    def encode(self, value: object) -> bytes:
-        """Return the payload of a Mapping of field names to values, or of a `msgspec.Struct`."""
+    def write(self, normal: dict[str, Any]) -> bytes:
+        """Return the payload of a value that `normalised` returned."""
         payload = bytearray()
-        self._write(payload, self._validate(value))
+        self._write(payload, normal)
         return bytes(payload)
 
     def decode(self, payload: bytes) -> dict[str, Any]:
@@ -89,23 +83,3 @@ class CborCodec(PayloadCodec):
             return self._skip(buffer, offset)
         except (PayloadError, *_TRUNCATED):
             return None
-
-    def decode_as(self, payload: bytes, cls: type[msgspec.Struct]) -> msgspec.Struct:
-        """Return the value as an instance of `cls`, whose fields must be those of the type."""
-        build = self._builders.get(cls)
-        if build is None:
-            build = self._builders[cls] = self._builder(cls)
-        value = self.decode(payload)
-        try:
-            return build(value)
-        except (ValueError, TypeError) as error:  # from a __post_init__ of the application
-            raise PayloadError(f"{cls.__name__} refuses the value: {error}") from error
-
-    def _builder(self, cls: type[msgspec.Struct]) -> BuildStruct:
-        try:
-            check_agreement(self.type_spec, type_from_struct(cls), path=self.type_spec.name)
-        except ConfigError as error:
-            raise PayloadInvalidError(
-                f"{cls.__name__} is not this stream's type: {error}"
-            ) from None
-        return struct_builder(cls)

@@ -15,7 +15,7 @@ class PayloadError(Exception):
 class PayloadCodec(ABC):
     """Values of one stream as the bytes that cross the water, and back.
 
-    A codec has no state that changes: one serves all sources of a stream.
+    A codec has no state that changes, but for what it counts: one serves all sources of a stream.
     """
 
     delimits_itself: bool

@@ -11,6 +11,8 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final
 
+import msgspec
+
 from zacoustic.core.payload.codec import PayloadError
 from zacoustic.core.payload.items import (
     BYTES,
@@ -25,7 +27,7 @@ from zacoustic.core.payload.items import (
     read_length,
     skip_item,
 )
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.types import INTEGER_LIMITS, FieldSpec, Quantiser, TypeSpec
 
 Read = Callable[[bytes, int], tuple[Any, int]]
 Skip = Callable[[bytes, int], int]
@@ -148,12 +150,50 @@ def _step_reader(field: FieldSpec) -> Read:
             return value(count), offset
         raise PayloadError(f"{field.name} is {count} steps; allowed: {low}..{high}")
 
+    if not field.escapes:
+        return read
+    return _far_reader(field, read) if field.is_integer else _escape_reader(field, read)
+
+
+def _far_reader(field: FieldSpec, read_count: Read) -> Read:
+    """Counts go on outside of the range, as far as the integer type does."""
+    quantiser = field.quantiser
+    assert quantiser is not None
+    low, high = quantiser.low_count, quantiser.high_count
+    full = Quantiser(int(field.step or 1), INTEGER_LIMITS[field.type])
+
+    def read(buffer: bytes, offset: int) -> tuple[int | float, int]:
+        count, end = read_integer(buffer, offset)
+        if low <= count <= high:
+            return read_count(buffer, offset)
+        if full.low_count <= count <= full.high_count:
+            return full.value(count), end
+        raise _out_of_bounds(field, count)
+
+    return read
+
+
+def _escape_reader(field: FieldSpec, read_count: Read) -> Read:
+    """Outside of the range the float itself."""
+    assert field.range is not None
+    low, high = field.range
+    anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
+    read_exactly = _scalar_reader(anything)
+
+    def read(buffer: bytes, offset: int) -> tuple[int | float, int]:
+        if buffer[offset] < 0x40:
+            return read_count(buffer, offset)
+        number, offset = read_exactly(buffer, offset)
+        if low <= number <= high:
+            raise PayloadError(f"{field.name} is {number} in a longer form than needed")
+        return number, offset
+
     return read
 
 
 def _integer_reader(field: FieldSpec) -> Read:
     assert field.limits is not None
-    low, high = int(field.limits[0]), int(field.limits[1])
+    low, high = INTEGER_LIMITS[field.type] if field.escapes else map(int, field.limits)
     if field.wraps:
         high -= 1  # the top is the bottom
 
@@ -167,7 +207,7 @@ def _integer_reader(field: FieldSpec) -> Read:
 
 
 def _double_reader(field: FieldSpec) -> Read:
-    if field.range is None:
+    if field.range is None or field.escapes:
         return read_float
     low, high = field.range
 
@@ -182,7 +222,7 @@ def _double_reader(field: FieldSpec) -> Read:
 
 def _single_reader(field: FieldSpec) -> Read:
     low, high = field.range or (-math.inf, math.inf)
-    bounded = field.range is not None
+    bounded = field.range is not None and not field.escapes
     # An end of the range that is no float32 travels as its neighbour, which may lie outside.
     least = _SINGLE.unpack(_SINGLE.pack(low))[0]
     greatest = _SINGLE.unpack(_SINGLE.pack(high))[0]

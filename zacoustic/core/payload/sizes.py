@@ -1,5 +1,7 @@
 """How small and how large the payload of a type can be, in CBOR by position."""
 
+import msgspec
+
 from zacoustic.core.payload.items import head_bytes, integer_bytes
 from zacoustic.core.types import FieldSpec, TypeSpec
 
@@ -34,6 +36,8 @@ def _field_bytes(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
 
 
 def _scalar_bytes(field: FieldSpec) -> Sizes:
+    if field.escapes:
+        return _escaping_bytes(field)
     quantiser = field.quantiser
     if quantiser is not None:
         return integer_bytes(quantiser.low_count, quantiser.high_count)
@@ -49,3 +53,14 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
     if field.max_length is None:
         return 1, None
     return 1, head_bytes(field.max_length) + field.max_length
+
+
+def _escaping_bytes(field: FieldSpec) -> Sizes:
+    within = _scalar_bytes(msgspec.structs.replace(field, outside="reject"))
+    anything = {
+        "range": None,
+        "outside": "reject",
+        "step": field.step if field.is_integer else None,
+    }
+    beyond = _scalar_bytes(msgspec.structs.replace(field, **anything))
+    return min(within[0], beyond[0]), max(within[1] or 0, beyond[1] or 0)

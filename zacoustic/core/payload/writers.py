@@ -7,6 +7,7 @@ import struct
 from collections.abc import Callable
 from typing import Any, Final
 
+from zacoustic.core.payload.exact import ExactNumber
 from zacoustic.core.payload.items import (
     BYTES,
     FALSE,
@@ -131,7 +132,21 @@ def _step_writer(field: FieldSpec) -> Write:
         steps = count(number)
         payload += _SMALL.get(steps) or integer_item(steps)
 
-    return write
+    if not field.escapes or field.is_integer:
+        return write
+    assert field.range is not None
+    low, high = field.range
+    rounded = ExactNumber(field).rounded
+
+    def write_or_escape(payload: bytearray, number: float) -> None:
+        if not low <= number <= high:
+            number = rounded(number)  # which may bring a float32 back to the end of its range
+            if not low <= number <= high:
+                payload += float_item(number)
+                return
+        write(payload, number)
+
+    return write_or_escape
 
 
 def _single_writer(field: FieldSpec) -> Write:

@@ -13,7 +13,9 @@ m steps up to 1000 m fits two bytes.
 Nouns, one module each:
 
 - `fields`: `FieldSpec` and the scalar kinds;
-- `quantiser`: `Quantiser`, numbers with a step as integers and back;
+- `quantiser`: `Quantiser`, numbers with a step as integers and back; `lattice`: `Lattice`, every
+  bounded scalar as the integers from 0;
+- `outside`: `OutsideNumbers`, what becomes of numbers outside of their range;
 - `scalars`, `validation`: checks of the values that an application hands over, compiled once;
 - `spec`: `TypeSpec`; `table`: `TypeTable`, nested types by name;
 - `annotations`: `Bounds`; `structs`: types out of annotated Python classes, and values into them;
@@ -34,6 +36,8 @@ from zacoustic.core.types.fields import (
     SCALAR_TYPES,
     FieldSpec,
 )
+from zacoustic.core.types.lattice import Lattice
+from zacoustic.core.types.outside import OutsideNumbers
 from zacoustic.core.types.quantiser import Quantiser
 from zacoustic.core.types.spec import MAX_DEPTH, TypeSpec
 from zacoustic.core.types.structs import struct_builder, type_from_struct
@@ -46,6 +50,8 @@ __all__ = [
     "SCALAR_TYPES",
     "Bounds",
     "FieldSpec",
+    "Lattice",
+    "OutsideNumbers",
     "Quantiser",
     "TypeSpec",
     "TypeTable",

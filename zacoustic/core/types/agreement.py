@@ -1,8 +1,16 @@
 """Whether a type written in the configuration and a Python class are one type."""
 
+from typing import Final
+
 from zacoustic.core.types.fields import FieldSpec
 from zacoustic.core.types.spec import TypeSpec
 from zacoustic.errors import ConfigError
+
+_COMPARED: Final = (
+    "range", "step", "wraps", "values", "length", "max_length", "optional", "outside"
+)  # fmt: skip
+# What these are in a class that says nothing about them.
+_UNSAID: Final = {"wraps": False, "outside": "reject"}
 
 
 def check_agreement(configured: TypeSpec, python: TypeSpec, *, path: str) -> None:
@@ -42,10 +50,10 @@ def _check_field_agreement(
         raise ConfigError(
             f'{key}.type: "{field.type}"; allowed: "{stated.type}", as the Python class says'
         )
-    for part in ("range", "step", "wraps", "values", "length", "max_length", "optional"):
+    for part in _COMPARED:
         written, said = getattr(field, part), getattr(stated, part)
         is_stated = said is not None or part == "length" or field.is_array
-        if (is_stated and said != written) and not (part == "wraps" and not said):
+        if is_stated and said not in (written, _UNSAID.get(part, written)):
             raise ConfigError(f"{key}.{part}: {written}; allowed: {said}, as the Python class says")
     if field.is_nested:
         inner, inner_python = configured.nested_type(field.type), python.nested_type(stated.type)

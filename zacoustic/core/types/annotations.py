@@ -25,6 +25,8 @@ class Bounds(msgspec.Struct, frozen=True):
     """`low` and `high` are the same value."""
     max_length: int | None = None
     """Most elements of a list; of a text or bytes, most bytes."""
+    outside: str = ""
+    """What becomes of a number outside: ``clamp`` or ``escape``; refused unless said."""
     type: str | None = None
     """A narrower number: ``uint8``, ``float32`` and the like."""
 

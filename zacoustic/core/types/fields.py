@@ -40,6 +40,9 @@ FLOAT32_MAX: Final = (2 - 2**-23) * 2.0**127
 MAX_LENGTH: Final = 65535
 """Greatest `length` and `max_length`."""
 
+OUTSIDE_WORDS: Final = ("reject", "clamp", "escape")
+"""What can become of a number outside of the limits."""
+
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 Number = int | float
@@ -75,6 +78,9 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """None is allowed, and a missing field is None."""
     default: Default | None = None
     """What a missing field is; scalars only. Not part of the wire: the value travels."""
+    outside: str = "reject"
+    """What becomes of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to
+    the nearer end, or carried in the full width of its type; the last two are counted."""
 
     def __post_init__(self) -> None:
         """Check and normalise.
@@ -98,6 +104,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
                     raise ConfigError(f"{key}: not for type {self.type}; allowed: numeric types")
             if self.wraps:
                 raise ConfigError(f"wraps: not for type {self.type}; allowed: numeric types")
+        self._check_outside()
         if self.default is not None and (self.is_array or self.is_nested):
             raise ConfigError("default: not for arrays and nested types; allowed: scalars")
 
@@ -140,6 +147,11 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return INTEGER_LIMITS.get(self.type)
 
     @property
+    def escapes(self) -> bool:
+        """Whether numbers outside of `range` are carried too."""
+        return self.outside == "escape"
+
+    @property
     def quantiser(self) -> Quantiser | None:
         """How numbers become counts of the step; None without a step."""
         limits = self.limits
@@ -172,6 +184,17 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
                     f"allowed: {', '.join(SCALAR_TYPES)}",
                     hint=f'did you mean "{close[0]}"?' if close else "",
                 )
+
+    def _check_outside(self) -> None:
+        if self.outside not in OUTSIDE_WORDS:
+            raise ConfigError(f'outside: "{self.outside}"; allowed: {", ".join(OUTSIDE_WORDS)}')
+        if self.outside == "reject":
+            return
+        if self.range is None or self.wraps:
+            what = "wraps" if self.wraps else "without range"
+            raise ConfigError(
+                f'outside: "{self.outside}" {what}; allowed: with a range that does not wrap'
+            )
 
     def _check_lengths(self) -> None:
         for key in ("length", "max_length"):

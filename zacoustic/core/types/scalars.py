@@ -1,11 +1,12 @@
 """Checks of single values, one closure per scalar field: what `validation` is composed of."""
 
 import enum
+import math
 import numbers
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from zacoustic.core.types.fields import FLOAT32_MAX, FieldSpec
+from zacoustic.core.types.fields import FLOAT32_MAX, INTEGER_LIMITS, FieldSpec
 
 Check = Callable[[object], Any]
 """Takes a value, returns it normalised or raises `RefusedError`."""
@@ -41,6 +42,8 @@ def _bool_check(field: FieldSpec) -> Check:
 def _integer_check(field: FieldSpec) -> Check:
     assert field.limits is not None
     low, high = (int(limit) for limit in field.limits)
+    if field.outside != "reject":
+        low, high = INTEGER_LIMITS[field.type]
     span = high - low if field.wraps else 0
 
     def check(value: object) -> int:
@@ -58,8 +61,11 @@ def _integer_check(field: FieldSpec) -> Check:
 
 def _float_check(field: FieldSpec) -> Check:
     unbounded = (-FLOAT32_MAX, FLOAT32_MAX) if field.type == "float32" else None
-    limits = field.limits or unbounded
-    any_float = field.limits is None  # then NaN and infinity are values as well
+    limits = (field.limits if field.outside == "reject" else None) or unbounded
+    # Without limits NaN and infinity are values as well.
+    any_float = field.limits is None or field.escapes
+    if field.outside == "clamp":
+        limits = (-math.inf, math.inf)
 
     def check(value: object) -> float:
         number = value if type(value) is float else _as_float(field, value)

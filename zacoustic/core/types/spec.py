@@ -123,7 +123,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         JSON of a list of types, innermost first, each a list of fields; a nested type is the
         position of its description in the list. Field names and their order, types, ranges, steps,
         wrapping, enum values, lengths and optionality are in it; units, defaults and the names of
-        types are not: they change no value.
+        types are not: they change no value. Of `outside` only "escape" changes what is read.
         """
         descriptions: list[str] = []
         self._describe(descriptions)
@@ -143,6 +143,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                     field.length,
                     field.max_length,
                     field.optional,
+                    *(["escape"] if field.escapes else []),
                 ]
                 for field in self.fields
             ],

@@ -118,6 +118,7 @@ def _field_of(name: str, parts: Parts, default: object) -> FieldSpec:
         raise ConfigError("type: a list of texts; allowed: a list of Structs that hold them")
     keys["max_length"] = said.pop("max_length", None)
     keys["unit"] = said.pop("unit", "")
+    keys["outside"] = said.pop("outside", "reject")
     if said:
         raise ConfigError(f"{next(iter(said))}: not for {_written(element)}; allowed: numbers")
     return FieldSpec(name=name, **keys)

@@ -199,7 +199,10 @@ def _lanes(rng: random.Random, count: int, room_bytes: int, *, reliable: bool) -
     largest = room_bytes - 18
     parts = (Wildcard(name="part", values=("a", "b")),)
     pool = {
-        10: _with(Lane(_topic(rng, 10, "{node}/nav"), typed("Nav"))),
+        10: _with(
+            Lane(_topic(rng, 10, "{node}/nav"), typed("Nav")),
+            codec=rng.choice(("cbor", "packed", "dense", "dense")),
+        ),
         11: Lane(_topic(rng, 11, "raw"), opaque(rng.randint(3, largest))),
         12: _with(Lane(_topic(rng, 12, "to1"), opaque(rng.randint(3, largest))), subscribers=(1,)),
         13: _with(Lane(_topic(rng, 13, "{node}/{part}"), opaque(4)), wildcards=parts),

@@ -1,5 +1,6 @@
 """Runs a story: lets the nodes speak, knows what arrives by its ticket, and tells the witnesses."""
 
+import contextlib
 import itertools
 import random
 from collections.abc import Callable, Iterable
@@ -20,7 +21,7 @@ from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.streams import ServiceSpec, Stream
 from zacoustic.core.trace import TraceRecord
-from zacoustic.errors import LocalError
+from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.stories.invariants import INVARIANTS
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
@@ -295,7 +296,11 @@ class Telling:
 
         def answer() -> None:
             if self.network.is_running(node) and self.network.life(node) == found.life:
-                self.network.apply(node, lambda engine, now: engine.reply(event.call, value, now))
+                # An answer that fits no frame becomes an error, and the caller is told so.
+                with contextlib.suppress(PayloadTooLargeError):
+                    self.network.apply(
+                        node, lambda engine, now: engine.reply(event.call, value, now)
+                    )
 
         after_s = self._rng.uniform(0, 10)
         self.network.at(self.network.now / NS_PER_S + after_s, answer)

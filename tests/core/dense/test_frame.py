@@ -1,0 +1,208 @@
+"""Dense frames: what goes in comes out, within half a step, whatever the types."""
+
+import math
+import random
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.core.dense.schemas import is_close, schemas
+from tests.telemetry.exchange import dense_samples
+from tests.telemetry.mission import Mission
+from tests.telemetry.streams import by_id
+from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Model, Speaker
+from zacoustic.core.payload import PackedCodec, PayloadError
+from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.errors import ConfigError, PayloadInvalidError
+
+NAV: dict[str, Any] = {
+    "lat": 43.1654321,
+    "lon": 15.1234567,
+    "heading": 359.97,
+    "speed": 1.234,
+    "depth": 1500.0,
+    "altitude": None,
+    "mode": "survey",
+    "leak": False,
+}
+ROOM = 4096
+
+
+def taken(codec: DenseCodec, samples: list[DenseSample], room: int = ROOM) -> bytes:
+    """Encode all of the samples."""
+    encoded = codec.encode(samples, room)
+    assert encoded is not None
+    assert encoded.taken == len(samples)
+    return encoded.frame
+
+
+def test_a_sample_comes_back_within_half_a_step(nav_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type})
+    ((stream_id, value),) = codec.decode(taken(codec, [DenseSample(7, NAV)])).samples
+    assert stream_id == 7
+    assert value["lat"] == pytest.approx(NAV["lat"], abs=0.5e-6)
+    assert value["heading"] == 0.0  # rounded up, and around
+    assert value["speed"] == pytest.approx(1.23)
+    assert value["depth"] == 1000.0  # clamped, and counted
+    assert value["altitude"] is None
+    assert (value["mode"], value["leak"]) == ("survey", False)
+    assert codec.streams[7].outside.clamped == {"depth": 1}
+
+
+def test_samples_of_several_streams_share_a_frame(nav_type: TypeSpec, log_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type, 3: log_type})
+    lines = ["INF mission: leg 3 of 12 started", "überraschend € 😀", ""]
+    samples = [DenseSample(7, NAV | {"speed": n / 10}, n) for n in range(5)]
+    samples[2:2] = [DenseSample(3, {"text": line}, n) for n, line in enumerate(lines)]
+    decoded = codec.decode(taken(codec, samples)).samples
+    assert [value["text"] for stream_id, value in decoded if stream_id == 3] == lines
+    speeds = [value["speed"] for stream_id, value in decoded if stream_id == 7]
+    assert speeds == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4])
+
+
+@given(schemas(), st.booleans())
+def test_any_type_comes_back_within_half_a_step(
+    case: tuple[TypeSpec, list[dict[str, Any]]], refers: bool
+) -> None:
+    type_spec, values = case
+    codec = DenseCodec({1: type_spec, 2: type_spec})
+    speaker, listener = Speaker(codec), Listener(codec)
+    for place, value in enumerate(values):
+        samples = [DenseSample(1, value, place), DenseSample(2, values[0], 3 * place)]
+        encoded = speaker.encode(samples, ROOM, {1} if refers else ())
+        assert encoded is not None
+        speaker.sent(encoded)
+        decoded = listener.decode(encoded.frame)
+        assert decoded.snapshot.digest == encoded.snapshot.digest
+        assert listener.mark is not None
+        speaker.acknowledged(1, listener.mark)
+        for (_, found), sample in zip(decoded.samples, samples, strict=True):
+            expected = type_spec.validate(sample.value)
+            for field in type_spec.fields:
+                assert is_close(field, found[field.name], expected[field.name])
+
+
+@given(schemas())
+def test_a_single_sample_costs_two_bytes_more_than_packed_at_most(
+    case: tuple[TypeSpec, list[dict[str, Any]]],
+) -> None:
+    type_spec, values = case
+    codec, packed = DenseCodec(dict.fromkeys(range(8), type_spec)), PackedCodec(type_spec)
+    for value in values:
+        frame = taken(codec, [DenseSample(3, value)], 1 << 16)
+        assert len(frame) <= len(packed.encode(value)) + 2
+
+
+def test_as_many_samples_as_fit_are_taken_and_one_more_would_not_fit(nav_type: TypeSpec) -> None:
+    codec, rng = DenseCodec({7: nav_type}), random.Random(4)
+    samples = [
+        DenseSample(7, NAV | {"speed": rng.uniform(-1, 4), "heading": rng.uniform(0, 359)}, n)
+        for n in range(300)
+    ]
+    for room in (8, 20, 64, 200, 512):
+        encoded = codec.encode(samples, room)
+        if encoded is None:
+            assert len(taken(codec, samples[:1])) > room
+            continue
+        assert len(encoded.frame) <= room
+        assert len(taken(codec, samples[: encoded.taken + 1])) > room
+    assert codec.encode([], 64) is None
+
+
+def test_more_samples_than_a_frame_can_have_are_left_for_the_next(nav_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type})
+    encoded = codec.encode([DenseSample(7, NAV, n) for n in range(400)], 1 << 16)
+    assert encoded is not None
+    assert encoded.taken == 255
+    assert len(codec.decode(encoded.frame).samples) == 255
+
+
+def test_what_is_not_of_the_type_is_refused_before_anything_is_written(nav_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type})
+    with pytest.raises(PayloadInvalidError):
+        codec.encode([DenseSample(7, NAV | {"lat": 60.0})], ROOM)
+    with pytest.raises(ConfigError):
+        DenseCodec({})
+
+
+def test_a_vehicle_that_stands_still_costs_about_two_bytes(nav_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type, 8: nav_type, 9: nav_type})
+    speaker, listener, sizes = Speaker(codec), Listener(codec), []
+    for tick in range(60):
+        encoded = speaker.encode([DenseSample(8, NAV, tick)], ROOM, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        sizes.append(len(encoded.frame))
+        listener.decode(encoded.frame)
+        assert listener.mark is not None
+        speaker.acknowledged(1, listener.mark)
+    assert sum(sizes[20:]) / len(sizes[20:]) <= 2.2
+
+
+def test_what_is_learnt_makes_frames_smaller() -> None:
+    mission = Mission(5, 1200)
+    codec = DenseCodec(by_id(mission.types))
+    speaker, listener, sizes = Speaker(codec), Listener(codec), []
+    for sample in dense_samples(mission.samples, ("nav",)):
+        encoded = speaker.encode([sample], ROOM, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        sizes.append(len(encoded.frame))
+        listener.decode(encoded.frame)
+        assert listener.mark is not None
+        speaker.acknowledged(1, listener.mark)
+    late = sizes[-120:]
+    assert sum(late) / len(late) < 8  # packed: 14 and a byte of id
+
+
+def test_damaged_frames_are_refused_or_within_bounds(
+    log_type: TypeSpec, count: Callable[[int], int]
+) -> None:
+    fields = (
+        FieldSpec(name="speed", type="float32", range=(-1, 4), step=0.01),
+        FieldSpec(name="altitude", type="float32", range=(0, 200), step=0.1, optional=True),
+    )
+    codec = DenseCodec({3: log_type, 7: TypeSpec(name="Small", fields=fields)})
+    speaker, listener, rng = Speaker(codec), Listener(codec), random.Random(9)
+    frames = []
+    for tick in range(12):
+        value = {"speed": rng.uniform(0, 1), "altitude": rng.choice((None, 7.0))}
+        encoded = speaker.encode([DenseSample(7, value, tick)], ROOM, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        frames.append(encoded.frame)
+        held = listener.decode(encoded.frame).snapshot
+        speaker.acknowledged(1, held.mark)
+    snapshots = [listener.decode(frame).snapshot for frame in frames[-4:]]
+    refused, total = 0, count(10_000_000)
+    for place in range(total):
+        if place % 2:
+            frame = rng.randbytes(rng.choice((1, 2, 3, 4, 5)) if place % 64 > 1 else 64)
+        else:
+            damaged = bytearray(rng.choice(frames))
+            damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+            frame = bytes(damaged)
+        try:
+            decoded = codec.decode(frame, snapshots)
+        except PayloadError:
+            refused += 1
+            continue
+        for stream_id, value in decoded.samples:
+            codec.streams[stream_id].type_spec.validate(value)
+    assert refused > total // 3
+
+
+def test_numbers_that_are_none_are_refused(nav_type: TypeSpec) -> None:
+    codec = DenseCodec({7: nav_type})
+    with pytest.raises(PayloadInvalidError):
+        codec.encode([DenseSample(7, NAV | {"speed": math.nan})], ROOM)
+
+
+def test_a_model_survives_being_written_as_json() -> None:
+    model = Model(single=77)
+    again = msgspec.json.decode(msgspec.json.encode(model), type=Model)
+    assert again.digest == model.digest

@@ -1,0 +1,263 @@
+"""Dense streams between engines: whatever is lost, what arrives is what was published."""
+
+import random
+from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import pytest
+
+from tests.virtual.fleet import line
+from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.qos import Qos, Stamp
+from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.testing.virtual import Modem, VirtualNetwork
+
+NAV: Final = TypeSpec(
+    name="Nav",
+    fields=(
+        FieldSpec(name="ticket", type="uint16", range=(0, 60_000)),
+        FieldSpec(name="lat", type="float64", range=(43, 43.2), step=1e-6),
+        FieldSpec(name="lon", type="float64", range=(5.9, 6.1), step=1e-6),
+        FieldSpec(name="depth", type="float32", range=(0, 1000), step=0.1),
+        FieldSpec(name="heading", type="float32", range=(0, 360), step=0.1, wraps=True),
+        FieldSpec(name="speed", type="float32", range=(-1, 4), step=0.01),
+    ),
+)
+STATUS: Final = TypeSpec(
+    name="Status",
+    fields=(
+        FieldSpec(name="ticket", type="uint16", range=(0, 60_000)),
+        FieldSpec(name="armed", type="bool"),
+        FieldSpec(name="mode", type="enum", values=("idle", "survey", "home")),
+        FieldSpec(name="battery", type="uint8", range=(0, 100), optional=True),
+    ),
+)
+
+
+def fleet(codec: str = "dense", nodes: int = 2, stamp: Stamp = Stamp.NONE) -> StreamTable:
+    everybody = tuple(range(1, nodes + 1))
+    return StreamTable(
+        [
+            TopicSpec(
+                stream_id=10, name="{node}/nav", type_name="Nav", codec=codec,
+                qos=Qos(depth=20, stamp=stamp), subscribers=everybody,
+            ),
+            TopicSpec(
+                stream_id=11, name="{node}/status", type_name="Status", codec=codec,
+                qos=Qos(depth=20), subscribers=everybody,
+            ),
+            TopicSpec(stream_id=12, name="{node}/log", qos=Qos(depth=20)),
+        ],
+        types=TypeTable([NAV, STATUS]),
+        nodes={address: f"n{address}" for address in everybody},
+    )  # fmt: skip
+
+
+class Voyage:
+    """Nodes that publish what vehicles do; every sample carries a ticket.
+
+    Args:
+        seed: Everything follows from it.
+        codec: Of the typed streams.
+        nodes: How many.
+        settings: Of the scenario.
+    """
+
+    def __init__(
+        self, seed: int, codec: str = "dense", nodes: int = 2, stamp: Stamp = Stamp.NONE,
+        modem: Modem | None = None, **settings: Any,
+    ) -> None:  # fmt: skip
+        self.seed = seed
+        self.restarts = False
+        self.rng = random.Random(f"dense/{seed}")
+        self.published: dict[tuple[int, int, int], dict[str, Any]] = {}
+        self.arrived: dict[tuple[int, int, int, int], int] = defaultdict(int)
+        self.wrong: list[object] = []
+        self._tickets = 0
+        self._ways = {
+            address: [43.1, 6.0, 20.0, self.rng.uniform(0, 360), 1.2]
+            for address in range(1, nodes + 1)
+        }
+        table = fleet(codec, nodes, stamp)
+        positions = [500.0 * address for address in range(nodes)]
+        self.water = VirtualNetwork(
+            line(*positions, seed=seed, **settings), table,
+            modem=modem or Modem(), deliver=self._take, digest=False,
+        )  # fmt: skip
+
+    def publish_nav(self, address: int) -> None:
+        rng, way = self.rng, self._ways[address]
+        way[3] = (way[3] + rng.gauss(0, 3)) % 360
+        way[0] += rng.gauss(5e-6, 1e-6)
+        way[2] = min(max(way[2] + rng.gauss(0, 0.3), 0), 1000)
+        nav = {
+            "lat": way[0], "lon": way[1], "depth": way[2], "heading": way[3],
+            "speed": 1.2 + rng.gauss(0, 0.02),
+        }  # fmt: skip
+        self._publish(address, 10, nav)
+
+    def publish_status(self, address: int) -> None:
+        rng = self.rng
+        status = {
+            "armed": rng.random() < 0.5,
+            "mode": rng.choice(("idle", "survey", "home")),
+            "battery": rng.choice((None, 80, 79)),
+        }
+        self._publish(address, 11, status)
+
+    def _publish(self, address: int, stream_id: int, value: dict[str, Any]) -> None:
+        self._tickets += 1
+        value["ticket"] = self._tickets % 60_001
+        stream = self.water.engine(address).table.by_id(stream_id)
+        self.published[address, stream_id, value["ticket"]] = stream.codec.decode(  # type: ignore[assignment]
+            stream.codec.encode(value)
+        )
+        self.water.publish(address, stream_id, value)
+
+    def dropped(self, reason: str) -> int:
+        return sum(
+            self.water.engine(address).stats.dropped.get(reason, 0) for address in self._ways
+        )
+
+    def received(self) -> int:
+        return sum(self.arrived.values())
+
+    def _take(self, address: int, event: Event) -> None:
+        if not isinstance(event, SampleReceived) or event.stream_id == 12:
+            return
+        name = (event.source, event.stream_id, event.value["ticket"])
+        if self.published.get(name) != event.value:
+            self.wrong.append((address, event, self.published.get(name)))
+        self.arrived[(address, *name)] += 1
+
+
+def test_dense_samples_cross_and_take_fewer_bytes_once_they_are_acknowledged() -> None:
+    sizes = {}
+    for codec in ("packed", "dense"):
+        voyage = Voyage(1, codec, channel="none")
+        for number in range(100):
+            voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
+            voyage.water.at(10 * number + 5, partial(voyage.water.publish, 2, 12, b"log"))
+        voyage.water.run(until_s=1100)
+        assert voyage.wrong == []
+        assert voyage.received() == 100
+        sizes[codec] = voyage.water.engine(1).stats.bytes_transmitted
+        assert not voyage.dropped("dense")
+    assert sizes["dense"] < 0.75 * sizes["packed"], sizes
+
+
+def test_receiver_that_never_speaks_costs_no_more_than_packed() -> None:
+    sizes = {}
+    for codec in ("packed", "dense"):
+        voyage = Voyage(2, codec, channel="none")
+        for number in range(300):
+            voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
+        voyage.water.run(until_s=3100)
+        sizes[codec] = voyage.water.engine(1).stats.bytes_transmitted
+        assert voyage.wrong == []
+        assert voyage.received() == 300
+        assert voyage.water.engine(2).stats.frames_transmitted <= 3
+    assert sizes["dense"] <= 1.01 * sizes["packed"], sizes
+
+
+def test_age_is_part_of_a_dense_string() -> None:
+    voyage = Voyage(3, stamp=Stamp.AGE, channel="none")
+    ages = []
+    take = voyage._take
+
+    def look(address: int, event: Event) -> None:
+        if isinstance(event, SampleReceived) and event.stream_id == 10:
+            ages.append(event.age_s)
+        take(address, event)
+
+    voyage.water._deliver = look
+    for number in range(20):
+        voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
+        voyage.water.at(10 * number, partial(voyage.publish_nav, 1))
+    voyage.water.run(until_s=300)
+    assert len(ages) > 30
+    assert all(age is not None and 0 <= age < 10 for age in ages)
+    assert len(set(ages)) > 1
+
+
+def test_an_attitude_comes_back_within_half_a_step() -> None:
+    step = 0.001
+    parts = tuple(
+        FieldSpec(name=f"q{part}", type="float64", range=(-1, 1), step=step) for part in "xyzw"
+    )
+    pose = TypeSpec(name="Pose", fields=(FieldSpec(name="ticket", type="uint16"), *parts))
+    table = StreamTable(
+        [TopicSpec(stream_id=10, name="pose", type_name="Pose", codec="dense")],
+        types=TypeTable([pose]),
+        nodes={1: "n1", 2: "n2"},
+    )
+    rng = random.Random(5)
+    sent: list[dict[str, float]] = []
+    errors: list[float] = []
+
+    def look(address: int, event: Event) -> None:
+        if isinstance(event, SampleReceived):
+            value = sent[event.value["ticket"]]
+            errors.append(max(abs(value[each.name] - event.value[each.name]) for each in parts))
+
+    water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+    for number in range(100):
+        angles = [rng.uniform(-0.3, 0.3) for _ in range(3)]
+        norm = (1 + sum(angle * angle for angle in angles)) ** 0.5
+        value = {f"q{part}": angle / norm for part, angle in zip("xyz", angles, strict=True)}
+        sent.append({"ticket": number, **value, "qw": 1 / norm})
+        water.at(10 * number, partial(water.publish, 1, 10, sent[-1]))
+    water.run(until_s=1100)
+    assert len(errors) > 90
+    assert max(errors) <= step / 2 + 1e-9
+
+
+def tell(seed: int) -> Voyage:
+    """Tell a story of two to four vehicles in bad water."""
+    rng = random.Random(f"weather/{seed}")
+    nodes = rng.choice((2, 2, 3, 4))
+    voyage = Voyage(
+        seed,
+        nodes=nodes,
+        stamp=rng.choice((Stamp.NONE, Stamp.AGE)),
+        modem=Modem(acknowledges=rng.random() < 0.3),
+        channel="none",
+        loss={"frame": rng.choice((0.0, 0.1, 0.3, 0.6))},
+        faults={
+            "duplicate": rng.choice((0, 0.1)),
+            "jitter_s": rng.choice((0, 0, 3.0)),
+            "corrupt": rng.choice((0, 0, 0.1)),
+        },
+    )
+    water = voyage.water
+    for address in range(1, nodes + 1):
+        at_s = rng.uniform(0, 10)
+        period_s = rng.choice((4.0, 10.0, 30.0))
+        while at_s < 900:
+            water.at(at_s, partial(voyage.publish_nav, address))
+            if rng.random() < 0.3:
+                water.at(at_s, partial(voyage.publish_status, address))
+            if rng.random() < 0.1:
+                water.at(at_s, partial(water.publish, address, 12, b"text"))
+            at_s += period_s * rng.uniform(0.9, 1.1)
+    if rng.random() < 0.3:
+        voyage.restarts = True
+        water.at(rng.uniform(100, 800), partial(water.restart, rng.randint(1, nodes)))
+    water.run(until_s=1500)
+    return voyage
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_whatever_goes_wrong_nothing_is_decoded_wrongly(
+    part: int, count: Callable[[int], int]
+) -> None:
+    for number in range(count(2000) // 4 + 1):
+        voyage = tell(4 * number + part)
+        assert voyage.wrong == [], voyage.seed
+        assert voyage.received() > 0, voyage.seed
+        if not voyage.restarts and not voyage.water.scenario.faults.corrupt:
+            # What is received can be decoded, whatever else was lost, repeated or late.
+            assert voyage.dropped("dense") == 0, voyage.seed

@@ -1,0 +1,97 @@
+"""The verb `zacoustic fit`: a model of dense topics out of recordings."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+DEFAULT_WINDOW_S = 10.0
+"""Time whose samples usually share a frame, s."""
+
+
+class FitCommand(Command):
+    """Fits a model, and says whether it helps."""
+
+    name = "fit"
+    summary = "fit a model of the dense topics to recordings, and say whether it helps"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare recordings, configuration, model and form of the output."""
+        parser.add_argument(
+            "recordings", metavar="RECORDING", nargs="+",
+            help='JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
+        )  # fmt: skip
+        parser.add_argument(
+            "--config", metavar="FILE", required=True, help="file with the streams and types"
+        )
+        parser.add_argument(
+            "--output",
+            type=Path,
+            metavar="MODEL",
+            help="write the model, which the key `model` names",
+        )
+        parser.add_argument(
+            "--window", type=float, default=DEFAULT_WINDOW_S, metavar="S",
+            help="samples of so long usually share a frame, s (default: %(default)g)",
+        )  # fmt: skip
+        parser.add_argument("--json", action="store_true", help="one JSON object")
+        parser.epilog = (
+            "exits with 1 when frames are no smaller with the model; it is written all the same\n\n"
+            "example:\n"
+            "  zacoustic fit monday.jsonl.gz tuesday.jsonl.gz --config fleet.json5 "
+            "--output survey.model.json"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Fit, print, write; fails when the model does not help.
+
+        Raises:
+            ConfigError: A file or an argument is wrong.
+        """
+        import msgspec
+
+        from zacoustic.tools.telemetry.fleet import read_fleet
+        from zacoustic.tools.telemetry.modelling import fit_recordings
+        from zacoustic.tools.telemetry.modeltext import as_text
+        from zacoustic.tools.telemetry.recording import read_recordings
+
+        window_s: float = arguments.window
+        if not 0 < window_s < float("inf"):
+            raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+        table = read_fleet(arguments.config, with_model=False).table
+        if all(stream.dense_type is None for stream in table):
+            raise ConfigError(
+                f"{arguments.config}: no stream is dense; allowed: topics with a type",
+                hint='say codec: "dense" for one',
+            )
+        recordings = read_recordings(
+            arguments.recordings, table, only_dense=True, window_s=window_s
+        )
+        fitted, report = fit_recordings(recordings, table, window_s=window_s)
+        if arguments.output is not None:
+            _write(arguments.output, msgspec.json.encode(fitted, order="sorted") + b"\n")
+        if arguments.json:
+            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
+        else:
+            print(as_text(report))
+        if arguments.output is not None and not arguments.json:
+            print(f"{arguments.output}: written; name it under the key model, at both ends")
+        if not report.helps:
+            print("zacoustic fit: the model does not help: do without it", file=sys.stderr)
+            return EXIT_FAILED
+        return EXIT_OK
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write the model file.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise ConfigError(f"--output {path}: {error.strerror}") from error

@@ -1,0 +1,71 @@
+"""The key `model`: what a fit says of the dense streams, from a file of its own."""
+
+from pathlib import Path
+
+import msgspec
+
+from zacoustic.config.complaints import Place
+from zacoustic.config.sections import ALLOWED
+from zacoustic.core.dense import DenseCodec, Model
+from zacoustic.core.streams import StreamTable
+from zacoustic.errors import ConfigError
+
+_HINT = "`zacoustic fit RECORDING --config FILE --output MODEL` makes one"
+_MOST_BYTES = 1 << 24
+
+
+class ModelFile(msgspec.Struct, frozen=True, kw_only=True):
+    """What a model file has."""
+
+    model: Model
+    """What a fit says of the dense streams."""
+    typical_bits: dict[str, float] = {}
+    """What a sample usually costs, as the fit has measured it, by stream id as text; for people
+    and planners: not part of what both ends must agree on."""
+
+
+def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | None:
+    """Read the model file; None where none is named.
+
+    Args:
+        place: Of the key.
+        written: Name of the file.
+        folder: What that is relative to.
+
+    Raises:
+        ConfigError: There is no such file, or it holds no model.
+    """
+    if written is None:
+        return None
+    if not written or "\0" in written:
+        place.complain(allowed=ALLOWED["model"])
+    try:
+        content = (folder / written).read_bytes()
+    except OSError as error:
+        place.complain(f"{written}: {error.strerror}", allowed=ALLOWED["model"], hint=_HINT)
+    if len(content) > _MOST_BYTES:
+        place.complain(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}", hint=_HINT)
+    try:
+        return msgspec.json.decode(content, type=ModelFile, strict=True)
+    except (msgspec.DecodeError, RecursionError) as error:
+        place.complain(f"{written}: no model: {error}", allowed=ALLOWED["model"], hint=_HINT)
+
+
+def check_model(place: Place, table: StreamTable) -> None:
+    """Check that a model was made for the dense streams of a table.
+
+    Raises:
+        ConfigError: It was not.
+    """
+    types = {each.stream_id: each.dense_type for each in table if each.dense_type is not None}
+    if table.model is None:
+        return
+    if not types:
+        place.complain("no stream is dense", allowed='streams with codec: "dense"')
+    strangers = [name for name in table.model.streams if name not in map(str, types)]
+    if strangers:
+        place.complain(f"has streams that are not dense here: {', '.join(strangers)}", hint=_HINT)
+    try:
+        DenseCodec(types, model=table.model)
+    except ConfigError as error:
+        place.complain(str(error.args[0]), hint=error.hint or _HINT)

@@ -1,0 +1,29 @@
+"""Dense frames: typed samples of several streams as one arithmetic-coded string.
+
+`DenseCodec` writes and reads frames; what was said before and who has acknowledged it comes in as a
+`Snapshot`. In reading order: `frame`, `snapshot`, `streamcodec`, `rowmodel`, `leastsquares`,
+`curve`, `arithmetic`; then `layout`, `attitude`, `course`, `adaptation`, `text`, `habits`; `prior`
+and `fitting` for models.
+
+Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
+end does beforehand, and in `attitude`, before rounding and after decoding.
+"""
+
+from zacoustic.core.dense.fitting import fit
+from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
+from zacoustic.core.dense.prior import Model, StreamPrior
+from zacoustic.core.dense.references import Listener, Speaker
+from zacoustic.core.dense.snapshot import Snapshot
+
+__all__ = [
+    "Decoded",
+    "DenseCodec",
+    "DenseSample",
+    "Encoded",
+    "Listener",
+    "Model",
+    "Snapshot",
+    "Speaker",
+    "StreamPrior",
+    "fit",
+]

@@ -1,0 +1,308 @@
+"""An arithmetic coder: symbols of any probability as one string, to a fraction of a bit each.
+
+The problem: a field whose next value is almost known is worth a tenth of a bit, and whole bits per
+field cost ten times that. The idea: the string is a number between 0 and 1; every symbol narrows
+the interval in which it must lie to the symbol's share of it. Whoever knows the shares finds the
+symbols again by looking in which share the number lies.
+
+`Writer` and `Reader` have the same methods, and each *returns the value*: the writer the one that
+it is given, the reader the one that it found. So a model is one piece of code that both ends run
+(``depth = coder.uniform(size, depth)``), and cannot say one thing to the writer and another to the
+reader.
+
+All arithmetic is on integers. The writer keeps the lower end as one integer of any length, so a
+carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide.
+
+The end. A string of n bytes stands for the number that it is followed by zeros. Of the strings of
+the shortest sufficient length, several may lie in the interval: which of them is sent is a choice
+that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a number of at least
+`ways` values and as many as there happen to be, mod a hash of both ends' knowledge.
+
+The first byte's two highest bits are the marker of a dense frame, and no part of the number.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from zacoustic.core.dense.curve import Curve
+from zacoustic.core.payload import PayloadError
+
+TOTAL_BITS: Final = 28
+TOTAL: Final = 1 << TOTAL_BITS
+"""Shares are multiples of 1/`TOTAL`."""
+
+PROBABILITY_BITS: Final = 16
+"""Probabilities of flags are multiples of 2**-16."""
+
+MARKER: Final = 0xC0
+"""The two highest bits of the first byte."""
+
+MARKER_BITS: Final = 2
+
+# A string ends where only zeros would follow, but for no more than this: so a short string cannot
+# make its reader work for long.
+_SPARED_BITS: Final = 64
+
+_WIDTH_BITS: Final = 48
+_FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
+_CHUNK_BITS: Final = 16
+
+
+class Writer:
+    """Writes symbols."""
+
+    is_reader = False
+
+    def __init__(self) -> None:
+        self._low = 0
+        self._width = 1 << _WIDTH_BITS
+        self._shift = _WIDTH_BITS
+
+    @property
+    def bits(self) -> int:
+        """Bits spent so far, rounded down to a whole one."""
+        return self._shift - _WIDTH_BITS
+
+    def mark(self) -> tuple[int, int, int]:
+        """Return where the writer stands, for `rewind`."""
+        return self._low, self._width, self._shift
+
+    def rewind(self, mark: tuple[int, int, int]) -> None:
+        """Forget everything written since `mark`."""
+        self._low, self._width, self._shift = mark
+
+    def narrow(self, start: int, share: int) -> None:
+        """Write the symbol whose share of `TOTAL` is `share`, > 0, from `start` on."""
+        unit = self._width >> TOTAL_BITS
+        width = unit * share
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low = (self._low + unit * start) << lift
+        self._width = width << lift
+        self._shift += lift
+
+    def flag(self, probability: int, value: bool) -> bool:
+        """Write a flag that is set with `probability`, 1…2**16-1."""
+        split = probability << _FLAG_SHIFT
+        if value:
+            self.narrow(0, split)
+        else:
+            self.narrow(split, TOTAL - split)
+        return value
+
+    def uniform(self, size: int, value: int) -> int:
+        """Write one of `size` equally likely values, 0…size-1."""
+        if size <= 1:
+            return value
+        if size > 1 << _CHUNK_BITS:
+            low_bits = (size - 1).bit_length() - _CHUNK_BITS
+            # The upper part first: its last value may have fewer lower parts, which costs nothing.
+            self.uniform(((size - 1) >> low_bits) + 1, value >> low_bits)
+            self.raw(low_bits, value & (1 << low_bits) - 1)
+            return value
+        start = value * TOTAL // size
+        self.narrow(start, (value + 1) * TOTAL // size - start)
+        return value
+
+    def raw(self, width: int, value: int) -> int:
+        """Write a number of `width` bits."""
+        while width > _CHUNK_BITS:
+            width -= _CHUNK_BITS
+            self.narrow((value >> width & 0xFFFF) << _FLAG_SHIFT, 1 << _FLAG_SHIFT)
+        if width:
+            share = TOTAL_BITS - width
+            self.narrow((value & (1 << width) - 1) << share, 1 << share)
+        return value
+
+    def choice(self, shares: Sequence[int], index: int) -> int:
+        """Write the position in a list of relative shares, each > 0."""
+        whole, before = sum(shares), sum(shares[:index])
+        start = before * TOTAL // whole
+        self.narrow(start, (before + shares[index]) * TOTAL // whole - start)
+        return index
+
+    def number(self, curve: Curve, value: int) -> int:
+        """Write a number that lies on a curve."""
+        start = curve.below(value)
+        self.narrow(start, curve.below(value + 1) - start)
+        return value
+
+    def finish(self, ways: int, check: int) -> bytes:
+        """Return the shortest string.
+
+        Args:
+            ways: Least number of strings to choose from, ≥ 1; each doubling costs a bit.
+            check: Chooses among as many as there are.
+        """
+        size = (self.bits + MARKER_BITS + 7) // 8 or 1
+        least = shortest_bytes(self.bits)
+        while size > least and self._candidates(size - 1)[1] >= ways:
+            size -= 1
+        while True:
+            first, count = self._candidates(size)
+            if count >= ways:
+                code = first + check % count
+                return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
+            size += 1
+
+    def _candidates(self, size: int) -> tuple[int, int]:
+        """The first code of `size` bytes within the interval, and how many there are."""
+        unit_bits = self._shift - (8 * size - MARKER_BITS)
+        if unit_bits <= 0:
+            return self._low << -unit_bits, self._width << -unit_bits
+        first = -(-self._low >> unit_bits)
+        return first, -(-(self._low + self._width) >> unit_bits) - first
+
+
+def shortest_bytes(bits: int) -> int:
+    """Least size of a string that holds that many bits, the marker and zeros spared, bytes."""
+    return max(1, (bits + MARKER_BITS - _SPARED_BITS + 7) // 8)
+
+
+class Reader:
+    """Reads what a `Writer` wrote.
+
+    Args:
+        string: Off the water, at least one byte; what lies behind its end is zeros.
+    """
+
+    is_reader = True
+
+    def __init__(self, string: bytes) -> None:
+        self._size = len(string)
+        self._bits = 8 * len(string) - MARKER_BITS
+        self._code = int.from_bytes(string, "big") & (1 << self._bits) - 1
+        self._width = 1 << _WIDTH_BITS
+        self._position = 0
+        self._spent = 0
+        self._value = self._take(_WIDTH_BITS)
+
+    @property
+    def bits(self) -> int:
+        """Bits spent so far, rounded down to a whole one."""
+        return self._position - _WIDTH_BITS
+
+    @property
+    def bits_left(self) -> int:
+        """Bits that can still be read."""
+        return self._bits + _SPARED_BITS - self.bits
+
+    def flag(self, probability: int, value: bool = False) -> bool:
+        """Read a flag that is set with `probability`."""
+        split = probability << _FLAG_SHIFT
+        unit = self._width >> TOTAL_BITS
+        if self._value < unit * split:
+            self._narrow(0, split)
+            return True
+        self._narrow(split, TOTAL - split)
+        return False
+
+    def uniform(self, size: int, value: int = 0) -> int:
+        """Read one of `size` equally likely values."""
+        if size <= 1:
+            return 0
+        if size > 1 << _CHUNK_BITS:
+            low_bits = (size - 1).bit_length() - _CHUNK_BITS
+            value = self.uniform(((size - 1) >> low_bits) + 1) << low_bits
+            value |= self.raw(low_bits)
+            if value >= size:
+                raise PayloadError(f"{value} of {size} values")
+            return value
+        place = self._place()
+        value = (place * size + size - 1) // TOTAL
+        start = value * TOTAL // size
+        if start > place:
+            value -= 1
+            start = value * TOTAL // size
+        self._narrow(start, (value + 1) * TOTAL // size - start)
+        return value
+
+    def raw(self, width: int, value: int = 0) -> int:
+        """Read a number of `width` bits."""
+        value = 0
+        while width:
+            chunk = min(width, _CHUNK_BITS)
+            share = TOTAL_BITS - chunk
+            part = self._place() >> share
+            self._narrow(part << share, 1 << share)
+            value = value << chunk | part
+            width -= chunk
+        return value
+
+    def choice(self, shares: Sequence[int], index: int = 0) -> int:
+        """Read the position in a list of relative shares."""
+        whole, place = sum(shares), self._place()
+        start = before = 0
+        for index, share in enumerate(shares):  # noqa: B007 (the last one is the answer)
+            before += share
+            end = before * TOTAL // whole
+            if place < end:
+                break
+            start = end
+        self._narrow(start, end - start)
+        return index
+
+    def number(self, curve: Curve, value: int = 0) -> int:
+        """Read a number that lies on a curve."""
+        value, start, end = curve.find(self._place())
+        self._narrow(start, end - start)
+        return value
+
+    def check(self, ways: int, check: int) -> None:
+        """Verify the end.
+
+        Raises:
+            PayloadError: The string is not the one that `Writer.finish` returns.
+        """
+        self._spent = self.bits
+        if self._position < self._bits:
+            lift = self._bits - self._position
+            self._value = self._value << lift | self._take(lift)
+            self._width <<= lift
+        unit_bits = self._position - self._bits
+        index = self._value >> unit_bits
+        count = index + 1 + ((self._width - 1 - self._value) >> unit_bits)
+        # Rounded as the writer's: the code itself is a multiple of the unit.
+        if count < ways or index != check % count:
+            raise PayloadError("the check of the string fails")
+        is_shortest = self._size <= shortest_bytes(self._spent)
+        if not is_shortest and self._shorter_ways(unit_bits + 8) >= ways:
+            raise PayloadError("a string longer than needed")
+
+    def _shorter_ways(self, unit_bits: int) -> int:
+        """How many strings of one byte less lie in the interval."""
+        aligned = self._code << (self._position - self._bits)
+        lowest = (self._value - aligned) & (1 << unit_bits) - 1
+        return ((self._width - 1 - lowest) >> unit_bits) + 1
+
+    def _place(self) -> int:
+        place = self._value // (self._width >> TOTAL_BITS)
+        if place >= TOTAL:
+            raise PayloadError("a string in the gap between the symbols")
+        return place
+
+    def _narrow(self, start: int, share: int) -> None:
+        unit = self._width >> TOTAL_BITS
+        width = unit * share
+        lift = _WIDTH_BITS - width.bit_length()
+        value = self._value - unit * start
+        if value >= width:
+            raise PayloadError("a string in the gap between the symbols")
+        self._value = value << lift | self._take(lift)
+        self._width = width << lift
+
+    def _take(self, count: int) -> int:
+        """The next `count` bits of the string; zeros behind its end."""
+        position = self._position
+        self._position = end = position + count
+        spare = self._bits - end
+        if spare >= 0:
+            return self._code >> spare & (1 << count) - 1
+        if self.bits_left < 0:
+            raise PayloadError("the string ends inside a value")
+        if position >= self._bits:
+            return 0
+        return (self._code & (1 << self._bits - position) - 1) << -spare
+
+
+Coder = Writer | Reader
+"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `number`."""

@@ -1,0 +1,184 @@
+"""How likely each value of a number is, around where it is expected.
+
+Prediction errors of real sensors are peaked like a Laplace distribution, rounded like a Gauss
+distribution, and now and then wild: a wave, a fix, a restart. The curve is a fixed sum of all
+three, the last a Cauchy distribution of a twelfth of the mass; only its place and its scale change.
+Measured on logs of gliders, an AUV and a yacht it costs 0.1 bits a field more than the best of the
+three chosen after the fact, and up to 2 bits less than the wrong one.
+
+Everything is integers, from fixed constants on, since both ends must agree to the last bit: the
+densities below are sums of integer recurrences, the tail between table entries is linear and beyond
+the table falls with the distance, as that of a Cauchy distribution does. Every value has a share of
+its own whatever the curve says, so that nothing is impossible; the value of the reference may have
+one more, for a sensor that stands still.
+"""
+
+from typing import Final
+
+SHARE_BITS: Final = 28
+_TOTAL: Final = 1 << SHARE_BITS
+
+POINT_BITS: Final = 4
+"""Places on the curve are multiples of 1/16 of a step."""
+
+SCALE_BITS: Final = 12
+"""Scales are multiples of 1/4096 of a step."""
+
+LARGEST_SIZE: Final = 1 << 22
+"""Most values that a number on a curve may have."""
+
+MOST_HOLD: Final = (1 << 16) - 330
+"""Greatest share of a held value, 2**-16: the curve and the floor of all values need some."""
+
+_CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
+_FINE_BITS: Final = 9
+_REACH: Final = 32 << _CELL_BITS  # the table ends at 32 scales
+_Z_SHIFT: Final = _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS
+_FLOOR: Final = 1 << 17  # mass that all values share alike: 1/2048
+
+
+def _densities() -> list[int]:
+    """Mass of each cell of one side, in no particular unit."""
+    one = 1 << 60
+    # exp(-1.1/32), exp(-(0.8/32)**2/2) and the square of the latter, times 2**60.
+    laplace_step = 1113963258879365125
+    gauss_step, gauss_square = 1152561272925789074, 1152201153799543898
+    laplace, gauss, ratio = one, one, gauss_step
+    cells = []
+    for cell in range(_REACH):
+        # Heights at 0 are those of the densities: 0.5·1.1/2, 0.42·0.8/√(2π), 0.08/2π.
+        cauchy = one * 4096 // (4096 + cell * cell)
+        cells.append((27500 * laplace + 13405 * gauss + 1273 * cauchy) >> 30)
+        laplace = laplace * laplace_step >> 60
+        gauss = gauss * ratio >> 60
+        ratio = ratio * gauss_square >> 60
+    return cells
+
+
+def _tails() -> list[int]:
+    """Mass beyond each entry of the table, of one side, in shares."""
+    cells = _densities()
+    beyond = cells[-1] * _REACH  # ∫ dz/z² from the end of the table on, all that is left there
+    tail, masses = beyond, [beyond]
+    for mass in reversed(cells):
+        tail += mass
+        masses.append(tail)
+    masses.reverse()
+    return [mass * (_TOTAL >> 1) // masses[0] for mass in masses]
+
+
+_TAILS: Final = _tails()
+_FAR: Final = _TAILS[_REACH] * (_REACH << _FINE_BITS)
+
+_GUESS_BITS: Final = 9  # the inverse table has 512 entries for the mass of one side
+_GUESS_SHIFT: Final = SHARE_BITS - 1 - _GUESS_BITS
+
+
+def _guesses() -> list[int]:
+    """Where, in cells, about that much mass is beyond: the middle of each entry."""
+    guesses, cell = [0] * (1 << _GUESS_BITS), _REACH
+    for entry in range(1 << _GUESS_BITS):
+        mass = (2 * entry + 1) << _GUESS_SHIFT - 1
+        while cell > 0 and _TAILS[cell] < mass:
+            cell -= 1
+        guesses[entry] = cell
+    return guesses
+
+
+_GUESSES: Final = _guesses()
+
+
+class Curve:
+    """The shares of the values 0…size-1 of a number.
+
+    Args:
+        size: How many values, 2…`LARGEST_SIZE`.
+        center: Where it is expected, 1/16 of a step; may lie outside.
+        scale: Mean distance from there, 1/4096 of a step, > 0.
+        held: A value with a share of its own.
+        hold: That share, 0…`MOST_HOLD`, 2**-16.
+    """
+
+    __slots__ = ("_center", "_floor", "_held", "_hold", "_mass", "_scale", "size")
+
+    def __init__(self, size: int, center: int, scale: int, held: int = 0, hold: int = 0) -> None:
+        self.size = size
+        self._center = center + 8  # boundaries lie half a step below values
+        self._scale = scale
+        self._held = held
+        self._floor = floor = _FLOOR // size or 1
+        hold <<= SHARE_BITS - 16
+        if size > _FLOOR and hold > _TOTAL - 2 * size:
+            hold = _TOTAL - 2 * size
+        self._hold = hold
+        self._mass = _TOTAL - floor * size - hold
+
+    def below(self, value: int) -> int:
+        """The sum of the shares of all values below `value`, 0…size."""
+        if value <= 0:
+            return 0
+        if value >= self.size:
+            return _TOTAL
+        place = (value << POINT_BITS) - self._center
+        z = (place if place >= 0 else -place) << _Z_SHIFT
+        z //= self._scale
+        cell = z >> _FINE_BITS
+        if cell < _REACH:
+            tail = _TAILS[cell]
+            tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
+        else:
+            tail = _FAR // z
+        share = (self._mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + (
+            self._floor * value
+        )
+        return share + self._hold if value > self._held else share
+
+    def find(self, share: int) -> tuple[int, int, int]:
+        """Find the value that a share belongs to.
+
+        Args:
+            share: 0…2**28-1.
+
+        Returns:
+            The value, the sum below it, and the sum up to it.
+        """
+        below, held = self.below, self._held
+        if self._hold:
+            start = below(held)
+            if share >= start:
+                end = below(held + 1)
+                if share < end:
+                    return held, start, end
+                share_of_curve = share - self._hold
+            else:
+                share_of_curve = share
+        else:
+            share_of_curve = share
+        low, high = 0, self.size
+        value = self._guess(share_of_curve)
+        value = 0 if value < 0 else high - 1 if value >= high else value
+        low_sum, high_sum = 0, _TOTAL
+        stride = 1
+        while True:  # `low` never lies above the value, `high` always does
+            here = below(value)
+            if here <= share:
+                low, low_sum = value, here
+                value = low + stride
+            else:
+                high, high_sum = value, here
+                value = high - stride
+            if high - low == 1:
+                return low, low_sum, high_sum
+            stride *= 2
+            if not low < value < high:
+                value = (low + high) >> 1
+
+    def _guess(self, share: int) -> int:
+        """About the value of a share of the curve alone."""
+        share = (share << SHARE_BITS) // self._mass
+        upper = share >= _TOTAL >> 1
+        tail = _TOTAL - share if upper else share
+        entry = tail >> _GUESS_SHIFT
+        cell = _GUESSES[entry] if 0 <= entry < 1 << _GUESS_BITS else 0
+        distance = cell * self._scale >> _CELL_BITS + SCALE_BITS - POINT_BITS
+        return (self._center + (distance if upper else -distance)) >> POINT_BITS

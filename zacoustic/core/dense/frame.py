@@ -1,0 +1,324 @@
+"""Dense frames: the samples of several streams as one arithmetic-coded string.
+
+The problem: on the water a byte costs as much as a thousand on land, and a vehicle's telemetry says
+again and again what is known already. The idea: samples that share a frame need no feedback to be
+coded against each other, so that comes first; a frame that the receiver has acknowledged is the
+reference of the first sample of each stream. Where there is no such frame, a frame stands for
+itself. All prediction, and all learning, runs along these references only.
+
+A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
+
+1. kind: with a reference; for itself; or a single sample for itself; and a flag without meaning,
+   for a sender who wants the frame to have another name (see `references`);
+2. the name of the reference, 5 bits, or 7 more where another frame has the same one;
+3. which streams there are; of each stream, by id, the samples: each with the steps from the one
+   that it is coded against and, behind it, whether another one follows. A single sample has neither
+   steps nor a successor, and its stream is any with the same chance: the frame that costs least
+   more than the sample itself, whatever the habits are;
+4. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
+   to bytes leaves over.
+
+The order of samples of one stream is kept; that of different streams is not.
+
+What comes off the water is a `PayloadError` or samples within their bounds, in bounded time: a
+string is read no further than 64 bits behind its end, and there are at most 255 samples of each
+stream.
+
+Nothing here remembers: which snapshots there are, and who has acknowledged which, is the affair of
+`references`.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.dense.adaptation import LONGEST_STEPS, StreamState
+from zacoustic.core.dense.arithmetic import Reader, Writer
+from zacoustic.core.dense.habits import MOST_SAMPLES, new_habits
+from zacoustic.core.dense.layout import Row
+from zacoustic.core.dense.prior import Model
+from zacoustic.core.dense.snapshot import LONG_NAME_BITS, SHORT_NAMES, Snapshot, chained_digest
+from zacoustic.core.dense.streamcodec import Beside, StreamCodec
+from zacoustic.core.payload import PayloadError
+from zacoustic.core.types import TypeSpec
+from zacoustic.errors import ConfigError
+
+_REFERRING, _ALONE, _SINGLE = 0, 1, 2
+_KINDS: Final = (28, 3, 1)
+_OTHER: Final = 1 << 11  # how often a frame is in its other form: 1/32
+_SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
+
+_FIRST_TRY: Final = 16  # samples; how many fit is found by trying
+
+Parts = tuple[Row, list[Any]]
+
+
+class DenseSample(msgspec.Struct, frozen=True):
+    """A sample to be sent."""
+
+    stream_id: int
+    """Of a stream of the codec."""
+    value: Any
+    """A Mapping or `msgspec.Struct` of the stream's type."""
+    tick: int | None = None
+    """When it was taken, in periods of the stream or as the count of what was published; None: one
+    after the last. Only differences count, and a wrong one costs bits, nothing else."""
+
+
+class Encoded(msgspec.Struct, frozen=True):
+    """A frame to be sent."""
+
+    frame: bytes
+    """From the marker on."""
+    taken: int
+    """How many of the samples are in it, from the first on."""
+    snapshot: Snapshot
+    """What who receives it will know."""
+    reference: Snapshot | None
+    """What it refers to; None: it stands for itself."""
+    long_name: bool = False
+    """Whether by the long name."""
+
+
+class Decoded(msgspec.Struct, frozen=True):
+    """A frame that was received."""
+
+    samples: tuple[tuple[int, dict[str, Any]], ...]
+    """Stream ids and values."""
+    snapshot: Snapshot
+    """What is known now."""
+
+
+class DenseCodec:
+    """Writes and reads the dense frames of one source.
+
+    Args:
+        types: Type of each dense stream, by stream id; the same at both ends.
+        model: What a fit says of them.
+        digest: Of everything else that both ends must agree on: four bytes of the stream table.
+
+    Raises:
+        ConfigError: There are no streams, or the model is for other types.
+    """
+
+    def __init__(
+        self, types: Mapping[int, TypeSpec], *, model: Model | None = None, digest: bytes = b""
+    ) -> None:
+        if not types:
+            raise ConfigError("streams: none are dense; allowed: at least one")
+        priors = {} if model is None else model.streams
+        self.streams = {
+            stream_id: StreamCodec(stream_id, types[stream_id], priors.get(str(stream_id)))
+            for stream_id in sorted(types)
+        }
+        self._ids = list(self.streams)
+        root = chained_digest(digest, b"" if model is None else model.digest)
+        self._root = Snapshot({}, new_habits(model, self.streams), {}, root)
+
+    def encode(
+        self,
+        samples: Sequence[DenseSample],
+        room: int,
+        reference: Snapshot | None = None,
+        *,
+        long_name: bool = False,
+        is_other: bool = False,
+    ) -> Encoded | None:
+        """Write a frame.
+
+        Args:
+            samples: The most important first; as many as fit are taken, without leaving one out.
+            room: Greatest size of the frame, bytes.
+            reference: A frame that every receiver holds.
+            long_name: The reference's short name would be ambiguous.
+            is_other: Write the frame in its other form, which gives it another name.
+
+        Returns:
+            None where not even the first sample fits, or there is none.
+
+        Raises:
+            PayloadInvalidError: A value is not of its stream's type.
+        """
+        parts: list[Parts] = []
+        fits: Encoded | None = None
+        low, high = 0, len(samples)
+        count = min(high, _FIRST_TRY)
+        while low < high:
+            more = samples[len(parts) : count]
+            parts.extend([self.streams[each.stream_id].split(each.value) for each in more])
+            encoded = self._best(samples, parts, count, reference, long_name, is_other)
+            size = len(encoded.frame) if encoded is not None else 2 * room
+            if encoded is not None and size <= room:
+                fits, low = encoded, count
+            else:
+                high = count - 1
+            count = min(max(count * room // max(size, 1), low + 1), high)
+        return fits
+
+    def decode(self, frame: bytes, held: Sequence[Snapshot] = ()) -> Decoded:
+        """Read a frame off the water.
+
+        Args:
+            frame: From the marker on, all of it.
+            held: Snapshots of the source's frames that were received, the newest last.
+
+        Raises:
+            PayloadError: It is damaged, or its reference is not held.
+        """
+        if not frame:
+            raise PayloadError("an empty frame")
+        reader = Reader(frame)
+        reader.flag(_OTHER)
+        kind = reader.choice(_KINDS)
+        reference = _named(reader, held) if kind == _REFERRING else self._root
+        page = _Page(reference)
+        samples: list[tuple[int, dict[str, Any]]] = []
+        if kind == _SINGLE:
+            stream_id = self._ids[reader.uniform(len(self._ids))]
+            value, state = self.streams[stream_id].read(reader, None, 1, page.beside)
+            page.add(stream_id, state, 0)
+            page.habits.learn([stream_id])
+            samples.append((stream_id, value))
+        else:
+            for stream_id in page.habits.code_streams(reader, []):
+                habit, codec = page.habits.streams[stream_id], self.streams[stream_id]
+                nth, is_more = 0, True
+                while is_more:
+                    nth += 1
+                    state_before, steps = page.streams.get(stream_id), 1
+                    if state_before is not None:
+                        steps = habit.code_steps(reader, 0, in_frame=nth > 1)
+                    value, state = codec.read(reader, state_before, steps, page.beside)
+                    page.add(stream_id, state, page.ticks.get(stream_id, 0) + steps)
+                    samples.append((stream_id, value))
+                    is_more = habit.code_more(reader, nth, False)
+        if not samples:
+            raise PayloadError("a frame of no samples")
+        reader.check(1, reference.check)
+        return Decoded(tuple(samples), page.snapshot(frame))
+
+    def _best(
+        self,
+        samples: Sequence[DenseSample],
+        parts: Sequence[Parts],
+        count: int,
+        reference: Snapshot | None,
+        long_name: bool,
+        is_other: bool,
+    ) -> Encoded | None:
+        """Write a frame of the first `count` samples; None: a stream has too many of them."""
+        lanes: dict[int, list[int]] = {}
+        for place, sample in enumerate(samples[:count]):
+            lanes.setdefault(sample.stream_id, []).append(place)
+        if any(len(lane) > MOST_SAMPLES for lane in lanes.values()):
+            return None
+        best: Encoded | None = None
+        if reference is not None:
+            best = self._several(samples, parts, lanes, reference, long_name, is_other)
+            plain = sum(self.streams[each.stream_id].plain_bits for each in samples[:count])
+            if 8 * len(best.frame) <= plain + _SPARE_BITS:
+                return best
+        others = [self._several(samples, parts, lanes, None, False, is_other)]
+        if count == 1:
+            others.append(self._single(samples[0], parts[0], is_other))
+        for other in others:
+            if best is None or len(other.frame) < len(best.frame):
+                best = other
+        return best
+
+    def _several(
+        self,
+        samples: Sequence[DenseSample],
+        parts: Sequence[Parts],
+        lanes: Mapping[int, Sequence[int]],
+        reference: Snapshot | None,
+        long_name: bool,
+        is_other: bool,
+    ) -> Encoded:
+        """Write a frame of any samples; `lanes` are their places, by stream id."""
+        writer = Writer()
+        writer.flag(_OTHER, is_other)
+        known = self._root
+        if reference is None:
+            writer.choice(_KINDS, _ALONE)
+        else:
+            known = reference
+            writer.choice(_KINDS, _REFERRING)
+            writer.uniform(SHORT_NAMES + 1, SHORT_NAMES if long_name else known.short_name)
+            if long_name:
+                writer.raw(LONG_NAME_BITS, known.long_name)
+        page = _Page(known)
+        present = [stream_id for stream_id in self._ids if stream_id in lanes]
+        for stream_id in page.habits.code_streams(writer, present):
+            lane, habit = lanes[stream_id], page.habits.streams[stream_id]
+            for nth, place in enumerate(lane, 1):
+                state = page.streams.get(stream_id)
+                steps, tick = _steps(samples[place].tick, page.ticks.get(stream_id))
+                if state is not None:
+                    if nth == 1 and parts[place][0] == state.row:
+                        # What stood still stands still however long it was: the cheapest will do.
+                        steps = habit.likeliest_steps
+                    habit.code_steps(writer, steps, in_frame=nth > 1)
+                codec = self.streams[stream_id]
+                state = codec.write(writer, parts[place], state, steps, page.beside)
+                page.add(stream_id, state, tick)
+                habit.code_more(writer, nth, nth < len(lane))
+        frame = writer.finish(1, known.check)
+        taken = sum(map(len, lanes.values()))
+        return Encoded(frame, taken, page.snapshot(frame), reference, long_name)
+
+    def _single(self, sample: DenseSample, parts: Parts, is_other: bool) -> Encoded:
+        """Write a frame of one sample in the form that knows no habits."""
+        writer, page = Writer(), _Page(self._root)
+        writer.flag(_OTHER, is_other)
+        writer.choice(_KINDS, _SINGLE)
+        writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
+        codec = self.streams[sample.stream_id]
+        page.add(
+            sample.stream_id, codec.write(writer, parts, None, 1, page.beside), sample.tick or 0
+        )
+        page.habits.learn([sample.stream_id])
+        frame = writer.finish(1, self._root.check)
+        return Encoded(frame, 1, page.snapshot(frame), None)
+
+
+class _Page:
+    """What is known while a frame is written or read."""
+
+    def __init__(self, known: Snapshot) -> None:
+        self._digest = known.digest
+        self.streams = dict(known.streams)
+        self.habits = known.habits.copy()
+        self.ticks = dict(known.ticks)
+        self.beside: Beside = {}
+
+    def add(self, stream_id: int, state: StreamState, tick: int) -> None:
+        """Take a sample in."""
+        self.streams[stream_id] = state
+        self.ticks[stream_id] = tick
+        self.beside[stream_id] = state.row
+
+    def snapshot(self, frame: bytes) -> Snapshot:
+        """All of it, for later frames."""
+        digest = chained_digest(self._digest, frame)
+        return Snapshot(self.streams, self.habits, self.ticks, digest)
+
+
+def _named(reader: Reader, held: Sequence[Snapshot]) -> Snapshot:
+    """The newest frame of the name that is read."""
+    name = reader.uniform(SHORT_NAMES + 1)
+    long_name = reader.raw(LONG_NAME_BITS) if name == SHORT_NAMES else None
+    for each in reversed(held):
+        if (each.short_name == name) if long_name is None else (each.long_name == long_name):
+            return each
+    raise PayloadError("a reference to a frame that is not held")
+
+
+def _steps(tick: int | None, last: int | None) -> tuple[int, int]:
+    """How far a sample lies behind the last one, 1…16, and its tick."""
+    if tick is None:
+        return 1, (last or 0) + 1
+    if last is None:
+        return 1, tick
+    return min(max(tick - last, 1), LONGEST_STEPS), tick

@@ -1,0 +1,149 @@
+"""What a source's frames usually hold: which streams, how many samples, how far apart.
+
+A frame says of which streams it has samples, and after each sample whether another one follows. A
+vehicle that sends the same every ten seconds should pay nothing for that, so the chances follow
+what was, along the same chain of references as everything else. A frame may be of one stream alone,
+or of several; which it is costs one symbol, so that who sends each sample by itself does not pay
+for all the streams that are not there.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+from zacoustic.core.dense.arithmetic import Coder
+from zacoustic.core.dense.prior import Model
+
+MOST_SAMPLES: Final = 255
+"""Most samples of a stream in a frame."""
+
+_COUNTED: Final = 12  # after so many samples, all are alike
+_SHIFT: Final = 2
+_LEAST: Final = 1 << 9
+_MOST: Final = (1 << 16) - _LEAST
+_EVEN: Final = 1 << 15
+_OFTEN: Final = 7 << 13
+# How often the first sample is so many steps behind its reference, 1…16: shares.
+_STEPS: Final = (240, 320, 200, 160, 130, 100, 80, 60, 50, 40, 30, 25, 20, 15, 12, 40)
+# What is learnt of it is learnt from acknowledged frames, which are the ones furthest behind their
+# own references: those between them are as many steps behind, or fewer.
+_STEPS_GAIN: Final = 1 << 11
+_STEPS_SHIFT: Final = 2
+
+
+class Habit:
+    """What the frames of a source usually hold of one stream.
+
+    Attributes:
+        present: How often there is something, 2**-16.
+        more: How often there is another sample after the first, second …, 2**-16.
+        regular: How often a sample is one step behind the one before it in the frame, 2**-16.
+        steps: How often the first one is 1, 2, … steps behind its reference: shares.
+    """
+
+    __slots__ = ("more", "present", "regular", "steps")
+
+    def __init__(self, present: int, more: list[int], regular: int, steps: list[int]) -> None:
+        self.present = present
+        self.more = more
+        self.regular = regular
+        self.steps = steps
+
+    @property
+    def likeliest_steps(self) -> int:
+        """How far the first sample is behind its reference most often, 1…16."""
+        return self.steps.index(max(self.steps)) + 1
+
+    def copy(self) -> "Habit":
+        """Return one that can be changed."""
+        return Habit(self.present, self.more[:], self.regular, self.steps)
+
+    def code_more(self, coder: Coder, samples: int, is_more: bool) -> bool:
+        """Write or read whether there is another sample after so many; learns it."""
+        if samples >= MOST_SAMPLES:
+            return False
+        place = min(samples, _COUNTED) - 1
+        found = coder.flag(self.more[place], is_more)
+        self.more[place] = _followed(self.more[place], found)
+        return found
+
+    def code_steps(self, coder: Coder, steps: int, *, in_frame: bool) -> int:
+        """Write or read how far a sample lies behind its reference, 1…16; learns it."""
+        if in_frame:
+            is_next = coder.flag(self.regular, steps == 1)
+            self.regular = _followed(self.regular, is_next)
+            return 1 if is_next else 2 + coder.choice(_STEPS[1:], max(steps - 2, 0))
+        found = coder.choice(self.steps, max(steps - 1, 0))
+        fewer = _STEPS_GAIN // (found + 2)
+        self.steps = [
+            share - (share >> _STEPS_SHIFT) + (base >> 4) + (fewer if place < found else 0)
+            for place, (share, base) in enumerate(zip(self.steps, _STEPS, strict=True))
+        ]
+        self.steps[found] += 2 * fewer
+        return found + 1
+
+
+class Habits:
+    """What the frames of a source usually hold.
+
+    Attributes:
+        single: How often a frame is of one stream alone, 2**-16.
+        streams: By stream id, in the order of frames.
+    """
+
+    __slots__ = ("single", "streams")
+
+    def __init__(self, single: int, streams: dict[int, Habit]) -> None:
+        self.single = single
+        self.streams = streams
+
+    def copy(self) -> "Habits":
+        """Return those that can be changed."""
+        return Habits(self.single, {each: habit.copy() for each, habit in self.streams.items()})
+
+    def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
+        """Write or read which streams there are; learns it."""
+        habits = list(self.streams.values())
+        if coder.flag(self.single, len(streams) == 1):
+            ids = list(self.streams)
+            place = ids.index(streams[0]) if streams else 0
+            found = [ids[coder.choice([habit.present for habit in habits], place)]]
+        else:
+            found = [
+                stream_id
+                for stream_id, habit in self.streams.items()
+                if coder.flag(habit.present, stream_id in streams)
+            ]
+        self.learn(found)
+        return found
+
+    def learn(self, streams: list[int]) -> None:
+        """Learn which streams a frame had."""
+        self.single = _followed(self.single, len(streams) == 1)
+        for stream_id, habit in self.streams.items():
+            habit.present = _followed(habit.present, stream_id in streams)
+
+
+def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
+    """Make the habits of a source of which nothing was heard.
+
+    Args:
+        model: What a fit says.
+        streams: The codec's, by stream id.
+    """
+    single = _EVEN if model is None or not model.single else model.single
+    priors = {} if model is None else model.streams
+    habits = {}
+    for stream_id in streams:
+        prior = priors.get(str(stream_id))
+        present, more = min(_EVEN, (3 << 15) // len(streams)), [_EVEN] * _COUNTED
+        if prior is not None and prior.present:
+            present = prior.present
+            last = prior.more[-1] if prior.more else _EVEN
+            more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
+        habits[stream_id] = Habit(max(present, _LEAST), more, _OFTEN, list(_STEPS))
+    return Habits(single, habits)
+
+
+def _followed(chance: int, found: bool) -> int:
+    chance += ((1 << 16) - chance if found else -chance) >> _SHIFT
+    return _LEAST if chance < _LEAST else min(chance, _MOST)

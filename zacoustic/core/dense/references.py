@@ -1,0 +1,218 @@
+"""Which frames may be referred to: a source remembers what it sent, a receiver what it got.
+
+A source may refer to a frame that every listener holds: one that it has acknowledged, or that one
+that it has acknowledged refers to (nobody reads a frame without holding its reference). A listener
+acknowledges the newest frame that it has read, by its `mark`, whenever there is room for a byte in
+what goes anyway; nothing has to be answered at once, and a lost acknowledgement is made up for by
+the next.
+
+Both ends keep the same number of frames: the last `KEPT` that were sent are more than the last
+`KEPT` that were received, so what the source may refer to is always still held. Nothing is numbered
+and no order is relied upon, so frames may be lost, doubled and late. A receiver takes the newest
+frame of a name; so a name must not mean a newer frame too. Before it refers to a frame the source
+compares its name with those of all that were sent since, and of a few before it, which may be late;
+where two agree it gives the long name, and where these agree too it takes an older reference. And
+a new frame must not have the name by which a frame that may still be on its way, or it itself
+when it comes again, means another one: then it is written in another form.
+
+A stream that stands still may have the same bytes again, against the same reference. That is the
+same frame once more; the receiver has it at the place where it came last, which may be any of those
+at which it was sent.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
+from zacoustic.core.dense.snapshot import Snapshot
+
+KEPT: Final = 32
+"""How many frames each end remembers."""
+
+LATEST: Final = 2
+"""A frame may arrive behind so many of its successors, and still no name is ambiguous."""
+
+_OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
+_MARKED: Final = 8  # as many of the last frames have marks of their own
+
+
+class _Sent:
+    """A frame that was sent, once or several times.
+
+    Attributes:
+        first: When it was sent first, counted in frames.
+        last: When it was sent last.
+        holders: Who is known to hold it.
+    """
+
+    def __init__(self, encoded: Encoded, count: int) -> None:
+        self.snapshot = encoded.snapshot
+        self.reference = encoded.reference
+        self.first = self.last = count
+        self.holders: set[int] = set()
+
+
+class Speaker:
+    """The sending end of one source's dense frames.
+
+    Args:
+        codec: The source's.
+    """
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self._codec = codec
+        self._count = 0
+        self._sent: list[_Sent] = []  # by when they were sent last
+        self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
+        self._late: deque[Encoded] = deque(maxlen=LATEST)
+
+    def encode(
+        self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
+    ) -> Encoded | None:
+        """Write a frame; see `DenseCodec.encode`.
+
+        Args:
+            samples: The most important first.
+            room: Greatest size of the frame, bytes.
+            listeners: Addresses of all who must be able to read it; none: it stands for itself.
+        """
+        wanted = set(listeners)
+        forms: list[tuple[Snapshot | None, bool]] = [(None, False)]
+        if wanted:
+            forms = [*self._references(wanted), (None, False)]
+        first: Encoded | None = None
+        for reference, long_name in forms:
+            for is_other in (False, True):
+                encoded = self._codec.encode(
+                    samples, room, reference, long_name=long_name, is_other=is_other
+                )
+                if encoded is None or not wanted or not self._is_mistaken(encoded):
+                    return encoded
+                first = first or encoded
+        return first
+
+    def sent(self, encoded: Encoded) -> None:
+        """Take note that a frame was handed to the link; until then it was a draft."""
+        self._count += 1
+        self._late.append(encoded)
+        for place, each in enumerate(self._sent):
+            if each.snapshot.digest == encoded.snapshot.digest:
+                each.last = self._count
+                self._sent.append(self._sent.pop(place))
+                return
+        self._sent.append(_Sent(encoded, self._count))
+        if len(self._sent) > KEPT:
+            self._forgotten = self._sent.pop(0).last
+
+    def acknowledged(self, listener: int, mark: int) -> bool:
+        """Take note that a listener holds a frame.
+
+        Args:
+            listener: Its address.
+            mark: `Snapshot.mark` of the frame.
+
+        Returns:
+            Whether it is known which frame that is.
+        """
+        # What is much older than the newest that is known to be held is of no use; a little older
+        # is what a late frame leads to.
+        meant, left = [], len(self._sent)
+        for each in reversed(self._sent):
+            left -= 1
+            if left < 0:
+                break
+            if each.snapshot.mark == mark:
+                meant.append(each)
+            if listener in each.holders:
+                left = min(left, _OVERLAP)
+        if len(meant) != 1:
+            return False
+        held: Snapshot | None = meant[0].snapshot
+        for each in reversed(self._sent):
+            if each.snapshot is held:
+                if listener in each.holders:
+                    break
+                each.holders.add(listener)
+                held = each.reference
+        return True
+
+    def forget(self, listener: int) -> None:
+        """Take note that a listener holds nothing any more: it has restarted."""
+        for each in self._sent:
+            each.holders.discard(listener)
+
+    def _is_mistaken(self, new: Encoded) -> bool:
+        """Whether a frame, or its acknowledgement, would be taken for another one.
+
+        For what a late frame refers to, or what it refers to itself, when it comes again.
+        """
+        for each in self._sent[-_MARKED:]:
+            is_same = each.snapshot.digest == new.snapshot.digest
+            if each.snapshot.mark == new.snapshot.mark and not is_same:
+                return True
+        for late in (*self._late, new):
+            meant = late.reference
+            if meant is None:
+                continue
+            if late.long_name:
+                if meant.long_name == new.snapshot.long_name:
+                    return True
+            elif meant.short_name == new.snapshot.short_name:
+                return True
+        return False
+
+    def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
+        """The newest frame that all hold and that can be named, and whether by its long name."""
+        for record in reversed(self._sent):
+            # Only what came after a frame can push it out at a receiver, or be taken for it.
+            earliest = record.first - LATEST
+            if not listeners <= record.holders or earliest <= self._forgotten:
+                continue
+            meant = record.snapshot
+            others = [
+                each.snapshot for each in self._sent if each.last >= earliest and each is not record
+            ]
+            found = []
+            if all(other.short_name != meant.short_name for other in others):
+                found.append((meant, False))
+            if all(other.long_name != meant.long_name for other in others):
+                found.append((meant, True))
+            if found:
+                return found
+        return []
+
+
+class Listener:
+    """The receiving end of one source's dense frames.
+
+    Args:
+        codec: The source's.
+    """
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self._codec = codec
+        self._held: deque[Snapshot] = deque(maxlen=KEPT)
+
+    @property
+    def mark(self) -> int | None:
+        """What to acknowledge: the mark of the newest frame; None: none was read."""
+        return self._held[-1].mark if self._held else None
+
+    def decode(self, frame: bytes) -> Decoded:
+        """Read a frame off the water.
+
+        Raises:
+            PayloadError: It is damaged, or its reference is not held.
+        """
+        decoded = self._codec.decode(frame, self._held)
+        for each in self._held:
+            if each.digest == decoded.snapshot.digest:
+                self._held.remove(each)
+                break
+        self._held.append(decoded.snapshot)
+        return decoded
+
+    def forget(self) -> None:
+        """Take note that the source has restarted."""
+        self._held.clear()

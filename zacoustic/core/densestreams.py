@@ -1,0 +1,182 @@
+"""Dense streams on the water: which samples share a dense string, and who knows what was said.
+
+How samples become a string, and what it may refer to, is the affair of `zacoustic.core.dense`; here
+is who listens:
+
+- A string refers to one that all its listeners hold: the one node of a unicast frame, in a
+  broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
+  So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
+- A node tells the newest string that it has of a source in frames that go there anyway, in three
+  bytes (`DenseAck`), and never makes a frame for that.
+- A peer that begins a new life, or asks who we are, holds nothing. A new epoch of this node begins
+  anew as well.
+- A dense string takes the whole table, since one that cannot be read to its end cannot be read at
+  all. Whoever is known to hold another table is sent records; what the two agree on still crosses.
+
+Of a dense stream, deletes and samples in an encoding of their own are records like any other.
+"""
+
+import copy
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
+
+from zacoustic.core.age import encode_age
+from zacoustic.core.demand.demand import Demand
+from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
+from zacoustic.core.frame import DenseAck
+from zacoustic.core.handshake import Handshake
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.payload import PayloadError
+from zacoustic.core.queue import Waiting
+from zacoustic.core.streams import AGE_FIELD, StreamTable, TopicSpec
+
+
+class _Heard:
+    """One source, as this node hears it."""
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self.listener = Listener(codec)
+        self.is_unsaid = False
+        """It does not know of the newest string that is held here."""
+
+
+class DenseStreams:
+    """The dense strings of one node, its own and those that it hears.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        handshake: Knows who holds another table.
+        demand: Knows who has subscribed to on-demand topics.
+    """
+
+    def __init__(
+        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._demand = demand
+        self._speaker: Speaker | None = None
+        self._heard: dict[int, _Heard] = {}
+
+    # What this node says
+
+    def admits(self, item: Waiting, destination: int) -> bool:
+        """Tell whether a payload that waits can be part of a dense string to `destination`."""
+        return item.dense_value is not None and not any(
+            self._handshake.knows_difference(address)
+            for address in self._audience([item], destination)
+        )
+
+    def encode(
+        self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
+    ) -> Encoded | None:
+        """Write a string of all these payloads; None where they do not fit."""
+        if self._speaker is None:
+            codec = self._codec_of(self._address)
+            assert codec is not None  # whoever has samples of dense streams publishes some
+            self._speaker = Speaker(codec)
+        samples = [self._sample(item, now) for item in items]
+        audience = self._audience(items, destination)
+        encoded = self._speaker.encode(samples, room_bytes, audience)
+        return encoded if encoded is not None and encoded.taken == len(items) else None
+
+    def sent(self, encoded: Encoded) -> None:
+        """Note that a string is sent; until then it is a draft."""
+        assert self._speaker is not None
+        self._speaker.sent(encoded)
+
+    def acknowledged(self, source: int, ack: DenseAck) -> str | None:
+        """Take what a peer says it has; returns why it is dropped, or None."""
+        if ack.address not in (0, self._address):
+            return None  # for another node
+        if self._speaker is None or not self._speaker.acknowledged(source, ack.mark):
+            return "unexpected_ack"
+        return None
+
+    # What this node hears
+
+    def receive(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
+        """Read the string of a source that holds the same table; returns stream ids and values.
+
+        Raises:
+            PayloadError: It is damaged, or refers to what is not held here.
+        """
+        heard = self._heard.get(source)
+        if heard is None:
+            codec = self._codec_of(source)
+            if codec is None:
+                raise PayloadError("a source without dense streams")
+            heard = self._heard[source] = _Heard(codec)
+        mark = heard.listener.mark
+        decoded = heard.listener.decode(string)
+        heard.is_unsaid = heard.is_unsaid or heard.listener.mark != mark
+        # What comes twice is read once, and an application may change what it is given.
+        return copy.deepcopy(decoded.samples)
+
+    def acks(self, destination: int, room_bytes: int) -> bytes:
+        """Take what is to be acknowledged to the hearers of a frame, and fits in it."""
+        taken = b""
+        for source in sorted(self._heard) if destination == BROADCAST else [destination]:
+            heard = self._heard.get(source)
+            if heard is None or not heard.is_unsaid or heard.listener.mark is None:
+                continue
+            address = source if destination == BROADCAST else 0
+            ack = DenseAck(address, heard.listener.mark).encode()
+            if len(taken) + len(ack) <= room_bytes:
+                taken += ack
+                heard.is_unsaid = False
+        return taken
+
+    # What changes
+
+    def peer_restarted(self, address: int) -> None:
+        """A peer begins a new life: it knows nothing of us, and nothing that we know of it."""
+        self._heard.pop(address, None)
+        self.peer_forgot(address)
+
+    def peer_forgot(self, address: int) -> None:
+        """A peer does not know us any more."""
+        if self._speaker is not None:
+            self._speaker.forget(address)
+
+    def epoch_changed(self) -> None:
+        """This node begins a new epoch: all that was said, and heard, was in the old one."""
+        self._speaker = None
+        self._heard.clear()
+
+    # Below the methods above
+
+    def _codec_of(self, source: int) -> DenseCodec | None:
+        types = {
+            stream.stream_id: stream.dense_type
+            for stream in self._table
+            if stream.dense_type is not None and stream.may_publish(source)
+        }
+        if not types:
+            return None
+        return DenseCodec(types, model=self._table.model, digest=self._table.digest)
+
+    def _sample(self, item: Waiting, now: int) -> DenseSample:
+        assert item.dense_value is not None
+        # In full precision: rounded before, an attitude would be off by more than half a step.
+        value = dict(item.dense_value)
+        if item.stamped:
+            value[AGE_FIELD] = encode_age(now - item.queued_at)
+        return DenseSample(item.stream_id, value, item.tick)
+
+    def _audience(self, items: Iterable[Waiting], destination: int) -> set[int]:
+        """Return who is to know what these payloads say."""
+        if destination != BROADCAST:
+            return {destination}
+        audience: set[int] = set()
+        for stream in map(self._table.by_id, {item.stream_id for item in items}):
+            assert isinstance(stream.spec, TopicSpec)
+            listed: Collection[int] | None = self._demand.audience(stream)
+            if listed is None:
+                listed = stream.spec.subscribers
+            if listed is None:
+                listed = tuple(self._table.nodes) or tuple(self._handshake.peers())
+            audience.update(listed)
+        return audience - {self._address}

@@ -1,0 +1,14 @@
+"""Recorded telemetry: what a fit finds in it, and what it costs on the water.
+
+=============  =====================================================================================
+`lines`        a recording as lines: time, name, content
+`names`        which stream a name in a recording means
+`values`       the content of a line as a value of its type; when a decoded value is right
+`recording`    the recordings of a fleet's streams, by vehicle
+`exchange`     a vehicle and one who listens, over water that loses frames
+`modelling`    a model out of recordings, and whether it helps
+`measuring`    the bytes of every codec, with all decodes verified
+=============  =====================================================================================
+
+`modeltext` and `measuretext` make texts for people of what the last two return.
+"""

@@ -1,0 +1,35 @@
+"""The stream table of a configuration, for who is no node of it and opens no modem."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from zacoustic.config import Config, config_from_mapping
+from zacoustic.json5 import read_zenoh_config
+
+_ANYBODY = 1
+
+
+def read_fleet(path: str, *, with_model: bool) -> Config:
+    """Read what a fleet has agreed on.
+
+    Args:
+        path: Of the configuration.
+        with_model: Without, the key `model` is passed over: the file it names may be yet to come.
+
+    Raises:
+        ConfigError: As `zacoustic.config.read_config`.
+    """
+    _, section = read_zenoh_config(path)
+    if isinstance(section, Mapping):
+        section = dict(section)
+        if not with_model:
+            section.pop("model", None)
+        if "address" not in section:
+            section["address"] = _first_address(section.get("nodes"))
+    return config_from_mapping(section, source=path, folder=Path(path).parent)
+
+
+def _first_address(nodes: object) -> object:
+    if isinstance(nodes, list) and nodes and isinstance(nodes[0], Mapping):
+        return nodes[0].get("address", _ANYBODY)
+    return _ANYBODY

@@ -1,0 +1,63 @@
+"""Which stream a name in a recording means: an id, a key, or the last part of one."""
+
+import msgspec
+
+from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.errors import ConfigError
+
+
+class Named(msgspec.Struct, frozen=True):
+    """What a name means."""
+
+    stream: Stream
+    """A typed topic."""
+    source: int | None
+    """The node whose samples these are; None: not said."""
+
+
+class StreamNames:
+    """Looks names up.
+
+    Args:
+        table: The streams.
+    """
+
+    def __init__(self, table: StreamTable) -> None:
+        self._table = table
+        self._topics = [
+            stream
+            for stream in table
+            if stream.type is not None and isinstance(stream.spec, TopicSpec)
+        ]
+        self._known: dict[str, Named | None] = {}
+
+    def find(self, name: str) -> Named | None:
+        """Return what a name means; None: no typed topic.
+
+        Raises:
+            ConfigError: It may mean several.
+        """
+        if name not in self._known:
+            self._known[name] = self._find(name)
+        return self._known[name]
+
+    def _find(self, name: str) -> Named | None:
+        for stream in self._topics:
+            if name in (str(stream.stream_id), stream.name):
+                return Named(stream, self._publisher(stream))
+        for stream in self._topics:
+            named_by_node = stream.keys.is_named_by_node
+            for node in self._table.nodes if named_by_node else (0,):
+                if stream.keys.match(name, node) is not None:
+                    return Named(stream, node if named_by_node else self._publisher(stream))
+        found = [each for each in self._topics if each.name.endswith(f"/{name}")]
+        if len(found) > 1:
+            several = ", ".join(each.name for each in found)
+            raise ConfigError(f'"{name}" may mean {several}; allowed: a whole name, or an id')
+        return Named(found[0], self._publisher(found[0])) if found else None
+
+    def _publisher(self, stream: Stream) -> int | None:
+        """The only node that publishes a topic, if that is so."""
+        assert isinstance(stream.spec, TopicSpec)
+        publishers = stream.spec.publishers or ()
+        return publishers[0] if len(publishers) == 1 else None
