@@ -1,9 +1,10 @@
 """Dense frames: typed samples of several streams as one arithmetic-coded string.
 
-`DenseCodec` writes and reads frames; what was said before and who has acknowledged it comes in as a
-`Snapshot`. In reading order: `frame`, `snapshot`, `streamcodec`, `rowmodel`, `leastsquares`,
-`curve`, `arithmetic`; then `layout`, `attitude`, `course`, `adaptation`, `text`, `habits`; `prior`
-and `fitting` for models.
+A `Speaker` writes the frames of a source and knows what may be referred to; a `Listener` reads them
+and says what to acknowledge. Both use a `DenseCodec`, which remembers nothing. In reading order:
+`references`, `frame`, `snapshot`, `streamcodec`, `rowmodel`, `leastsquares`, `curve`, `arithmetic`;
+then `layout`, `attitude`, `course`, `adaptation`, `habits`, `restcodec` and `text`; `prior` and
+`fitting` for models.
 
 Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
 end does beforehand, and in `attitude`, before rounding and after decoding.

@@ -122,8 +122,8 @@ class Writer:
 
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
-        start = curve.below(value)
-        self.narrow(start, curve.below(value + 1) - start)
+        start, end = curve.span(value)
+        self.narrow(start, end - start)
         return value
 
     def finish(self, ways: int, check: int) -> bytes:
@@ -283,11 +283,17 @@ class Reader:
     def _narrow(self, start: int, share: int) -> None:
         unit = self._width >> TOTAL_BITS
         width = unit * share
-        lift = _WIDTH_BITS - width.bit_length()
         value = self._value - unit * start
         if value >= width:
             raise PayloadError("a string in the gap between the symbols")
-        self._value = value << lift | self._take(lift)
+        lift = _WIDTH_BITS - width.bit_length()
+        position = self._position + lift
+        spare = self._bits - position
+        if spare >= 0:  # as `_take` does, which would cost a call
+            self._position = position
+            self._value = value << lift | self._code >> spare & (1 << lift) - 1
+        else:
+            self._value = value << lift | self._take(lift)
         self._width = width << lift
 
     def _take(self, count: int) -> int:

@@ -133,6 +133,27 @@ class Curve:
         )
         return share + self._hold if value > self._held else share
 
+    def span(self, value: int) -> tuple[int, int]:
+        """The sums of the shares below a value, 0…size-1, and up to it: `below` of both."""
+        size, held, center = self.size, self._held, self._center
+        if value <= 0 or value + 1 >= size:
+            return self.below(value), self.below(value + 1)
+        mass, scale, floor = self._mass, self._scale, self._floor
+        place = (value << POINT_BITS) - center
+        sums = []
+        for end in (value, value + 1):
+            z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
+            cell = z >> _FINE_BITS
+            if cell < _REACH:
+                tail = _TAILS[cell]
+                tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
+            else:
+                tail = _FAR // z
+            share = (mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + floor * end
+            sums.append(share + self._hold if end > held else share)
+            place += 1 << POINT_BITS
+        return sums[0], sums[1]
+
     def find(self, share: int) -> tuple[int, int, int]:
         """Find the value that a share belongs to.
 

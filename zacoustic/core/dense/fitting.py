@@ -104,6 +104,7 @@ class _StreamFitting:
         self.model = RowModel(layout.columns)
         self.runs: list[list[Row]] = []
         self.windows: list[int] = []
+        self._bits: list[int] = []
         self._texts: Counter[str] = Counter()
         # For companions: rows beside the latest rows of the streams that a frame has earlier.
         self._beside: list[tuple[Row, dict[int, Row]]] = []
@@ -118,11 +119,13 @@ class _StreamFitting:
     def prior(self, stream_id: int) -> StreamPrior:
         count = len(self._beside)
         present = sum(1 for each in self.windows if each)
+        learnt = self._learnt() if count >= _LEAST_ROWS else {}
         return StreamPrior(
             sizes=tuple(self.model.sizes),
             firsts=tuple(self._first(n, stream_id) for n in range(len(self.model.sizes))),
             steadiness=tuple(self._steadiness(n) for n in range(len(self.model.sizes))),
-            learnt=self._learnt() if count >= _LEAST_ROWS else {},
+            learnt=learnt,
+            typical_bits=sum(self._bits) // max(len(self._bits), 1),
             lines=self._lines(),
             present=_usual(present, len(self.windows)),
             more=tuple(
@@ -242,13 +245,16 @@ class _StreamFitting:
                     reference = StreamState(
                         reference.row, reference.velocity, [], adaptations, reference.steadiness
                     )
+                writer = Writer()
                 try:
-                    state = model.code(Writer(), list(row), reference, steps)
+                    state = model.code(writer, list(row), reference, steps)
                 except TooFarError:
                     states.append(fresh)
                     continue
                 adaptations = {place: state.adaptations[place]}
                 mean.add(adaptations[place])
+                if steps == 1 and moving:
+                    self._bits.append(writer.bits)
                 states.append(state)
                 states = states[-steps:]
         return mean.learnt() if mean.count >= _LEAST_ROWS else None

@@ -182,7 +182,7 @@ class DenseCodec:
             samples.append((stream_id, value))
         else:
             for stream_id in page.habits.code_streams(reader, []):
-                habit, codec = page.habits.streams[stream_id], self.streams[stream_id]
+                habit, codec = page.habits.stream(stream_id), self.streams[stream_id]
                 nth, is_more = 0, True
                 while is_more:
                     nth += 1
@@ -251,7 +251,7 @@ class DenseCodec:
         page = _Page(known)
         present = [stream_id for stream_id in self._ids if stream_id in lanes]
         for stream_id in page.habits.code_streams(writer, present):
-            lane, habit = lanes[stream_id], page.habits.streams[stream_id]
+            lane, habit = lanes[stream_id], page.habits.stream(stream_id)
             for nth, place in enumerate(lane, 1):
                 state = page.streams.get(stream_id)
                 steps, tick = _steps(samples[place].tick, page.ticks.get(stream_id))

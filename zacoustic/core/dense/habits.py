@@ -34,16 +34,14 @@ class Habit:
     """What the frames of a source usually hold of one stream.
 
     Attributes:
-        present: How often there is something, 2**-16.
         more: How often there is another sample after the first, second …, 2**-16.
         regular: How often a sample is one step behind the one before it in the frame, 2**-16.
         steps: How often the first one is 1, 2, … steps behind its reference: shares.
     """
 
-    __slots__ = ("more", "present", "regular", "steps")
+    __slots__ = ("more", "regular", "steps")
 
-    def __init__(self, present: int, more: list[int], regular: int, steps: list[int]) -> None:
-        self.present = present
+    def __init__(self, more: list[int], regular: int, steps: list[int]) -> None:
         self.more = more
         self.regular = regular
         self.steps = steps
@@ -55,7 +53,7 @@ class Habit:
 
     def copy(self) -> "Habit":
         """Return one that can be changed."""
-        return Habit(self.present, self.more[:], self.regular, self.steps)
+        return Habit(self.more[:], self.regular, self.steps)
 
     def code_more(self, coder: Coder, samples: int, is_more: bool) -> bool:
         """Write or read whether there is another sample after so many; learns it."""
@@ -87,31 +85,36 @@ class Habits:
 
     Attributes:
         single: How often a frame is of one stream alone, 2**-16.
-        streams: By stream id, in the order of frames.
+        present: How often there is something of a stream, 2**-16, in the order of the streams.
     """
 
-    __slots__ = ("single", "streams")
+    __slots__ = ("_streams", "present", "single")
 
-    def __init__(self, single: int, streams: dict[int, Habit]) -> None:
+    def __init__(self, single: int, present: list[int], streams: dict[int, Habit]) -> None:
         self.single = single
-        self.streams = streams
+        self.present = present
+        self._streams = streams
 
     def copy(self) -> "Habits":
         """Return those that can be changed."""
-        return Habits(self.single, {each: habit.copy() for each, habit in self.streams.items()})
+        return Habits(self.single, self.present, self._streams.copy())
+
+    def stream(self, stream_id: int) -> Habit:
+        """The habit of a stream, to be changed; once for every frame."""
+        habit = self._streams[stream_id] = self._streams[stream_id].copy()
+        return habit
 
     def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
         """Write or read which streams there are; learns it."""
-        habits = list(self.streams.values())
+        ids = list(self._streams)
         if coder.flag(self.single, len(streams) == 1):
-            ids = list(self.streams)
             place = ids.index(streams[0]) if streams else 0
-            found = [ids[coder.choice([habit.present for habit in habits], place)]]
+            found = [ids[coder.choice(self.present, place)]]
         else:
             found = [
                 stream_id
-                for stream_id, habit in self.streams.items()
-                if coder.flag(habit.present, stream_id in streams)
+                for stream_id, present in zip(ids, self.present, strict=True)
+                if coder.flag(present, stream_id in streams)
             ]
         self.learn(found)
         return found
@@ -119,8 +122,10 @@ class Habits:
     def learn(self, streams: list[int]) -> None:
         """Learn which streams a frame had."""
         self.single = _followed(self.single, len(streams) == 1)
-        for stream_id, habit in self.streams.items():
-            habit.present = _followed(habit.present, stream_id in streams)
+        self.present = [
+            _followed(present, stream_id in streams)
+            for stream_id, present in zip(self._streams, self.present, strict=True)
+        ]
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
@@ -132,7 +137,7 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
     """
     single = _EVEN if model is None or not model.single else model.single
     priors = {} if model is None else model.streams
-    habits = {}
+    habits, chances = {}, []
     for stream_id in streams:
         prior = priors.get(str(stream_id))
         present, more = min(_EVEN, (3 << 15) // len(streams)), [_EVEN] * _COUNTED
@@ -140,8 +145,9 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
             present = prior.present
             last = prior.more[-1] if prior.more else _EVEN
             more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
-        habits[stream_id] = Habit(max(present, _LEAST), more, _OFTEN, list(_STEPS))
-    return Habits(single, habits)
+        chances.append(max(present, _LEAST))
+        habits[stream_id] = Habit(more, _OFTEN, list(_STEPS))
+    return Habits(single, chances, habits)
 
 
 def _followed(chance: int, found: bool) -> int:

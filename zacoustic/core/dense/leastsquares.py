@@ -171,6 +171,24 @@ class Explained:
         self._explained, self._prediction = explained, prediction
         return prediction
 
+    def follow(self, quantity: int) -> int:
+        """Tell what one quantity is; as `add`, which is slower for one."""
+        innovations = self._innovations
+        k = len(innovations)
+        self._quantities += quantity << self._places[k]
+        innovation = quantity - self._prediction
+        innovations.append(innovation)
+        self._explained = explained = self._explained + innovation * self._weights[k]
+        self._stages.append(explained)
+        prediction = explained >> self._places[k + 1] + WEIGHT_BITS & _LANE
+        if prediction >= _HALF_LANE:
+            prediction -= _LANE + 1
+        if not -_BROKEN < prediction < _BROKEN:
+            self.is_broken = True
+            prediction = 0
+        self._prediction = prediction
+        return prediction
+
     def moved(self, trust: int) -> tuple[list[int], list[int]]:
         """Learn the sample, all of whose quantities must be known.
 

@@ -77,6 +77,8 @@ class StreamPrior(msgspec.Struct, frozen=True, kw_only=True):
     """How often a symbol stays as it was, by column, 2**-16."""
     learnt: dict[str, Learnt] = {}
     """Adaptations by `step_class`, as text."""
+    typical_bits: int = 0
+    """What the integers of a sample cost given the one before it, mean; 0: not known."""
     lines: tuple[str, ...] = ()
     """Texts such as the stream carries."""
     present: int = 0

@@ -228,11 +228,11 @@ class RowModel:
                 linear = explained.add(self._course.ways(row, old_row, trends, steps))
             old = old_row[n]
             if guard is not None and row[guard[0]] != guard[1]:
-                linear = explained.add((linear,))
+                linear = explained.follow(linear)
                 continue
             if old is None:
                 row[n] = coder.uniform(size, row[n] or 0)
-                linear = explained.add((linear,))
+                linear = explained.follow(linear)
                 continue
 
             hold_miss, linear_miss = hold_misses[n], linear_misses[n]
@@ -271,7 +271,7 @@ class RowModel:
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
-            following = explained.add((moved,))
+            following = explained.follow(moved)
 
             # Learn. A wild value must not make the curve wide for long.
             miss = moved - expected
