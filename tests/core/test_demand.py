@@ -264,6 +264,20 @@ def test_versions_run_round_without_end() -> None:
     assert all(end.engine.is_idle for end in water.ends.values())
 
 
+def test_version_that_was_said_in_a_former_life_of_the_publisher_says_nothing_else() -> None:
+    water = acquainted()
+    want(water, 1, 10, 2)
+    water.run(100)
+    water.restart(2, fleet(), keeps=True)
+    water.publish(2, 12, b"new epoch")
+    sent = water[2].send(water.now)
+    assert sent is not None
+    water.deliver(2, sent)
+    want(water, 1, 10)
+    said = {(each.version, each.streams) for each in letters(water.run(100))}
+    assert said == {(2, 0)}
+
+
 def test_letter_about_a_stream_that_differs_counts_for_nothing() -> None:
     specs = [each.spec for each in fleet() if each.stream_id != 10]
     specs.append(TopicSpec(stream_id=10, name="another", publishers=(2,), qos=ON_DEMAND))

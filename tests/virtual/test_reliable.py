@@ -265,3 +265,9 @@ def test_scenarios_are_as_bad_as_they_promise() -> None:
     assert {len(story.casts) for story in stories} == {2, 3, 4}
     specs = [lane.spec for story in stories for lane in story.casts[1].lanes.values()]
     assert {spec.qos.depth for spec in specs} == {1, 4, 40, 1000}
+
+
+@pytest.mark.parametrize("seed", [169, 841])
+def test_answers_of_several_receivers_do_not_meet_for_ever(seed: int) -> None:
+    # Their patience ended at the same instant, or they waited for the same pause.
+    assert not tell(reliable_story(seed), (*INVARIANTS, LastArrives)).complaints

@@ -36,6 +36,9 @@ once in one order of frames would collide again, a repetition is answered at a r
 
 - `numbers`: the seven bits, SYNC and ACK.
 - `timing`, `pacing`: how long an answer takes, and when it is time to repeat.
+Where samples come in a rhythm, silence says less than what is asked for: see `rhythm`.
+
+- `rhythm`, `watch`: what a publisher and a receiver know of it, and what is asked for.
 - `sending`: what is owed to receivers; `sendlanes`, `sendlane`: key by key; `keeping`: in the
   journal.
 - `receiving`: what came from publishers.

@@ -18,14 +18,16 @@ class _Letter:
     """What is said to one node about one page."""
 
     __slots__ = (
-        "bits", "is_said", "known_at", "known_bits", "known_version", "repetition", "version",
+        "bits", "known_at", "known_bits", "known_version", "repetition", "said_version", "version",
     )  # fmt: skip
 
     def __init__(self) -> None:
-        self.version = 0
         self.bits = 0
-        self.is_said = False
-        """The node may have heard of it."""
+        """What is wanted."""
+        self.version = 0
+        """What `repetition` says is this version."""
+        self.said_version: int | None = None
+        """The last version that the node may have heard of; None: of none."""
         self.repetition: Repetition | None = None
         """Says it, until it is answered."""
         self.known_version: int | None = None
@@ -35,8 +37,16 @@ class _Letter:
 
     @property
     def is_known(self) -> bool:
-        """The node has answered what was said last."""
-        return (self.known_version, self.known_bits) == (self.version, self.bits)
+        """The node has answered what was said last, and that is what is wanted."""
+        return self.known_version is not None and (self.known_version, self.known_bits) == (
+            self.said_version,
+            self.bits,
+        )
+
+    @property
+    def next_version(self) -> int:
+        """The version for something that has not been said yet."""
+        return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
 
 
 class Wishes:
@@ -71,8 +81,7 @@ class Wishes:
             return "unexpected_ack"
         if (answer.version, answer.streams) != (letter.version, letter.bits):
             return "unexpected_ack"
-        self._repeater.stop(letter.repetition, now, answered=True)
-        letter.repetition, letter.is_said = None, True
+        self._stop(letter, letter.repetition, now, answered=True)
         letter.known_version, letter.known_bits = answer.version, answer.streams
         letter.known_at = now
         return None
@@ -83,12 +92,11 @@ class Wishes:
             return
         key = (source, page_of(stream_id))
         letter = self._letters.setdefault(key, _Letter())
-        if letter.repetition is not None or (letter.is_said and not is_alone):
+        if letter.repetition is not None or (letter.said_version is not None and not is_alone):
             return
         if letter.is_known and now < letter.known_at + self._settling_ns():
             return  # it was sent before the node knew
-        letter.version = (letter.version + 1) % VERSIONS
-        self._say(key, letter, now)
+        self._say(key, letter, letter.next_version, now)
 
     def publisher_restarted(self, source: int, now: int) -> None:
         """A node has begun a new epoch, and may have forgotten what it was told."""
@@ -96,7 +104,8 @@ class Wishes:
             if key[0] == source:
                 letter.known_version = None
                 if letter.repetition is None and letter.bits:
-                    self._say(key, letter, now)
+                    assert letter.said_version is not None
+                    self._say(key, letter, letter.said_version, now)
 
     # Below the methods above
 
@@ -114,24 +123,19 @@ class Wishes:
         elif letter.bits == bits:
             return
         if letter.repetition is not None:
-            self._repeater.stop(letter.repetition, now)
-            if letter.repetition.tries:
-                letter.is_said = True
-            else:
-                letter.version = (letter.version - 1) % VERSIONS
-            letter.repetition = None
+            self._stop(letter, letter.repetition, now)
         letter.bits = bits
-        if not letter.is_known and (bits or letter.is_said):
-            letter.version = (letter.version + 1) % VERSIONS
-            self._say(key, letter, now)
+        if not letter.is_known and (bits or letter.said_version is not None):
+            self._say(key, letter, letter.next_version, now)
 
-    def _say(self, key: tuple[int, int], letter: _Letter, now: int) -> None:
+    def _say(self, key: tuple[int, int], letter: _Letter, version: int, now: int) -> None:
         source, page = key
+        letter.version = version
         record = RepeatedRecord(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,
-            payload=Subscribe(page, letter.version, letter.bits).body,
+            payload=Subscribe(page, version, letter.bits).body,
             delimits_itself=True,
             for_one_node=True,
             cause=Cause.SUBSCRIBE,
@@ -139,3 +143,11 @@ class Wishes:
         )
         lane = (NO_STREAM, LETTER_LANE, source, page)
         letter.repetition = self._repeater.start(lane, record, LETTER_QOS, until=None)
+
+    def _stop(
+        self, letter: _Letter, repetition: Repetition, now: int, *, answered: bool = False
+    ) -> None:
+        if repetition.tries:
+            letter.said_version = letter.version
+        self._repeater.stop(repetition, now, answered=answered)
+        letter.repetition = None
