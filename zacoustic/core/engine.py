@@ -97,7 +97,14 @@ class Engine:
         emit = self._events.append
         self._journal = journal = JournalPort()
         self._protocols = protocols = Protocols(
-            address, table, epoch, journal=journal, stats=self.stats, rng=rng, emit=emit
+            address,
+            table,
+            epoch,
+            limits=rules.objects,
+            journal=journal,
+            stats=self.stats,
+            rng=rng,
+            emit=emit,
         )
         self.ranging = protocols.ranging
         """Commands about ranges: `request`, `cancel` and `repeat`."""
@@ -274,12 +281,12 @@ class Engine:
         )
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
-        """Give up a sample that is larger than a frame; False when it is not on its way.
+        """Give up a reliable sample; False when it is not on its way.
 
-        `DeliveryEnded` follows, and its receivers are told.
+        `DeliveryEnded` follows; receivers that have part of a large one are told.
         """
         self._now = now
-        return self._protocols.large.at(now).objects.cancel(delivery_id, now)
+        return self._protocols.large.cancel(delivery_id, now)
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
         """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
@@ -390,8 +397,7 @@ class Engine:
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
-        objects = self._protocols.large.objects
-        return self._protocols.sending.delivering(stream_id) + objects.pending(stream_id)
+        return self._protocols.sending.delivering(stream_id)
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""

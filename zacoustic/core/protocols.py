@@ -18,6 +18,7 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import Transmission, TransmitReport
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import TransmitQueue
 from zacoustic.core.ranging import Ranging
@@ -36,6 +37,7 @@ class Protocols:
         address: Address of the node.
         table: Its streams.
         epoch: Its boot epoch.
+        limits: How much memory objects may take.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of all randomness.
@@ -48,6 +50,7 @@ class Protocols:
         table: StreamTable,
         epoch: int,
         *,
+        limits: ObjectLimits,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -69,12 +72,14 @@ class Protocols:
         self.large = LargeSamples(
             address,
             table,
+            limits,
             handshake=handshake,
+            sending=self.sending,
+            receiving=self.receiving,
             journal=journal,
             stats=stats,
             rng=rng,
             emit=emit,
-            hand_on=self._hand_on,
         )
         self.topics = Topics(
             address,
@@ -137,9 +142,9 @@ class Protocols:
         """Go on with what a former life has left."""
         self.sending.recover(stored)
         self.receiving.recover(stored)
+        self.large.recover(stored)
         self.services.recover(stored)
         self.actions.recover(stored)
-        self.sending.next_delivery_id(above=self.large.recover(stored))
 
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
@@ -170,6 +175,7 @@ class Protocols:
     def link_up(self, now: int) -> None:
         """The link is up."""
         self.sending.link_up(now)
+        self.large.link_up(now)
         self.repeater.link_up(now)
         self.services.link_up(now)
         self.actions.link_up(now)

@@ -10,9 +10,9 @@ import pytest
 from tests.core.objects.water import S2C, STREAM, Water, confirmation_s
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.objects.objects import ObjectLimits
+from zacoustic.core.objects.gate import Admission
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.objects.progress import ObjectState
-from zacoustic.core.objects.receiving import Gate
 from zacoustic.core.objects.wire import FEEDBACK_CODE, FRAGMENT_CODE, Reason
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
@@ -70,8 +70,8 @@ def test_listen_windows(count: Callable[[int], int]) -> None:
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 def test_any_size_arrives(size_bytes: int, loss: float) -> None:
     _, water = confirmation_s(3, loss, exclusive=False, size_bytes=size_bytes)
-    assert water.nodes[1].stored == {}
-    assert all(key.startswith("object/done/") for key in water.nodes[2].stored)
+    assert water.nodes[1].entries == {}
+    assert all(key.startswith("object/done/") for key in water.nodes[2].entries)
 
 
 @pytest.mark.parametrize("mtu_bytes", [8, 32, 512])
@@ -215,7 +215,7 @@ def test_random_fragments_cost_bounded_memory() -> None:
     def noise(record: bytes, _: random.Random) -> bytes:
         return record[:1] + rng.randbytes(len(record) - 1)
 
-    limits = ObjectLimits(largest_bytes=20_000)
+    limits = ObjectLimits(largest_bytes=20_000, incoming_bytes=100_000)
     water = Water(8, alter=noise, limits=limits)
     water.publish(payload(20_000))
     water.run(until=lambda: False, limit_s=300)
@@ -224,7 +224,7 @@ def test_random_fragments_cost_bounded_memory() -> None:
     held_bytes, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert water.frames[FRAGMENT_CODE] > 300
-    assert len(water.nodes[2].objects._incoming) <= limits.most_incoming
+    assert len(water.nodes[2].objects._incoming) <= 64
     assert held_bytes < 1_000_000
     assert water.nodes[2].delivered == []
 
@@ -290,7 +290,7 @@ def test_a_receiver_without_memory_gets_it_all_again() -> None:
     water.publish(payload(3000))
     water.run(until=lambda: water.now > 20 * NS_PER_S)
     water.kill(2)
-    water.nodes[2].stored.clear()
+    water.nodes[2].entries.clear()
     water.start(2)
     assert water.run(until=sent_all(water), limit_s=1000)
     assert len(water.nodes[2].delivered) == 1
@@ -303,7 +303,7 @@ def test_a_sender_without_memory_does_not_confuse_the_receiver() -> None:
         water.publish(payload(3000, 1))
         water.run(until=lambda: False, limit_s=25)
         water.kill(1)
-        water.nodes[1].stored.clear()
+        water.nodes[1].entries.clear()
         water.nodes[1].epoch += epochs - 1
         water.start(1)
         second = payload(3000, 2)
@@ -320,20 +320,20 @@ def test_numbers_are_used_again() -> None:
     assert [each.payload for each in water.nodes[2].delivered] == [
         payload(70, seed % 3) for seed in range(150)
     ]
-    assert len(water.nodes[2].stored) <= 64
+    assert len(water.nodes[2].entries) <= 64
 
 
 def test_cancelled_by_the_sender() -> None:
     water = Water(15, loss=0.2)
     object_id = water.publish(payload(KIB_10))
     water.run(until=lambda: water.now > 30 * NS_PER_S)
-    assert water.nodes[1].objects.cancel(object_id, water.now)
-    assert not water.nodes[1].objects.cancel(object_id, water.now)
+    assert water.nodes[1].objects.withdraw(object_id, ObjectState.CANCELLED, "", water.now)
+    assert not water.nodes[1].objects.withdraw(object_id, ObjectState.CANCELLED, "", water.now)
     water.service(water.nodes[1])
     assert water.run(until=sent_all(water), limit_s=100)
     assert water.nodes[1].progress[-1].state is ObjectState.CANCELLED
     assert water.nodes[2].progress[-1].state is ObjectState.CANCELLED
-    assert water.nodes[1].stored == water.nodes[2].stored == {}
+    assert water.nodes[1].entries == water.nodes[2].entries == {}
     water.publish(payload(500))
     assert water.run(until=sent_all(water), limit_s=300)
     assert [each.payload for each in water.nodes[2].delivered] == [payload(500)]
@@ -354,7 +354,7 @@ def test_cancelled_by_the_receiver() -> None:
 
 def test_too_large_for_the_receiver() -> None:
     water = Water(17)
-    water.nodes[2].objects._incoming._largest_bytes = 5000
+    water.nodes[2].objects._incoming._limits = ObjectLimits(largest_bytes=5000)
     water.publish(payload(5001))
     assert water.run(until=sent_all(water), limit_s=300)
     last = water.nodes[1].progress[-1]
@@ -367,7 +367,7 @@ def test_too_large_for_the_receiver() -> None:
 
 def test_not_subscribed() -> None:
     water = Water(18)
-    water.nodes[2].objects._incoming._gate = lambda source, stream: Gate(Reason.NOT_SUBSCRIBED)
+    water.nodes[2].admission = Admission(Reason.NOT_SUBSCRIBED)
     water.publish(payload(500))
     assert water.run(until=sent_all(water), limit_s=300)
     assert water.nodes[1].progress[-1].state is ObjectState.REFUSED
@@ -375,12 +375,11 @@ def test_not_subscribed() -> None:
 
 def test_it_waits_for_the_tables() -> None:
     water = Water(19)
-    gates = {"open": False}
-    water.nodes[2].objects._incoming._gate = lambda source, stream: Gate(is_open=gates["open"])
+    water.nodes[2].admission = Admission(is_open=False)
     water.publish(payload(500))
     water.run(until=lambda: False, limit_s=40)
     assert water.nodes[2].delivered == []
-    gates["open"] = True
+    water.nodes[2].admission = Admission()
     assert water.run(until=sent_all(water), limit_s=100)
     assert len(water.nodes[2].delivered) == 1
 

@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import Stream, StreamTable
 
@@ -58,10 +59,14 @@ class Keeping:
         then: Callable[[int], None],
     ) -> None:
         """Write a sample down, and the count behind it."""
+        self.keep_count(stream, lane)
+        name = f"{_name(lane)}/{sample.number}"
+        self._journal.write(name, msgspec.msgpack.encode(kept), then)
+
+    def keep_count(self, stream: Stream, lane: SendLane) -> None:
+        """Write down where the count of a lane stands."""
         count = _KeptCount(stream.digest, lane.lineage, lane.next_number)
-        name = _name(lane)
-        self._journal.write(name, msgspec.msgpack.encode(count))
-        self._journal.write(f"{name}/{sample.number}", msgspec.msgpack.encode(kept), then)
+        self._journal.write(_name(lane), msgspec.msgpack.encode(count))
 
     def forget(self, lane: SendLane, sample: Outgoing) -> None:
         """Delete a sample that has ended; the count stays."""
@@ -100,6 +105,18 @@ class Keeping:
                 ),
                 is_valid=is_valid,
             )
+
+
+def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:
+    """Return what is told of a sample whose stream is not what it was."""
+    return DeliveryEnded(
+        delivery_id=delivery_id,
+        stream_id=stream_id,
+        outcome=DeliveryOutcome.CANCELLED,
+        missing=(),
+        ended_at=now,
+        detail="the stream is defined in another way now",
+    )
 
 
 def _name(lane: SendLane) -> str:

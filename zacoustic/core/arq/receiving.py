@@ -1,5 +1,6 @@
 """The subscriber's side: samples in their order, each once, and what is owed for them."""
 
+import enum
 import random
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -7,6 +8,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
+from zacoustic.core.arq.places import Place
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
@@ -20,8 +22,6 @@ from zacoustic.core.streams import Stream, StreamTable, TopicSpec
 ACK_LANE: Final = 4
 ACK_HEAD_BYTES: Final = 3
 """Prefix, address and stream id."""
-LEAST_ACK_BYTES: Final = ACK_HEAD_BYTES + SYNC_BYTES + 1
-"""What a frame has to have room for where a topic is reliable, wildcards excepted."""
 _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 _JOURNAL: Final = "in"
 
@@ -87,6 +87,17 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True):
     spare_bytes: int
     """What the frame would have had left, had the record been in it twice, less the MTU: with
     less than nothing the publisher may have had more to say."""
+
+
+class Claim(enum.Enum):
+    """Whether it is the turn of a large sample that is complete."""
+
+    NOW = "now"
+    """It is handed on next."""
+    LATER = "later"
+    """Something before it may still come."""
+    OVER = "over"
+    """It was handed on before, or given up."""
 
 
 class _AckWaiting(Waiting):
@@ -177,7 +188,115 @@ class ReliableReceiving:
             self._owe_ack(key, lane, now, turn_ns)
         return reason
 
+    # Large samples
+
+    def claim(
+        self,
+        stream: Stream,
+        source: int,
+        instance: Instance,
+        place: Place,
+        now: int,
+        *,
+        is_turn: bool,
+    ) -> Claim:
+        """Tell whether it is the turn of a large sample that is complete.
+
+        NOW: the caller writes down that it is handed on, and then calls `take`.
+
+        Args:
+            stream: The topic.
+            source: Who published it.
+            instance: Which of the topic's keys.
+            place: Where it stands.
+            now: The instant.
+            is_turn: The publisher says that nothing before it will come.
+        """
+        key = (source, stream.stream_id, instance)
+        lane = self._lanes.get(key)
+        ready: list[SampleReceived] = []
+        if lane is None or lane.lineage != place.lineage:
+            # Of two lineages nobody but the publisher knows which one is over.
+            if not is_turn and (place.number or lane is not None):
+                return Claim.LATER
+            if lane is not None:
+                ready = lane.hand_on(max(lane.held, default=lane.expected))
+            lane = _ReceiveLane(place.lineage, place.number, is_settled=True)
+            lane.in_sync = False
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if number < lane.expected:
+            return Claim.OVER
+        ready += lane.hand_on(number if is_turn else number - stream.qos.depth + 1)
+        if ready:
+            self._keep(key, lane, ready, stream, now, self._linger_ns)
+        return Claim.LATER if number > lane.expected else Claim.NOW
+
+    def take(
+        self,
+        stream: Stream,
+        key: tuple[int, int, Instance],
+        place: Place,
+        sample: SampleReceived | None,
+        now: int,
+    ) -> None:
+        """Hand on a large sample, and what is held behind it; not if it is over meanwhile.
+
+        Args:
+            stream: The topic.
+            key: Source, stream, instance.
+            place: Where it stands.
+            sample: The sample; None: it cannot be read, but nothing waits for it any longer.
+            now: The instant.
+        """
+        lane = self._lanes.get(key)
+        if lane is None or lane.lineage != place.lineage:
+            return
+        number = resolve_floor(place.number, lane.expected)
+        if number != lane.expected:
+            return
+        lane.is_settled = True
+        lane.expected = lane.kept = number + 1
+        self._write_position(key, lane, lane.expected)
+        if sample is not None:
+            self._emit(sample)
+        self._hand_on_held(key, lane, stream, now)
+
+    def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
+        """A former life has written down that it handed a large sample on."""
+        key = (source, stream_id, instance)
+        lane = self._lanes.get(key)
+        if lane is None:
+            lane = _ReceiveLane(place.lineage, place.number, is_settled=False)
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if lane.lineage == place.lineage and lane.expected <= number:
+            lane.expected = lane.kept = number + 1
+
     # Below the methods above
+
+    def _hand_on_held(self, key: _LaneKey, lane: _ReceiveLane, stream: Stream, now: int) -> None:
+        before = lane.expected
+        ready = lane.hand_on(before)
+        if lane.expected > before:
+            self._keep(key, lane, ready, stream, now, self._linger_ns)
+
+    @property
+    def _linger_ns(self) -> int:
+        assert self._times is not None
+        return self._times.ack_linger_ns
+
+    def _write_position(
+        self,
+        key: _LaneKey,
+        lane: _ReceiveLane,
+        expected: int,
+        then: Callable[[int], None] | None = None,
+    ) -> None:
+        source, stream_id, instance = key
+        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
+        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
+        self._journal.write(name, position, then)
 
     def _keep(
         self,
@@ -198,14 +317,11 @@ class ReliableReceiving:
             if self._lanes.get(key) is lane:
                 self._owe_ack(key, lane, at, turn_ns)
 
-        source, stream_id, instance = key
-        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
         if stream.spec.journal:
-            self._journal.write(name, position, kept)
+            self._write_position(key, lane, expected, kept)
         else:
             # No promise waits for it: it spares most of the repetitions after a restart.
-            self._journal.write(name, position)
+            self._write_position(key, lane, expected)
             kept(now)
 
     def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn_ns: int) -> None:

@@ -6,9 +6,10 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.arq.keeping import Keeping, KeptLane
+from zacoustic.core.arq.keeping import Keeping, KeptLane, given_up
 from zacoustic.core.arq.numbers import Ack, resolve_expected, resolve_floor
 from zacoustic.core.arq.pacing import Pacing
+from zacoustic.core.arq.places import LargePlaces
 from zacoustic.core.arq.sendlane import (
     AT_ONCE,
     KeptSample,
@@ -66,6 +67,15 @@ class ReliableSending:
         self._pacing = Pacing(table, rng)
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake)
+        self.places = LargePlaces(
+            self._lanes,
+            self._keeping,
+            end=self._end,
+            lose=self._out_of_sync,
+            go_on=self._go_on,
+            pause_ns=self._pacing.pause_ns,
+        )
+        """The places of samples that cross as objects."""
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._on_air: list[tuple[SendLane, Outgoing]] = []
@@ -117,8 +127,7 @@ class ReliableSending:
         # By the number, not by how many there are: a receiver reckons so, and forgets the same.
         while lane.samples[0].number <= sample.number - stream.qos.depth:
             self._end(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
-        self._end_delivered(lane, now)
-        self._advance(lane, now)
+        self._go_on(lane, now)
         return delivery_id
 
     def next_delivery_id(self, above: int = 0) -> int:
@@ -150,10 +159,10 @@ class ReliableSending:
             for sample in lane.samples:
                 if sample.stage is Stage.SENT:
                     sample.due_at = AT_ONCE
-                if sample.expires_at is None and lifespan_s is not None:
+                is_large = sample.stage is Stage.OBJECT
+                if sample.expires_at is None and lifespan_s is not None and not is_large:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
-            self._end_delivered(lane, now)
-            self._advance(lane, now)
+            self._go_on(lane, now)
         self._end_given_up(now)
 
     def transmitted(self, records: Iterable[Waiting]) -> None:
@@ -237,8 +246,8 @@ class ReliableSending:
             reception.expected = expected
             self._pacing.timing(source).quiet_until = 0
             self._mark(lane, source, expected, ack.held, now)
-        self._end_delivered(lane, now)
-        self._advance(lane, now)
+            self.places.acknowledged(lane, source, expected, now)
+        self._go_on(lane, now)
         return None
 
     # For the timer
@@ -249,7 +258,7 @@ class ReliableSending:
         for lane in self._lanes:
             for sample in list(lane.samples):
                 if sample.expires_at is not None and sample.expires_at <= now:
-                    self._expire(lane, sample, now)
+                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
         self._repeat(now)
 
@@ -269,10 +278,10 @@ class ReliableSending:
         return min(instants, default=None)
 
     def dropped(self, records: Iterable[Waiting], now: int) -> None:
-        """Records fit no frame of the link any more."""
+        """Records fit no frame of the link any more: they go as objects."""
         for record in records:
             if isinstance(record, SampleWaiting):
-                self._expire(record.lane, record.sample, now, "oversized")
+                self.places.enlarge(record.lane, record.sample, now)
 
     # The journal
 
@@ -290,16 +299,7 @@ class ReliableSending:
         """Tell of samples whose stream is not what it was."""
         for lane in self._given_up:
             for _, sample in lane.samples:
-                self._emit(
-                    DeliveryEnded(
-                        delivery_id=sample.delivery_id,
-                        stream_id=lane.stream_id,
-                        outcome=DeliveryOutcome.CANCELLED,
-                        missing=(),
-                        ended_at=now,
-                        detail="the stream is defined in another way now",
-                    )
-                )
+                self._emit(given_up(lane.stream_id, sample.delivery_id, now))
         self._given_up.clear()
 
     # Below the methods above
@@ -311,12 +311,20 @@ class ReliableSending:
         self._emit(DeliveryStored(delivery_id=sample.delivery_id, stream_id=lane.key[0]))
         self._advance(lane, now)
 
+    def _go_on(self, lane: SendLane, now: int) -> None:
+        """End what has been delivered, and queue what comes next."""
+        while lane.samples and not lane.missing(first := lane.samples[0]):
+            if first.stage is Stage.OBJECT:
+                break  # it ends with its object
+            self._end(lane, first, DeliveryOutcome.DELIVERED, now)
+        self._advance(lane, now)
+
     def _advance(self, lane: SendLane, now: int) -> None:
         """Queue what has come into the window."""
         paced_until = lane.open(now, self._settling_ns)
         if paced_until is not None:
             self._paced_until = min(self._paced_until or paced_until, paced_until)
-        for sample in lane.active():
+        for sample in list(lane.active()):
             if sample.stage is Stage.BEHIND:
                 self._queue_sample(lane, sample, now)
 
@@ -331,6 +339,9 @@ class ReliableSending:
             # Whoever lacks it could not read it: until that changes.
             sample.stage = Stage.SENT
             sample.due_at = now + self._pacing.pause_ns(lane, sample)
+            return
+        if self.places.is_large(sample, self._queue.largest_bytes):
+            self.places.enlarge(lane, sample, now)
             return
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
@@ -353,6 +364,8 @@ class ReliableSending:
         """Note what a receiver has, and repeat at once what it must have missed."""
         latest = 0
         for sample in lane.samples:
+            if sample.stage is Stage.OBJECT:
+                continue  # its own feedback tells
             ahead = sample.number - expected - 1
             has_it = sample.number < expected
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
@@ -405,25 +418,22 @@ class ReliableSending:
         self._refresh(lane)
         lane.due_soon(source)
 
-    def _expire(self, lane: SendLane, sample: Outgoing, now: int, detail: str = "") -> None:
-        """A sample is too old: whoever waits for it has to be told, by the SYNC of a later one."""
-        missing = lane.missing(sample)
-        leaves_gap = self._end(lane, sample, DeliveryOutcome.EXPIRED, now, detail)
-        if leaves_gap:
-            for address in missing:
-                self._out_of_sync(lane, address)
-
-    def _end_delivered(self, lane: SendLane, now: int) -> None:
-        while lane.samples and not lane.missing(lane.samples[0]):
-            self._end(lane, lane.samples[0], DeliveryOutcome.DELIVERED, now)
-
     def _end(
-        self, lane: SendLane, sample: Outgoing, outcome: DeliveryOutcome, now: int, detail: str = ""
+        self,
+        lane: SendLane,
+        sample: Outgoing,
+        outcome: DeliveryOutcome,
+        now: int,
+        detail: str = "",
+        *,
+        missing: tuple[int, ...] | None = None,
     ) -> bool:
         """Forget a sample and tell of it; returns whether receivers wait for its number."""
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
+        if sample.stage is Stage.OBJECT:
+            self.places.left(sample, outcome, now)
         sample.stage = Stage.ENDED
         if lane.is_kept:
             self._keeping.forget(lane, sample)
@@ -432,7 +442,7 @@ class ReliableSending:
                 delivery_id=sample.delivery_id,
                 stream_id=lane.key[0],
                 outcome=outcome,
-                missing=tuple(lane.missing(sample)),
+                missing=tuple(lane.missing(sample)) if missing is None else missing,
                 ended_at=now,
                 detail=detail,
             )

@@ -31,6 +31,8 @@ class Stage(enum.Enum):
     """In a transmission that has not ended."""
     SENT = "sent"
     """Sent; an ACK is awaited until `due_at`."""
+    OBJECT = "object"
+    """It has its place here, and crosses as an object (`zacoustic.core.objects`)."""
     ENDED = "ended"
     """Its publisher has been told what became of it."""
 
@@ -144,6 +146,11 @@ class SendLane:
         """The oldest number that may still come."""
         return self.samples[0].number if self.samples else self.next_number
 
+    def floor_of(self, address: int) -> int:
+        """Return the oldest number that may still come for one receiver."""
+        lacking = (each.number for each in self.samples if address not in each.acknowledged)
+        return next(lacking, self.next_number)
+
     def add(
         self, stream: Stream, kept: KeptSample, *, queued_at: int, expires_at: int | None
     ) -> Outgoing:
@@ -163,6 +170,17 @@ class SendLane:
         sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
         waiting.lane, waiting.sample = self, sample
         self.samples.append(sample)
+        return sample
+
+    def insert(self, stream: Stream, kept: KeptSample, number: int) -> Outgoing:
+        """Give a sample of a former life its number again, in the place of what has it."""
+        end, self.next_number = self.next_number, number
+        sample = self.add(stream, kept, queued_at=0, expires_at=None)
+        self.next_number = max(self.next_number, end)
+        others = [each for each in self.samples if each.number != number]
+        self.samples = deque(sorted([*others, sample], key=lambda each: each.number))
+        for reception in self.receptions.values():
+            reception.expected = min(reception.expected, number)
         return sample
 
     def active(self) -> Iterator[Outgoing]:
@@ -193,7 +211,8 @@ class SendLane:
         index = self.samples.index(sample)
         behind = list(self.samples)[index + 1 :]
         del self.samples[index]
-        was_sent = any(each.tries or each.stage is Stage.ON_AIR for each in (sample, *behind))
+        fixed = (Stage.ON_AIR, Stage.OBJECT)
+        was_sent = any(each.tries or each.stage in fixed for each in (sample, *behind))
         if self.is_kept or was_sent:
             return True
         for other in behind:
@@ -245,7 +264,8 @@ class SendLane:
         floor = self.floor
         if len(lacking) == 1:
             # What others still lack does not concern it, but they may not read this.
-            floor = max(floor, self.receptions[lacking[0]].expected)
+            told = self.receptions[lacking[0]].expected
+            floor = max(floor, told, self.floor_of(lacking[0]))
             waiting.for_one_node = True
         waiting.sync = Sync(self.lineage, floor).encode()
 
@@ -260,7 +280,7 @@ class SendLane:
         """A receiver has forgotten what it had from this number on."""
         self.receptions[address].expected = expected
         for sample in self.samples:
-            if sample.number >= expected:
+            if sample.number >= expected and sample.stage is not Stage.OBJECT:
                 sample.acknowledged.discard(address)
 
     def number_byte(self, number: int) -> bytes:

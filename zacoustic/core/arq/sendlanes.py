@@ -39,14 +39,14 @@ class SendLanes:
     def of(self, stream: Stream, instance: Instance) -> SendLane:
         """Return a lane; a new one begins its count in this life."""
         lane = self.find(stream, instance)
-        if lane is None:
-            lane = SendLane(
-                (stream.stream_id, RELIABLE_LANE, *instance),
-                self._receivers(stream),
-                self._handshake.epoch,
-                is_kept=stream.spec.journal,
-            )
-            self._lanes[lane.key] = lane
+        return lane or self.begin(stream, instance, self._handshake.epoch, 0)
+
+    def begin(self, stream: Stream, instance: Instance, lineage: int, number: int) -> SendLane:
+        """Begin a lane with this number."""
+        key = (stream.stream_id, RELIABLE_LANE, *instance)
+        receivers = self._receivers(stream)
+        lane = SendLane(key, receivers, lineage, number, is_kept=stream.spec.journal)
+        self._lanes[key] = lane
         return lane
 
     def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
