@@ -100,6 +100,7 @@ class Objects:
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
+            rng=rng,
             emit=emit,
             owner=owner,
             journal=journal,

@@ -14,6 +14,7 @@ A receiver that has all of it may have to wait for samples before it. Nothing is
 none of them will come, which it is told then: it is its turn.
 """
 
+import random
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Final
@@ -124,6 +125,7 @@ class OutgoingObject:
         receivers: Addresses that are to have it, and what is known of the loss on the way there.
         manifest: What it is.
         fragments: Its fragments.
+        rng: Draws the pauses between questions that nobody answers.
     """
 
     def __init__(
@@ -132,6 +134,7 @@ class OutgoingObject:
         receivers: dict[int, LossEstimate],
         manifest: Manifest,
         fragments: Fragments,
+        rng: random.Random,
     ) -> None:
         self.transfer = transfer
         self.manifest = manifest
@@ -152,6 +155,7 @@ class OutgoingObject:
         self._round: deque[int] = deque()
         self._patience_ns = 0
         self._asked: list[ReceiverView] = []
+        self._rng = rng
 
     # What is to be sent
 
@@ -248,14 +252,14 @@ class OutgoingObject:
         answers = _ANSWER_COPIES if alone else 2 * len(self.views) + 1
         listen_ns = timing.exchange_ns + (answers - 1) * timing.feedback_slot_ns
         self.listens_until = finished_at + listen_ns
-        listen_ns = max(listen_ns, self._patience_ns)
+        self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
         for view in self._asked:
-            view.turn_at = finished_at + _patient(listen_ns, view.turns)
+            view.turn_at = finished_at + self._pause_ns(listen_ns, view.turns)
             if view.unanswered > _PATIENT_QUESTIONS:
                 view.forget_holding()
         waiting = self._lacking() or self._waiting()
         silent = min((view.unanswered for view in waiting), default=0)
-        self.due_at = finished_at + _patient(listen_ns, silent)
+        self.due_at = finished_at + self._pause_ns(listen_ns, silent)
 
     def give_up_listening(self, now: int) -> None:
         """No answer, or not all of them, came in time: go on."""
@@ -492,8 +496,11 @@ class OutgoingObject:
         answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
         return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
 
-
-def _patient(pause_ns: int, questions: int) -> int:
-    """Return the pause after so many questions without an answer that helps, ns."""
-    doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
-    return pause_ns << min(doublings, _MOST_DOUBLINGS)
+    def _pause_ns(self, listen_ns: int, questions: int) -> int:
+        """Return the pause after so many questions without an answer that helps, ns."""
+        doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
+        if not doublings:
+            return max(self._patience_ns, listen_ns)
+        # Two sources that ask the same receiver in one rhythm would never be heard.
+        pause_ns = listen_ns << min(doublings, _MOST_DOUBLINGS)
+        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5)))

@@ -1,5 +1,6 @@
 """The objects that a node sends: which of them is next, and what is written down of them."""
 
+import random
 from collections.abc import Callable
 from functools import partial
 from typing import Final, Protocol
@@ -79,6 +80,7 @@ class OutgoingObjects:
     Args:
         epoch: Its boot epoch: lives in a row begin with other transfer numbers.
         most: Most objects at a time, those that wait included.
+        rng: Draws pauses.
         emit: Takes progress.
         owner: Is told of them, and knows when it is their turn.
         journal: Keeps what is to survive.
@@ -89,12 +91,14 @@ class OutgoingObjects:
         *,
         epoch: int,
         most: int,
+        rng: random.Random,
         emit: Callable[[ObjectProgress], None],
         owner: Owner,
         journal: JournalPort,
     ) -> None:
         self._sendings: dict[int, Sending] = {}
         self._most = most
+        self._rng = rng
         self._emit = emit
         self._owner = owner
         self._journal = journal
@@ -150,7 +154,7 @@ class OutgoingObjects:
         losses = {
             address: self._losses.setdefault(address, LossEstimate()) for address in order.receivers
         }
-        outgoing = OutgoingObject(transfer, losses, manifest, fragments)
+        outgoing = OutgoingObject(transfer, losses, manifest, fragments, self._rng)
         outgoing.due_at = now
         lifespan_ns = None if order.lifespan_s is None else seconds_to_ns(order.lifespan_s)
         sending = self._sendings[transfer] = Sending(
@@ -227,7 +231,9 @@ class OutgoingObjects:
                 self._end(sending)
                 continue
             losses = {address: view.loss for address, view in before.views.items()}
-            sending.outgoing = OutgoingObject(before.transfer, losses, before.manifest, fragments)
+            sending.outgoing = OutgoingObject(
+                before.transfer, losses, before.manifest, fragments, self._rng
+            )
             sending.outgoing.due_at = now
             sending.source_kept = sending.seed_kept = 0
             if sending.keeps:
