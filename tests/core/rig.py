@@ -3,7 +3,7 @@
 import random
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine import Engine
@@ -17,8 +17,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 
+_NO_RULES: Final = TransmitRules()
 E = TypeVar("E", bound=Event)
 
 
@@ -40,7 +42,9 @@ class End:
         capabilities: LinkCapabilities | None = None,
         commits: bool = True,
         journal: Mapping[str, bytes] = MappingProxyType({}),
+        rules: TransmitRules = _NO_RULES,
         now: int = 0,
+        is_up: bool = True,
     ) -> None:
         self.address = address
         self.journal = dict(journal)
@@ -51,12 +55,14 @@ class End:
             epoch=epoch,
             rng=random.Random(f"{address}/{epoch}"),
             stored=dict(journal),
+            rules=rules,
         )
         self.capabilities = capabilities or link()
         self.events: list[Event] = []
         self.commits = commits
         self.now = now
-        self.engine.handle_link_state(LinkState.UP, now, self.capabilities)
+        if is_up:
+            self.engine.handle_link_state(LinkState.UP, now, self.capabilities)
         self.settle()
 
     def settle(self) -> None:

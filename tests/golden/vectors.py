@@ -199,7 +199,8 @@ class _Pair:
         """Give commands to a node in one instant; return the frame that it sends."""
         self.frames[node].clear()
         self.network.apply(node, lambda engine, now: [command(engine, now) for command in commands])
-        self.network.run(until_s=self.network.now / NS_PER_S + 1)
+        # Longer, and ends that answer at once would ask each other a million times.
+        self.network.run(until_s=self.network.now / NS_PER_S + 1e-4)
         return bytes.fromhex(self.frames[node][0])
 
 

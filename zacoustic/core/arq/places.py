@@ -165,7 +165,9 @@ class LargePlaces:
         if found is not None:
             lane, sample = found
             sample.acknowledged.add(address)
-            self._lose(lane, address)
+            if address in lane.receptions:
+                lane.receptions[address].skips_to = sample.number + 1
+                self._lose(lane, address)
 
     def acknowledged(self, lane: SendLane, address: int, expected: int, now: int) -> None:
         """A receiver has acknowledged all before a number: large samples are among it.

@@ -100,13 +100,16 @@ class SampleWaiting(Waiting):
 class Reception:
     """What one receiver is known to have of a lane."""
 
-    __slots__ = ("expected", "in_sync", "settled_at")
+    __slots__ = ("expected", "in_sync", "settled_at", "skips_to")
 
     def __init__(self, expected: int) -> None:
         self.expected = expected
         """It has told that it has everything before this number."""
         self.in_sync = False
         """It knows the lineage, and nothing that it waits for is gone."""
+        self.skips_to = 0
+        """It has refused the sample before this number, and others may still lack that: until it
+        has told to await this number, it is addressed alone, with a floor of its own."""
         self.settled_at: int | None = None
         """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
 
@@ -253,6 +256,8 @@ class SendLane:
     def address(self, sample: Outgoing, lacking: list[int]) -> None:
         """Make the record of a sample one for these receivers, with SYNC where one needs it."""
         waiting = sample.waiting
+        skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
+        lacking = next(([each] for each in skip), lacking)
         waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
         waiting.sync, waiting.for_one_node = b"", False
         for address in lacking:
@@ -264,10 +269,12 @@ class SendLane:
         floor = self.floor
         if len(lacking) == 1:
             # What others still lack does not concern it, but they may not read this.
-            told = self.receptions[lacking[0]].expected
-            floor = max(floor, told, self.floor_of(lacking[0]))
+            floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
         waiting.sync = Sync(self.lineage, floor).encode()
+
+    def _told(self, address: int) -> int:
+        return self.receptions[address].expected
 
     def lose_sync(self, address: int) -> None:
         """A receiver may know neither lineage nor floor, and have lost what it held."""

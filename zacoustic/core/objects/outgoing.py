@@ -22,7 +22,8 @@ from typing import Final
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.code import BLOCK_FRAGMENTS, Fragments
 from zacoustic.core.objects.manifest import Manifest
-from zacoustic.core.objects.planning import LossEstimate, Need, repairs_to_send
+from zacoustic.core.objects.planning import LossEstimate, repairs_to_send
+from zacoustic.core.objects.receiverview import ReceiverView
 from zacoustic.core.objects.timing import Timing
 from zacoustic.core.objects.wire import (
     CHECK_BYTES,
@@ -34,7 +35,6 @@ from zacoustic.core.objects.wire import (
     Feedback,
     Fragment,
     Headless,
-    Lacks,
     Reason,
     Refused,
 )
@@ -49,72 +49,6 @@ _MOST_DOUBLINGS: Final = 6
 _SHORTEST_ROUND: Final = 2
 _FEW_LACKING: Final = 16
 _ANSWER_COPIES: Final = 3
-
-
-class ReceiverView:
-    """What the sender knows of one receiver."""
-
-    def __init__(self, loss: LossEstimate) -> None:
-        self.loss = loss
-        self.complete = False
-        self.refused: int | None = None
-        """Why it does not want the object."""
-        self.headless = False
-        """It lacks the manifest."""
-        self.held = 0
-        """Fragments that it had when it lacked the manifest."""
-        self.first = 0
-        """All blocks before are complete."""
-        self.lacking: dict[int, int | None] = {}
-        """Of blocks of which something was sent; None: not known, from before a restart."""
-        self.sent: dict[int, int] = {}
-        """Fragments of each block sent since the last question that it answered."""
-        self.asked: dict[int, int] | None = None
-        """How many of them were sent before the last question; None: it is answered."""
-        self.asked_at = 0
-        """End of that question, ns."""
-        self.unanswered = 0
-        """Questions since it last answered."""
-        self.holds = False
-        """It has all of it, and waits for its turn."""
-        self.turns = 0
-        """How often it was told that it is its turn."""
-        self.turn_at = 0
-        """Instant from which it may be told so again, ns."""
-
-    @property
-    def is_finished(self) -> bool:
-        """It needs nothing more."""
-        return self.complete or self.refused is not None
-
-    def forget_holding(self) -> None:
-        """It does not say any more that it has all of it: maybe it has lost it."""
-        if self.holds:
-            self.holds, self.turns = False, 0
-            self.lacking = dict.fromkeys(self.lacking)
-
-    def need(self, block: int, typical: LossEstimate) -> Need | None:
-        """Return what it probably needs of a block, or None.
-
-        Args:
-            block: Which.
-            typical: The loss on the way to somebody, for a receiver of which nothing is known.
-        """
-        lacking = self.lacking.get(block)
-        if not lacking:
-            return None
-        loss = self.loss if self.loss.is_known else typical
-        # It has not answered since: so many of these will have arrived.
-        arrived = round(self.sent.get(block, 0) * (1 - loss.loss))
-        return Need(max(1, lacking - arrived), loss.received, loss.lost)
-
-    def answered_for(self, asked: dict[int, int]) -> None:
-        """What was sent before the question is accounted for; what was sent since is not."""
-        self.sent = {
-            block: left
-            for block, number in self.sent.items()
-            if (left := number - asked.get(block, 0)) > 0
-        }
 
 
 class OutgoingObject:
@@ -292,10 +226,11 @@ class OutgoingObject:
         view = self.views.get(source)
         if view is None or view.is_finished:
             return False
+        layout = self.fragments.layout
         if isinstance(feedback, Complete):
             if feedback.check == self.manifest.digest[:CHECK_BYTES]:
                 view.complete = True
-                self._learn(view, view.asked or view.sent, view.first, {})
+                view.learn(layout, view.asked or view.sent, view.first, {})
             elif self.is_withdrawn:
                 view.refused = Reason.CANCELLED  # nothing of this one has arrived
             else:
@@ -306,11 +241,9 @@ class OutgoingObject:
         elif view.asked is None:
             return False  # a copy of an answer that was taken
         elif isinstance(feedback, Headless):
-            view.forget_holding()
-            view.headless = True
-            self._learn_count(view, view.asked, feedback.held)
+            view.take_count(layout, view.asked, feedback.held)
         else:
-            self._take_lacks(view, view.asked, feedback)
+            view.take_lacks(layout, view.asked, feedback)
         if view.asked is not None:
             # Medium access may make answers slow: it is waited for as long as that takes.
             self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
@@ -378,54 +311,6 @@ class OutgoingObject:
             for each, view in self.views.items()
             if view.holds and not view.is_finished and is_turn(each)
         ]
-
-    def _take_lacks(self, view: ReceiverView, asked: dict[int, int], lacks: Lacks) -> None:
-        layout = self.fragments.layout
-        view.headless = False
-        view.holds = lacks.is_nothing and lacks.block == layout.blocks
-        if view.holds:
-            self._learn(view, asked, layout.blocks, {})
-            return
-        view.turns = 0
-        told = dict(enumerate(lacks.lacking, lacks.block))
-        if max(told) >= layout.blocks or any(
-            lacking > layout.size(block) for block, lacking in told.items()
-        ):
-            # It speaks of another object: the manifest will tell it so.
-            view.headless = True
-            return
-        self._learn(view, asked, lacks.block, told)
-
-    def _learn(
-        self, view: ReceiverView, asked: dict[int, int], first: int, told: dict[int, int]
-    ) -> None:
-        """Compare what a receiver lacked with what it lacks: so many have arrived since."""
-        layout = self.fragments.layout
-        view.first = first
-        for block, before in list(view.lacking.items()):
-            if block < first or view.complete:
-                after = 0
-            else:
-                after = told.get(block, layout.size(block))
-            sent = asked.get(block, 0)
-            if before is not None and before > 0:
-                arrived = max(0, before - after)
-                # What came after the last that was needed is not told: count none of it.
-                view.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
-            view.lacking[block] = after
-        view.answered_for(asked)
-
-    def _learn_count(self, view: ReceiverView, asked: dict[int, int], held: int) -> None:
-        layout = self.fragments.layout
-        view.loss.learn(sum(asked.values()), held - view.held)
-        view.held = held
-        view.answered_for(asked)
-        if layout.blocks == 1:
-            view.lacking[0] = max(1, layout.fragments - held)
-            return
-        for block in view.lacking:
-            expected = layout.size(block) * view.loss.loss
-            view.lacking[block] = max(1, round(expected))
 
     def _plan(self, timing: Timing) -> Iterator[int]:
         """Return the indices of the next round."""

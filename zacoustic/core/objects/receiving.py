@@ -1,8 +1,6 @@
-"""The objects that a node receives: what is kept of them, and what is said.
+"""The objects that a node receives: what is done with their fragments, and what is said.
 
-Memory is bounded: so many transfers, so many bytes in all; the transfer that was silent for longest
-gives way to others, or one of its key that would have to wait for it. What has ended is remembered
-for as long as its number may be used again.
+What has ended is remembered for as long as its number may be used again.
 """
 
 import random
@@ -15,13 +13,13 @@ from zacoustic.core.arq.receiving import Claim
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.objects.gate import Gate, ObjectReceived
-from zacoustic.core.objects.incoming import IncomingObject
 from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.objects.manifest import Manifest
 from zacoustic.core.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.objects.replies import Place, Replies
 from zacoustic.core.objects.stored import StoredEnd, done_key, encode_group, group_key
 from zacoustic.core.objects.timing import Timing
+from zacoustic.core.objects.transfers import Transfer, Transfers
 from zacoustic.core.objects.wire import (
     CHECK_BYTES,
     MOST_TRANSFERS,
@@ -39,20 +37,6 @@ _GROUP_DIVISOR: Final = 40
 _LARGEST_GROUP: Final = 64
 _FIRST_GROUP: Final = 4
 _MOST_FORMER: Final = 4 * MOST_TRANSFERS
-_MOST_AT_A_TIME: Final = MOST_TRANSFERS
-
-
-class _Transfer:
-    """An object on its way to here, and what is to be said of it."""
-
-    def __init__(self, incoming: IncomingObject) -> None:
-        self.incoming = incoming
-        self.heard_at = 0
-        self.groups = 0
-        self.unwritten: list[tuple[int, bytes]] = []
-        self.received: ReceivedFrame | None = None
-        self.is_ending = False
-        """It is complete, and that is on its way to the journal."""
 
 
 class _Refusal(msgspec.Struct, frozen=True):
@@ -83,11 +67,10 @@ class IncomingObjects:
         emit: Callable[[ObjectProgress], None],
         journal: JournalPort,
     ) -> None:
-        self._limits = limits
         self._gate = gate
         self._emit = emit
         self._journal = journal
-        self._transfers: dict[Place, _Transfer] = {}
+        self._transfers = Transfers(limits)
         self._ended: dict[Place, StoredEnd] = {}
         self._former: dict[Place, StoredEnd] = {}
         self._refused: dict[Place, _Refusal] = {}
@@ -144,7 +127,7 @@ class IncomingObjects:
 
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
-        for place, state in list(self._transfers.items()):
+        for place, state in list(self._transfers):
             # What is handed on may have others handed on, and they this one.
             is_there = self._transfers.get(place) is state
             if is_there and place[0] == source and state.incoming.lacking == 0:
@@ -227,9 +210,9 @@ class IncomingObjects:
         state.heard_at = now
         if state.is_ending:
             return None
-        if not self._make_room(place):
-            if place in self._transfers:
-                self._drop(place)
+        for given_up in self._transfers.make_room(place):
+            self._drop(given_up)
+        if place not in self._transfers:
             return "object_room"
         incoming = state.incoming
         knew = incoming.manifest
@@ -249,7 +232,7 @@ class IncomingObjects:
             self._write_group(place, state)
         return None
 
-    def _judge(self, place: Place, state: _Transfer, knew: Manifest | None) -> None:
+    def _judge(self, place: Place, state: Transfer, knew: Manifest | None) -> None:
         """Look at an object whose manifest has just become known, or that is complete."""
         incoming = state.incoming
         manifest = incoming.manifest
@@ -282,7 +265,7 @@ class IncomingObjects:
         elif not state.is_ending:
             self._drop(place)  # the number stands for another object now
 
-    def _finish(self, place: Place, state: _Transfer, *, is_turn: bool) -> None:
+    def _finish(self, place: Place, state: Transfer, *, is_turn: bool) -> None:
         """Write down that a complete object is handed on; it is when that is safe."""
         manifest = state.incoming.manifest
         assert manifest is not None
@@ -311,11 +294,11 @@ class IncomingObjects:
         for group in range(state.groups):
             self._journal.write(group_key(*place, group), None)
 
-    def _hand_over(self, place: Place, state: _Transfer, *, is_over: bool) -> None:
+    def _hand_over(self, place: Place, state: Transfer, *, is_over: bool) -> None:
         manifest, payload = state.incoming.manifest, state.incoming.payload()
         assert manifest is not None
         assert payload is not None
-        del self._transfers[place]
+        self._transfers.remove(place)
         self._ended[place] = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         former = self._former.pop(place, None)
         self._trim()
@@ -348,7 +331,8 @@ class IncomingObjects:
             self._trim()
 
     def _refuse(self, place: Place, reason: Reason) -> None:
-        state = self._transfers[place]
+        state = self._transfers.get(place)
+        assert state is not None
         cancelled = reason is Reason.CANCELLED
         if reason is not Reason.NOT_SUBSCRIBED:
             outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
@@ -358,61 +342,24 @@ class IncomingObjects:
         self._trim()
 
     def _drop(self, place: Place) -> None:
-        self._forget_groups(place, self._transfers.pop(place))
+        self._forget_groups(place, self._transfers.remove(place))
 
-    def _forget_groups(self, place: Place, state: _Transfer) -> None:
+    def _forget_groups(self, place: Place, state: Transfer) -> None:
         for group in range(state.groups):
             self._journal.write(group_key(*place, group), None)
         state.groups = 0
         state.unwritten.clear()
 
-    def _write_group(self, place: Place, state: _Transfer) -> None:
+    def _write_group(self, place: Place, state: Transfer) -> None:
         self._journal.write(group_key(*place, state.groups), encode_group(state.unwritten))
         state.groups += 1
         state.unwritten.clear()
         if state.incoming.manifest is not None and not state.is_ending:
             self._report(place, state, ObjectState.UNDER_WAY, "")
 
-    def _open(self, place: Place, fragment_bytes: int) -> _Transfer:
+    def _open(self, place: Place, fragment_bytes: int) -> Transfer:
         self._told.pop(place, None)
-        incoming = IncomingObject(place[1], fragment_bytes, self._limits.largest_bytes)
-        state = self._transfers[place] = _Transfer(incoming)
-        return state
-
-    def _make_room(self, newest: Place) -> bool:
-        """Give up the transfers that were silent for longest; False when none may go."""
-        while self._is_full:
-            idle = [
-                (state.heard_at, place)
-                for place, state in self._transfers.items()
-                if not state.is_ending and place != newest
-            ]
-            if not idle:
-                return False
-            self._drop(self._last_of_key(min(idle)[1]))
-        return newest in self._transfers
-
-    @property
-    def _is_full(self) -> bool:
-        if len(self._transfers) > _MOST_AT_A_TIME:
-            return True
-        taken_bytes = sum(state.incoming.memory_bytes for state in self._transfers.values())
-        return taken_bytes > self._limits.incoming_bytes
-
-    def _last_of_key(self, place: Place) -> Place:
-        """Return the transfer of the same key that is handed on last: others wait for no other."""
-        manifest = self._transfers[place].incoming.manifest
-        if manifest is None:
-            return place
-        of_key = [
-            (each.number, other)
-            for other, state in self._transfers.items()
-            if (each := state.incoming.manifest) is not None
-            and (other[0], each.stream_id, each.instance, each.lineage)
-            == (place[0], manifest.stream_id, manifest.instance, manifest.lineage)
-            and not state.is_ending
-        ]
-        return max(of_key)[1]
+        return self._transfers.open(place, fragment_bytes)
 
     def _feedback(self, place: Place) -> Feedback | None:
         transfer = place[1]
@@ -457,7 +404,7 @@ class IncomingObjects:
                 repeats=self._told.get(place) == self._feedback(place),
             )
 
-    def _report(self, place: Place, state: _Transfer, outcome: ObjectState, detail: str) -> None:
+    def _report(self, place: Place, state: Transfer, outcome: ObjectState, detail: str) -> None:
         incoming = state.incoming
         manifest = incoming.manifest
         total_bytes = manifest.payload_bytes if manifest else None
