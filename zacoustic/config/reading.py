@@ -10,6 +10,7 @@ import msgspec
 from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.objects import read_objects
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
@@ -24,6 +25,7 @@ from zacoustic.config.sections import (
 )
 from zacoustic.config.streams import Fleet, read_streams
 from zacoustic.core.keys import fault_of_name
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
@@ -144,7 +146,8 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
-    fleet = Fleet(nodes=nodes, types=types)
+    objects = read_objects(place.at("objects"), written.objects)
+    fleet = Fleet(nodes=nodes, types=types, largest_bytes=objects.largest_bytes)
     return Config(
         source=source,
         address=own,
@@ -155,7 +158,7 @@ def config_from_mapping(
         journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
-        rules=_read_rules(place, written, nodes),
+        rules=_read_rules(place, written, nodes, objects),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -225,7 +228,9 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_rules(place: Place, written: Section, nodes: Mapping[int, str]) -> TransmitRules:
+def _read_rules(
+    place: Place, written: Section, nodes: Mapping[int, str], objects: ObjectLimits
+) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
@@ -237,6 +242,7 @@ def _read_rules(place: Place, written: Section, nodes: Mapping[int, str]) -> Tra
         access=accesses[0] if accesses else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=written.max_airtime,
+        objects=objects,
     )
 
 
