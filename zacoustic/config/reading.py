@@ -11,6 +11,7 @@ from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.objects import read_objects
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
@@ -25,6 +26,7 @@ from zacoustic.config.sections import (
 )
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.keys import fault_of_name
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
@@ -145,7 +147,8 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
-    fleet = Fleet(nodes=nodes, types=types)
+    objects = read_objects(place.at("objects"), written.objects)
+    fleet = Fleet(nodes=nodes, types=types, largest_bytes=objects.largest_bytes)
     return Config(
         source=source,
         address=own,
@@ -156,7 +159,7 @@ def config_from_mapping(
         journal=_read_journal(place.at("journal"), written.journal),
         table=read_streams(place.at("streams"), len(written.streams), fleet),
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
-        rules=_read_rules(place, written, fleet, own),
+        rules=_read_rules(place, written, fleet, own, objects),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -226,7 +229,9 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_rules(place: Place, written: Section, fleet: Fleet, own: int) -> TransmitRules:
+def _read_rules(
+    place: Place, written: Section, fleet: Fleet, own: int, objects: ObjectLimits
+) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
@@ -243,6 +248,7 @@ def _read_rules(place: Place, written: Section, fleet: Fleet, own: int) -> Trans
         max_airtime=written.max_airtime,
         orders_from=orders_from,
         contact=read_contact(place, written, own),
+        objects=objects,
     )
 
 

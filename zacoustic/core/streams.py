@@ -64,6 +64,9 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     ones."""
     qos: Qos = Qos()
     """How samples wait."""
+    max_bytes: int | None = None
+    """Largest sample that this node sends or takes, bytes; None: as `ObjectLimits` says. Only of
+    reliable topics: others fit a frame. Not in the digest."""
     journal: bool = False
     """Samples that were accepted, and what was received, survive a restart of this node; not in
     the digest, since each end may keep what it likes."""

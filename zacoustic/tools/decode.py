@@ -37,7 +37,7 @@ from zacoustic.core.frame import (
     parse_frame,
 )
 from zacoustic.core.objects.wire import (
-    WITHDRAWN,
+    NO_FRAGMENT,
     Call,
     Complete,
     Fragment,
@@ -145,12 +145,16 @@ class _Reader:
                 listens = _CALL_TEXTS[call]
                 size = len(fragment_bytes)
                 text = f"FRAGMENT {index} of object {transfer}, {size} bytes{listens}"
-                if index == WITHDRAWN:
+                if index == NO_FRAGMENT:
                     text = f"FRAGMENT object {transfer} is withdrawn"
+                    if fragment_bytes:
+                        text = f"FRAGMENT nothing before object {transfer} will come"
                 return DecodedItem(kind="fragment", text=text)
             case Lacks(transfer, block, lacking):
                 several = ", ".join(str(each) for each in lacking)
                 text = f"FEEDBACK object {transfer} lacks {several} from block {block} on"
+                if item.is_nothing:
+                    text = f"FEEDBACK object {transfer} waits for samples before it"
                 return DecodedItem(kind="feedback", text=text)
             case Complete(transfer):
                 return DecodedItem(kind="feedback", text=f"FEEDBACK object {transfer} is complete")
