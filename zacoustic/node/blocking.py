@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar, cast, overload
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Qos
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.errors import LocalError
@@ -139,6 +140,11 @@ class Node:
     def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
         """Measure how far away another node is, and wait for it; see `zacoustic.Node.range`."""
         return self._running().wait(self._node.range(peer, timeout_s=timeout_s))
+
+    def refuse(self, progress: ObjectProgress) -> bool:
+        """Refuse the rest of a large sample on its way to here; see `zacoustic.Node.refuse`."""
+        thread = self._running()
+        return thread.apply(lambda: self._node.refuse(progress))
 
     @overload
     def create_publisher(

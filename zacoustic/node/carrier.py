@@ -20,6 +20,7 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.ranging import RangeFailed, RangeFailure
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamSpec
@@ -43,6 +44,7 @@ NodeEvent = (
     | PeerMeasured
     | ModemRead
     | DeliveryEnded
+    | ObjectProgress
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
@@ -168,6 +170,14 @@ class Carrier(Protocol):
             LocalError: No such node, this one itself, or a time that is none.
             RangeUnavailableError: No range can be measured from here.
             CallTimeoutError: None was measured in time.
+        """
+        ...
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of a large sample that is on its way to here.
+
+        Returns:
+            Whether it was still on its way.
         """
         ...
 

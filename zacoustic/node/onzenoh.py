@@ -134,6 +134,10 @@ class ZenohCarrier:
             f"@acoustic/*/peer/{address}/range",
         )
 
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse nothing: what comes is whole."""
+        return False
+
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""
         with zenoh_errors(route.name):
