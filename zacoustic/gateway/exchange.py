@@ -33,6 +33,7 @@ from zacoustic.gateway.notices import (
     SilenceKept,
     StreamDiffers,
 )
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.silence import SilenceDesk
 from zacoustic.gateway.topics import Topics
@@ -46,6 +47,7 @@ class Exchange:
         topics: Takes samples.
         services: Takes requests and answers.
         actions: Takes what is said about goals.
+        objects: Takes note of how far large samples are.
         health: Takes note of the rest.
         silence: Answers orders to be silent.
         notify: Told what people want to know.
@@ -58,6 +60,7 @@ class Exchange:
         topics: Topics,
         services: Services,
         actions: Actions,
+        objects: ObjectDesk,
         health: Health,
         silence: SilenceDesk,
         notify: Notify,
@@ -66,6 +69,7 @@ class Exchange:
         self._topics = topics
         self._services = services
         self._actions = actions
+        self._objects = objects
         self._health = health
         self._silence = silence
         self._notify = notify
@@ -120,7 +124,9 @@ class Exchange:
                 pass  # the engine keeps it, and the health report asks there
             case DeliveryEnded():
                 self._health.note_delivery(event)
-            case DeliveryStored() | ObjectProgress():
+            case ObjectProgress():
+                self._objects.note(event)
+            case DeliveryStored():
                 pass  # for who publishes in this process
             case _:
                 assert_never(event)

@@ -9,6 +9,7 @@ answered to a `get`:
 ``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
 ``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
               each reliable topic how many samples ended in which way, and how many have not
+``objects``   samples larger than a frame: how far they are, how the last ones ended
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
@@ -35,6 +36,7 @@ from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.streams import Stream
 from zacoustic.core.trace import TraceRecord
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.presence import PREFIX
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.island.queries import Answer, HeldQuery
@@ -54,6 +56,7 @@ class Health:
     Args:
         runner: Whose engine and link.
         island: Where it is put.
+        objects: Knows how far large samples are.
         jobs: What this gateway does: job and stream id.
         losses: What the island gave and was of no use.
         is_journal_kept: The journal outlives the process.
@@ -66,6 +69,7 @@ class Health:
         runner: LinkRunner,
         island: Island,
         *,
+        objects: ObjectDesk,
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
         is_journal_kept: bool,
@@ -74,6 +78,7 @@ class Health:
     ) -> None:
         self._runner = runner
         self._island = island
+        self._objects = objects
         self._jobs = jobs
         self._losses = losses
         self._is_journal_kept = is_journal_kept
@@ -154,6 +159,7 @@ class Health:
             "ledger": self._ledger(),
             "peers": self._peers(),
             "streams": self._streams(),
+            "objects": self._objects.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
             **self._soundings.documents(),

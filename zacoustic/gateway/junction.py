@@ -28,6 +28,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
@@ -138,9 +139,11 @@ class Junction:
             desk=self._desk,
             runner=self.runner,
         )
+        self._objects = ObjectDesk(table, self.runner)
         self._health = Health(
             self.runner,
             island,
+            objects=self._objects,
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
@@ -153,6 +156,7 @@ class Junction:
             topics=self._topics,
             services=self._services,
             actions=self._actions,
+            objects=self._objects,
             health=self._health,
             silence=self._silence,
             notify=self._tell,
@@ -273,6 +277,7 @@ class Junction:
         for expression, serve in (
             (self._health.expression, self._health.answer),
             (self._silence.key, self._silence.serve),
+            (self._objects.key, self._objects.serve),
         ):
             queryable = self.island.session.declare_queryable(
                 zenoh.KeyExpr(expression),
