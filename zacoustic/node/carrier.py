@@ -25,6 +25,7 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.ranging import RangeFailed, RangeFailure
 from zacoustic.core.stats import EngineStats, LedgerEntry
@@ -54,6 +55,7 @@ NodeEvent = (
     | DeliveryEnded
     | SilenceChanged
     | StreamTuned
+    | ObjectProgress
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
@@ -190,6 +192,14 @@ class Carrier(Protocol):
             ServiceError: The node refuses it.
             CallTimeoutError: No answer in time.
             DeliveryError: It cannot be given from here.
+        """
+        ...
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of a large sample that is on its way to here.
+
+        Returns:
+            Whether it was still on its way.
         """
         ...
 

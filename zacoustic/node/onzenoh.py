@@ -151,6 +151,10 @@ class ZenohCarrier:
             raise ServiceError(f"the order is refused: {text}")
         raise call_error("the order", failure, text)
 
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse nothing: what comes is whole."""
+        return False
+
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""
         with zenoh_errors(route.name):

@@ -166,6 +166,7 @@ class OutgoingObjects:
             keeps=keep,
             may_go=restored or not keep,
         )
+        self._report(sending, ObjectState.UNDER_WAY, "")
         if keep and not restored:
             self._journal.write(
                 out_key(transfer),
