@@ -257,7 +257,7 @@ def test_versions_run_round_without_end() -> None:
     for number in range(300):
         want(water, 1, 10, *([2] if number % 2 else []))
         # Nothing arrives while more than half of the versions are used up.
-        water.run(1, everything if not 20 < number < 200 else nothing)
+        water.run(0.02, everything if not 20 < number < 200 else nothing)
     want(water, 1, 10, 2)
     water.run(1000)
     assert subscribers(water, 2, 10) == {1}

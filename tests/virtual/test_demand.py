@@ -54,7 +54,8 @@ class Watched:
         faults = story.scenario.faults
         if not keeps:
             faults = msgspec.structs.replace(faults, journal=JournalSpec(keeps=False))
-        scenario = msgspec.structs.replace(story.scenario, faults=faults)
+        # When it is calm all hear each other, wherever they have gone.
+        scenario = msgspec.structs.replace(story.scenario, faults=faults, channel="none")
         nodes = len(story.casts)
         self.wanted = {address: {} for address in range(1, nodes + 1)}
         self.network = VirtualNetwork(
