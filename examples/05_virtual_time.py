@@ -10,7 +10,8 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import Bounds, TypeTable, type_from_struct
 from zacoustic.testing import VirtualNetwork
 

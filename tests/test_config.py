@@ -16,7 +16,7 @@ from zacoustic.config import Config, config_from_mapping, read_config
 from zacoustic.config.later import LATER_KEYS
 from zacoustic.config.sections import ALLOWED, RECORDS, ServiceEntry, TopicEntry
 from zacoustic.core.qos import Priority, Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import Bounds, FieldSpec
 from zacoustic.errors import ConfigError
 

@@ -15,8 +15,10 @@ from zacoustic.core.access import (
 )
 from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.contact import ContactRules
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import QuietWindow
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import ConfigError
 
 ACCESS: dict[str, Any] = {
@@ -197,3 +199,77 @@ def test_on_demand_needs_somebody_who_could_be_asked() -> None:
         {"address": 1, "streams": [stream | {"publishers": [2]}]}, source="test"
     ).table
     assert table.by_id(1).is_on_demand
+
+
+# Samples larger than a frame
+
+PHOTO: dict[str, Any] = {"id": 12, "topic": "photo", "reliability": "reliable"}
+
+
+def _limits(objects: object, **photo: object) -> ObjectLimits:
+    return _rules(objects=objects, streams=[PHOTO | photo]).objects
+
+
+def test_limits_of_objects_are_read() -> None:
+    assert _rules().objects == ObjectLimits()
+    assert _limits({}) == ObjectLimits()
+    assert _limits({"max_bytes": 50_000, "max_waiting": 3, "memory_bytes": 60_000}) == ObjectLimits(
+        largest_bytes=50_000, most_outgoing=3, incoming_bytes=60_000
+    )
+    assert _limits({"max_bytes": 9 << 20}).incoming_bytes == 9 << 20
+
+
+def test_what_a_topic_says_of_large_samples_is_read() -> None:
+    nodes = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
+    streams = [PHOTO | {"max_bytes": 200_000, "exclusive": True}, PHOTO | {"id": 13, "topic": "x"}]
+    section = {"address": 1, "nodes": nodes, "streams": streams}
+    table = config_from_mapping(section, source="test").table
+    specs = [table.by_id(stream_id).spec for stream_id in (12, 13)]
+    assert [spec.qos.exclusive for spec in specs] == [True, False]
+    assert [spec.max_bytes for spec in specs if isinstance(spec, TopicSpec)] == [200_000, None]
+    changed = [PHOTO, streams[1]]
+    other = config_from_mapping(section | {"streams": changed}, source="test").table
+    assert table.digest == other.digest, "each end may tune it alone"
+
+
+@pytest.mark.parametrize(
+    ("objects", "photo", "complaint"),
+    [
+        ({"max_bytes": 0}, {}, "objects.max_bytes: 0; allowed: 1..268435455"),
+        ({"max_bytes": 1 << 28}, {}, "objects.max_bytes: 268435456; allowed: 1..268435455"),
+        ({"max_bytes": "1M"}, {}, 'objects.max_bytes: "1M"; allowed: a number of bytes'),
+        ({"max_waiting": 65}, {}, "objects.max_waiting: 65; allowed: 1..64"),
+        (
+            {"max_bytes": 1000, "memory_bytes": 999},
+            {},
+            "objects.memory_bytes: 999; allowed: 1000..4294967296, not less than max_bytes",
+        ),
+        ({"max_byte": 1}, {}, "objects.max_byte: unknown key; allowed: max_bytes, max_waiting"),
+        ([], {}, "objects: []; allowed: { max_bytes, max_waiting, memory_bytes }"),
+        (
+            {"max_bytes": 1000},
+            {"max_bytes": 1001},
+            "streams[0].max_bytes: 1001; allowed: 1..1000 (objects.max_bytes is the most)",
+        ),
+        ({}, {"max_bytes": 0}, "streams[0].max_bytes: 0; allowed: 1..1048576"),
+        (
+            {},
+            {"exclusive": True, "reliability": "best_effort"},
+            "streams[0].exclusive: true for a best-effort topic, whose samples fit a frame; "
+            "allowed: with reliability: reliable",
+        ),
+        (
+            {},
+            {"max_bytes": 5, "reliability": "best_effort"},
+            "streams[0].max_bytes: 5 for a best-effort topic",
+        ),
+        ({}, {"exclusive": "yes"}, 'streams[0].exclusive: "yes"; allowed: true, false'),
+    ],
+)
+def test_limits_that_are_wrong_say_what_and_why(
+    objects: object, photo: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        _limits(objects, **photo)
+    assert f"test: plugins.acoustic.{complaint}" in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -38,7 +38,8 @@ from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import Transmission, TransmitOutcome
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.session import GAP_S

@@ -22,7 +22,8 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
 from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SEEDS: Final = 20

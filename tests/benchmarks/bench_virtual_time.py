@@ -14,7 +14,8 @@ from functools import partial
 import msgspec
 
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import VirtualNetwork
 
 NODES = range(1, 6)

@@ -3,7 +3,7 @@
 import random
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine import Engine
@@ -21,7 +21,7 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 
 E = TypeVar("E", bound=Event)
-NO_RULES = TransmitRules()
+NO_RULES: Final = TransmitRules()
 
 
 def link(**settings: Any) -> LinkCapabilities:
@@ -42,8 +42,9 @@ class End:
         capabilities: LinkCapabilities | None = None,
         commits: bool = True,
         journal: Mapping[str, bytes] = MappingProxyType({}),
-        now: int = 0,
         rules: TransmitRules = NO_RULES,
+        now: int = 0,
+        is_up: bool = True,
     ) -> None:
         self.address = address
         self.journal = dict(journal)
@@ -60,7 +61,8 @@ class End:
         self.events: list[Event] = []
         self.commits = commits
         self.now = now
-        self.engine.handle_link_state(LinkState.UP, now, self.capabilities)
+        if is_up:
+            self.engine.handle_link_state(LinkState.UP, now, self.capabilities)
         self.settle()
 
     def settle(self) -> None:

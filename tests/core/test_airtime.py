@@ -15,7 +15,8 @@ from zacoustic.core.linktypes import (
 )
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 S = NS_PER_S
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.2)

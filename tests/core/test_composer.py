@@ -9,7 +9,8 @@ from zacoustic.core.frame import Hello
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}

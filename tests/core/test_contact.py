@@ -9,7 +9,8 @@ from zacoustic.core.events import PeerFound, PeerLost
 from zacoustic.core.linktypes import BROADCAST, LinkState
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 
 
 def fleet(nodes: int = 2, *, listed: bool = True) -> StreamTable:

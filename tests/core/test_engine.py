@@ -11,7 +11,8 @@ from zacoustic.core.events import CallKey, LinkStateChanged
 from zacoustic.core.journal import EPOCH_KEY
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import (
     ConfigError,

@@ -7,7 +7,8 @@ from zacoustic.core.events import PeerSeen, SampleReceived, StreamsDiffer
 from zacoustic.core.frame import WIRE_VERSION, Confirm, Hello, TableRow, Tag
 from zacoustic.core.linktypes import Transmission
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 NODES = {1: "shore", 2: "auv"}

@@ -5,7 +5,8 @@ import random
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import JournalStateChanged
 from zacoustic.core.journal import EPOCH_KEY
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord
 
 

@@ -9,7 +9,8 @@ import msgspec
 import pytest
 
 from zacoustic.core.payload import CborCodec, PackedCodec, PayloadError
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 

@@ -20,7 +20,8 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.ranging import RangeFailed, RangeFailure, RangeMeasured
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import LocalError, RangeUnavailableError
 
 MODEM = link(acknowledges=True, measures_range=True, propagation_s=1.0)

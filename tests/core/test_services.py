@@ -13,7 +13,8 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.frame import Hello
 from zacoustic.core.linktypes import LinkState, Transmission
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, QueueFullError
 

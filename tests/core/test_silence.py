@@ -12,7 +12,8 @@ from zacoustic.core.linktypes import LinkState, TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import QuietWindow
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 S = NS_PER_S
 HOUR = 3600 * S

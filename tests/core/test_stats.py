@@ -8,7 +8,8 @@ from tests.core.rig import Rig, link
 from zacoustic.core.events import RequestReceived
 from zacoustic.core.qos import Priority, Qos, Stamp
 from zacoustic.core.stats import Cause, EngineStats
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 

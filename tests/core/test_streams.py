@@ -8,7 +8,8 @@ import pytest
 
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, Stream, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 

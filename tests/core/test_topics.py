@@ -10,7 +10,8 @@ from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import Hello
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 NODES = {1: "shore", 2: "auv"}

@@ -6,7 +6,8 @@ from tests.core.rig import link
 from zacoustic.core.engine import Engine
 from zacoustic.core.frame import Hello
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 
 

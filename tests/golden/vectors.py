@@ -40,6 +40,7 @@ from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
 from zacoustic.core.objects.manifest import encode_object
 from zacoustic.core.objects.wire import (
+    NO_FRAGMENT,
     WITHDRAWN,
     Call,
     Complete,
@@ -51,7 +52,8 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -146,28 +148,35 @@ def _access() -> Iterator[Vector]:
 
 
 def _objects() -> Iterator[Vector]:
-    manifest, coded = encode_object(12, (2,), "image/png", bytes(range(100)), 0x1234)
+    manifest, coded = encode_object(
+        12, (2,), "image/png", bytes(range(100)), lineage=0x1234, number=7
+    )
     whole = Fragments(coded, 60)
     for name, call, index, meaning in (
         (
             "fragment_first",
             Call.NONE,
             0,
-            "of object 5: stream 12, instance 2, image/png, 100 bytes",
+            "of object 5: stream 12, lineage 1234, number 7, instance 2, image/png, 100 bytes",
         ),
         ("fragment_last", Call.ANSWER, 1, "the last source fragment, which calls for an answer"),
         ("fragment_repair", Call.WINDOW, 2, "a repair fragment, seed 0; a listen window follows"),
     ):
         record = Fragment(5, call, index, whole.fragment(index)).encode()
         yield _vector(name, record, f"FRAGMENT: {meaning}")
-    withdrawn = Fragment(5, Call.ANSWER, WITHDRAWN, b"").encode()
-    yield _vector("fragment_withdrawn", withdrawn, "FRAGMENT: object 5 is withdrawn")
+    for name, about, meaning in (
+        ("fragment_withdrawn", WITHDRAWN, "object 5 is withdrawn"),
+        ("fragment_turn", manifest.digest[:4], "no sample before object 5 will come"),
+    ):
+        record = Fragment(5, Call.ANSWER, NO_FRAGMENT, about).encode()
+        yield _vector(name, record, f"FRAGMENT: {meaning}")
     for name, feedback, meaning in (
         (
             "feedback_lacks",
             Lacks(5, 3, (12, 0, 255)),
             "object 5 lacks 12 of block 3, 255 of block 5",
         ),
+        ("feedback_waits", Lacks(5, 3, (0,)), "all 3 blocks of object 5 are there, it waits"),
         ("feedback_complete", Complete(5, manifest.digest[:4]), "object 5 is complete"),
         ("feedback_refused", Refused(5, Reason.TOO_LARGE), "object 5 is too large"),
         ("feedback_headless", Headless(5, 300), "300 fragments of object 5, no manifest"),

@@ -1,5 +1,6 @@
 from zacoustic.core.qos import Forward, Qos
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.journal.forgotten import forgotten
 
 SPECS: list[StreamSpec] = [

@@ -118,8 +118,9 @@ def scenario() -> Scenario:
 
 
 @contextmanager
-def water() -> Iterator[SimMedium]:
-    medium = SimMedium(scenario(), time_scale=TIME_SCALE)
+def water(profile: str = "ideal") -> Iterator[SimMedium]:
+    spec = msgspec.structs.replace(scenario(), profile=profile)
+    medium = SimMedium(spec, time_scale=TIME_SCALE)
     try:
         yield medium
     finally:
@@ -129,7 +130,8 @@ def water() -> Iterator[SimMedium]:
 class WaterServer:
     """A medium server on a loop in a thread: water for other processes and other loops."""
 
-    def __init__(self) -> None:
+    def __init__(self, profile: str = "ideal") -> None:
+        self._profile = profile
         self.locator = ""
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
@@ -150,7 +152,7 @@ class WaterServer:
             runner.run(self._serve())
 
     async def _serve(self) -> None:
-        with water() as medium:
+        with water(self._profile) as medium:
             server = MediumServer(medium, "127.0.0.1", 0)
             await server.open()
             self.locator = f"sim/{server.address}"

@@ -16,7 +16,8 @@ from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}

@@ -21,7 +21,8 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import LinkClosedError, LinkOpenError, LocalError
 from zacoustic.journal import EPOCHS, JournalState, MemoryJournal
 from zacoustic.link import Link, LinkConfig, LinkReceiver

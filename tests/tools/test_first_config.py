@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from zacoustic.config import Config
 from zacoustic.core.encoding import decode_application
-from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
 from zacoustic.tools.first.inference import NoTypeError, infer_type
 from zacoustic.tools.first.survey import SeenTopic, Survey

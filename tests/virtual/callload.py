@@ -10,7 +10,8 @@ from tests.virtual.fleet import line
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import CallFailed, CallKey, Event, RequestReceived, ResponseReceived
-from zacoustic.core.streams import ServiceSpec, StreamTable
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import VirtualNetwork
 

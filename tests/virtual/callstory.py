@@ -22,7 +22,8 @@ from zacoustic.core.events import (
     ResponseReceived,
 )
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

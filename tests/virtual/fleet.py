@@ -19,7 +19,7 @@ from zacoustic.core.events import Event, StreamsDiffer
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec
 from zacoustic.testing.stories.invariants import OncePerCall
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story, cast_of

@@ -31,7 +31,8 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import ActionSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ActionSpec, TopicSpec
 from zacoustic.errors import JournalUnavailableError, QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

@@ -18,7 +18,8 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import CallFailed, CallFailure, Event, ResponseReceived
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind, OrderState
 from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork

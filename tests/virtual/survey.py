@@ -19,7 +19,8 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
 

@@ -12,7 +12,8 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, PeerFound, PeerLost
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import VirtualNetwork
 
 HEARTBEAT_S = 60.0

@@ -9,7 +9,8 @@ from tests.virtual.fleet import line
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

@@ -11,7 +11,8 @@ from zacoustic.channel.nodefaults import JournalSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.events import Event
 from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.stories import random_story
 from zacoustic.testing.virtual import VirtualNetwork
@@ -54,7 +55,8 @@ class Watched:
         faults = story.scenario.faults
         if not keeps:
             faults = msgspec.structs.replace(faults, journal=JournalSpec(keeps=False))
-        scenario = msgspec.structs.replace(story.scenario, faults=faults)
+        # When it is calm all hear each other, wherever they have gone.
+        scenario = msgspec.structs.replace(story.scenario, faults=faults, channel="none")
         nodes = len(story.casts)
         self.wanted = {address: {} for address in range(1, nodes + 1)}
         self.network = VirtualNetwork(

@@ -11,7 +11,8 @@ import pytest
 from tests.virtual.fleet import line
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

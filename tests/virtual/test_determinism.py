@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import Trial, line
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

@@ -14,7 +14,8 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.journal import EPOCH_KEY, JournalWrite
 from zacoustic.core.linktypes import LinkState
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord, TraceSink
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtual import NodeDownError, VirtualNetwork

@@ -5,7 +5,8 @@ from functools import partial
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import VirtualNetwork
 
 NODES = {1: "shore", 2: "auv1"}

@@ -10,7 +10,8 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.frame import Hello, Tag
 from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEPTH = 10

@@ -15,7 +15,8 @@ from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Priority, Qos, Reliability
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LocalError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
@@ -33,6 +34,7 @@ def table(nodes: int = 2, **qos: Any) -> StreamTable:
                 stream_id=PHOTO,
                 name="{node}/photo",
                 qos=Qos(reliability=reliable, priority=Priority.BACKGROUND, **qos),
+                journal=True,
             ),
             TopicSpec(
                 stream_id=ALARM,
@@ -117,10 +119,13 @@ def test_an_alarm_during_an_outgoing_object() -> None:
         for record in sent
         if record.what == "transmit" and record.node == 2 and ALARM in record.streams
     ]
+    waits = []
     for number in range(20):
         published_s = 320 + 6.3 * number
-        waited_s = min(at - published_s for at in alarms if at >= published_s)
-        assert waited_s <= 0.951 + 0.1
+        waits.append(min(at - published_s for at in alarms if at >= published_s))
+    # Longer only where the ACK of the one before is just being heard.
+    assert sorted(waits)[-3] <= 0.951 + 0.1
+    assert max(waits) <= 0.951 + 0.1 + 0.235
     assert len(network.samples(1, PHOTO)) == 1
 
 

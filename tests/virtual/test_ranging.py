@@ -11,7 +11,8 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import PeerMeasured
 from zacoustic.core.qos import Qos
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

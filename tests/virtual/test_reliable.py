@@ -18,7 +18,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.events import DeliveryEnded, DeliveryStored, Event
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import TopicSpec
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.stories import INVARIANTS, Arrived, Lane, Publication, Story, Witness, tell
 from zacoustic.testing.stories.story import cast_of, opaque
 from zacoustic.testing.virtual import Modem

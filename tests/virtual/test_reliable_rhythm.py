@@ -13,7 +13,9 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
 from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.stats import Cause
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SEEDS = 200
@@ -33,6 +35,8 @@ class Sea:
         water = {"seed": seed, "channel": "none", "nodes": nodes}
         self.lost: Callable[[int], bool] = lambda source: False
         """Whether a frame of a node is lost."""
+        self.large: dict[int, int] = {}
+        """Bytes of samples that fit no frame, by number."""
         self.published_at: list[float] = []
         self.arrived: list[tuple[int, float]] = []
         self.outcomes: list[DeliveryOutcome] = []
@@ -79,11 +83,12 @@ class Sea:
             self.network.publish(2, 2, b"report")
             return
         self.published_at.append(ns_to_seconds(self.network.now))
-        self.network.publish(1, 1, (len(self.published_at) - 1).to_bytes(12, "big"))
+        number = len(self.published_at) - 1
+        self.network.publish(1, 1, number.to_bytes(12, "big") + bytes(self.large.get(number, 0)))
 
     def _take(self, address: int, event: Event) -> None:
         if isinstance(event, SampleReceived) and event.stream_id == 1:
-            number = int.from_bytes(event.value, "big")
+            number = int.from_bytes(event.value[:12], "big")
             self.arrived.append((number, ns_to_seconds(self.network.now)))
         elif isinstance(event, DeliveryEnded):
             self.outcomes.append(event.outcome)
@@ -197,3 +202,22 @@ def test_silence_for_long_is_taken_for_that_of_somebody_who_is_gone() -> None:
     sea.lost = lambda source: False
     sea.network.run(until_s=end_s + 200)
     sea.check()
+
+
+def _ack_bytes(sea: Sea) -> int:
+    ledger = sea.network.engine(2).stats.ledger()
+    return sum(each.transmitted_bytes for each in ledger if each.cause is Cause.ACK)
+
+
+def test_large_sample_in_a_rhythm_is_not_asked_for() -> None:
+    sea = Sea(5)
+    end_s = sea.series(40)
+    sea.large = {23: 4000}
+    sea.network.run(until_s=BEGIN_S + 20 * PERIOD_S + 5)
+    before = _ack_bytes(sea)
+    sea.network.run(until_s=BEGIN_S + 26 * PERIOD_S - 1)
+    assert len(sea.arrived) == 23, "it is still under way, and five wait behind it"
+    assert _ack_bytes(sea) - before < 36, "38 where it is asked for"
+    sea.network.run(until_s=end_s + 60)
+    sea.check()
+    assert max(sea.latencies_s()[32:]) < 1.32

@@ -8,7 +8,8 @@ from tests.virtual.fleet import line
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.qos import Qos
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

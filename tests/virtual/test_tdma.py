@@ -16,7 +16,8 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import VirtualNetwork
 

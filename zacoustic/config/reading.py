@@ -12,6 +12,7 @@ from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.model import check_model, read_model
+from zacoustic.config.objects import read_objects
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.sections import (
@@ -26,6 +27,7 @@ from zacoustic.config.sections import (
 )
 from zacoustic.config.streams import Fleet, check_address, read_streams
 from zacoustic.core.keys import fault_of_name
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
@@ -157,8 +159,14 @@ def config_from_mapping(
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
     types, python_types = _read_types(place.at("types"), written.types)
+    objects = read_objects(place.at("objects"), written.objects)
     read = read_model(place.at("model"), written.model, folder or Path())
-    fleet = Fleet(nodes=nodes, types=types, model=read.model if read is not None else None)
+    fleet = Fleet(
+        nodes=nodes,
+        types=types,
+        largest_bytes=objects.largest_bytes,
+        model=read.model if read is not None else None,
+    )
     table = read_streams(place.at("streams"), len(written.streams), fleet)
     check_model(place.at("model"), table)
     return Config(
@@ -172,7 +180,7 @@ def config_from_mapping(
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
-        rules=_read_rules(place, written, fleet, own),
+        rules=_read_rules(place, written, fleet, own, objects),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -246,7 +254,9 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
-def _read_rules(place: Place, written: Section, fleet: Fleet, own: int) -> TransmitRules:
+def _read_rules(
+    place: Place, written: Section, fleet: Fleet, own: int, objects: ObjectLimits
+) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
@@ -263,6 +273,7 @@ def _read_rules(place: Place, written: Section, fleet: Fleet, own: int) -> Trans
         max_airtime=written.max_airtime,
         orders_from=orders_from,
         contact=read_contact(place, written, own),
+        objects=objects,
     )
 
 

@@ -46,6 +46,11 @@ ALLOWED: Final = {
     "journal": "true, false",
     "quiet": 'a list of { from: "22:00", to: "06:00" }',
     "from": 'a time of day in UTC, such as "22:00"',
+    "objects": "{ max_bytes, max_waiting, memory_bytes }",
+    "max_bytes": "a number of bytes, 1 or more",
+    "max_waiting": "a number, 1..64",
+    "memory_bytes": "a number of bytes, not less than max_bytes",
+    "exclusive": "true, false",
     "max_airtime": "a share, above 0, at most 1",
     "orders_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
@@ -160,6 +165,17 @@ class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end
     """Time of day in UTC, ``HH:MM``; `to` in the file."""
 
 
+class ObjectsEntry(Entry, frozen=True, kw_only=True):
+    """How much memory samples may take that are larger than a frame."""
+
+    max_bytes: int | None = None
+    """Largest sample that is sent or taken, bytes."""
+    max_waiting: int | None = None
+    """Most of them that are on their way from here, or wait."""
+    memory_bytes: int | None = None
+    """Most bytes that all take together that are on their way to here."""
+
+
 class StreamEntry(Entry, frozen=True, kw_only=True):
     """What topics, services and actions have in common."""
 
@@ -206,6 +222,10 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """When samples cross the water."""
     journal: bool = False
     """Samples survive a restart of this node."""
+    max_bytes: int | None = None
+    """Largest sample; none: as `objects` says."""
+    exclusive: bool = False
+    """Samples larger than a frame are sent without pauses."""
 
 
 class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
@@ -280,6 +300,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """Ranges that are measured again and again."""
     quiet: tuple[QuietEntry, ...] = ()
     """Hours of each day at which nothing is transmitted."""
+    objects: ObjectsEntry | None = None
+    """How much memory samples may take that are larger than a frame."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air; none: no cap."""
     orders_from: tuple[int, ...] | None = None
@@ -301,5 +323,6 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "wildcards": WildcardEntry,
     "ranging": RangingEntry,
     "quiet": QuietEntry,
+    "objects": ObjectsEntry,
 }
-"""The record of the entries of a list, by the key of the list; "" for the section itself."""
+"""The record of the table at a key, or of the entries of the list there; "" for the section."""

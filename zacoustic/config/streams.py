@@ -6,21 +6,16 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.config.complaints import Place
+from zacoustic.config.complaints import Place, shown
 from zacoustic.config.later import check_word, refuse_later_keys
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.dense import Model
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
+from zacoustic.core.objects.limits import LARGEST_BYTES
 from zacoustic.core.qos import PRIORITY_NAMES, Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import (
-    CODECS,
-    ActionSpec,
-    ServiceSpec,
-    StreamSpec,
-    StreamTable,
-    TopicSpec,
-)
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError
 
@@ -38,6 +33,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """The types by name."""
     model: Model | None = None
     """What a fit says of the dense streams."""
+    largest_bytes: int = LARGEST_BYTES
+    """Largest sample that the node sends or takes, bytes."""
 
 
 def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
@@ -97,8 +94,10 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             max_airtime=entry.max_airtime,
             stamp=Stamp(entry.stamp),
             forward=Forward(entry.forward),
+            exclusive=entry.exclusive,
         ),
     )
+    _check_large(place, entry, fleet)
     _check_reliability(place, entry, fleet)
     if qos.forward is Forward.ON_DEMAND and not (fleet.nodes or entry.publishers):
         place.at("publishers").complain(
@@ -116,6 +115,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         encoding=entry.encoding,
         codec=entry.codec or "cbor",
         qos=qos,
+        max_bytes=entry.max_bytes,
         journal=entry.journal,
     )
 
@@ -198,6 +198,25 @@ def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
             "true for a best-effort topic, of which nothing is promised",
             allowed="with reliability: reliable",
             hint="say reliability, or leave journal out",
+        )
+
+
+def _check_large(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
+    """Check what is said of samples that are larger than a frame."""
+    for key, is_written in (
+        ("max_bytes", entry.max_bytes is not None),
+        ("exclusive", entry.exclusive),
+    ):
+        if is_written and entry.reliability != Reliability.RELIABLE.value:
+            place.at(key).complain(
+                f"{shown(place.at(key).written)} for a best-effort topic, "
+                "whose samples fit a frame",
+                allowed="with reliability: reliable",
+                hint=f"say reliability, or leave {key} out",
+            )
+    if entry.max_bytes is not None and not 1 <= entry.max_bytes <= fleet.largest_bytes:
+        place.at("max_bytes").complain(
+            allowed=f"1..{fleet.largest_bytes}", hint="objects.max_bytes is the most"
         )
 
 

@@ -32,7 +32,8 @@ from zacoustic.core.qos import Priority, Qos, Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 ANSWER_LANE: Final = 2

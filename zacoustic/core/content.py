@@ -18,7 +18,8 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES, measure_ack
 from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
 from zacoustic.core.frame import Prefixes
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import EVERY_NODE, ActionSpec, ServiceSpec, Stream
+from zacoustic.core.streams import EVERY_NODE, Stream
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 
 SERVER_BYTES: Final = 1
 """What a record names its server in, where each node is one."""

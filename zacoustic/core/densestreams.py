@@ -28,7 +28,8 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.queue import Waiting
-from zacoustic.core.streams import AGE_FIELD, StreamTable, TopicSpec
+from zacoustic.core.streams import AGE_FIELD, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 
 class _Heard:

@@ -53,7 +53,8 @@ from zacoustic.core.protocols import Protocols
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats
-from zacoustic.core.streams import Stream, StreamSpec, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.core.trace import Tracer, TraceSink
 from zacoustic.core.transmitter import Transmitter
 
@@ -294,12 +295,12 @@ class Engine:
         )
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
-        """Give up a sample that is larger than a frame; False when it is not on its way.
+        """Give up a reliable sample; False when it is not on its way.
 
-        `DeliveryEnded` follows, and its receivers are told.
+        `DeliveryEnded` follows; receivers that have part of a large one are told.
         """
         self._now = now
-        return self._protocols.large.at(now).objects.cancel(delivery_id, now)
+        return self._protocols.large.cancel(delivery_id, now)
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
         """Refuse the rest of an object that `ObjectProgress` has told of; False when it is over."""
@@ -410,8 +411,7 @@ class Engine:
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
-        objects = self._protocols.large.objects
-        return self._protocols.sending.delivering(stream_id) + objects.pending(stream_id)
+        return self._protocols.sending.delivering(stream_id)
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""

@@ -184,7 +184,7 @@ class Handshake:
                         break
                     room_bytes -= len(control)
                     taken.append((cause, control))
-                    self._said(peer, cause, now)
+                    peer.said(cause, now, self._unit_ns)
                 if not peer.is_owed:
                     peer.speak_at = None
         return taken
@@ -435,17 +435,6 @@ class Handshake:
             row = TableRow(self.epoch, stream_id, self._row(stream_id))
             controls.append((Cause.TABLE, row.encode()))
         return controls
-
-    def _said(self, peer: Peer, cause: Cause, now: int) -> None:
-        if cause is Cause.CONFIRM:
-            peer.owes_confirm = False
-            peer.answer_pause.use(now, self._unit_ns)
-        elif cause is Cause.TABLE:
-            peer.owed_rows.pop(next(iter(peer.owed_rows)))
-        else:
-            peer.questions.pop(next(iter(peer.questions)))
-            if not peer.questions:
-                peer.ask_pause.use(now, self._unit_ns)
 
     def _tell_difference(self, source: int, peer: Peer, stream_id: int) -> None:
         if stream_id not in peer.told_differing:

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from zacoustic.core.stats import Cause
+
 _FIRST_PAUSE_UNITS: Final = 2
 _LONGEST_ANSWER_PAUSE_UNITS: Final = 256
 _LONGEST_QUESTION_PAUSE_UNITS: Final = 64
@@ -74,6 +76,18 @@ class Peer:
         if self.questions:
             instants.append(self.ask_pause.not_before)
         return 0 if self.owes_hello or self.owed_rows else min(instants)
+
+    def said(self, cause: Cause, now: int, unit_ns: int) -> None:
+        """Take note that the next of what is owed of a kind has been said."""
+        if cause is Cause.CONFIRM:
+            self.owes_confirm = False
+            self.answer_pause.use(now, unit_ns)
+        elif cause is Cause.TABLE:
+            self.owed_rows.pop(next(iter(self.owed_rows)))
+        else:
+            self.questions.pop(next(iter(self.questions)))
+            if not self.questions:
+                self.ask_pause.use(now, unit_ns)
 
     def forget(self) -> None:
         """It has begun a new life: it knows nothing of us, and we nothing of its table."""

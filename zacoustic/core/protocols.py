@@ -95,13 +95,15 @@ class Protocols:
         self.large = LargeSamples(
             address,
             table,
+            rules.objects,
             handshake=handshake,
             demand=self.demand,
+            sending=self.sending,
+            receiving=self.receiving,
             journal=journal,
             stats=stats,
             rng=rng,
             emit=emit,
-            hand_on=self._hand_on,
         )
         self.topics = Topics(
             address,
@@ -168,9 +170,9 @@ class Protocols:
         self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
+        self.large.recover(stored)
         self.services.recover(stored)
         self.actions.recover(stored)
-        self.sending.next_delivery_id(above=self.large.recover(stored))
 
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
@@ -202,6 +204,7 @@ class Protocols:
     def link_up(self, now: int) -> None:
         """The link is up."""
         self.sending.link_up(now)
+        self.large.link_up(now)
         self.repeater.link_up(now)
         self.services.link_up(now)
         self.actions.link_up(now)

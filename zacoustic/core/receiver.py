@@ -64,7 +64,8 @@ from zacoustic.core.objects.wire import Call, Feedback, Fragment
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.services import Services
 from zacoustic.core.stats import NO_STREAM, EngineStats
-from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.topics import Topics
 
 

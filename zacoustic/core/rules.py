@@ -1,9 +1,10 @@
-"""What the config says of transmitting: medium access, silence, airtime, orders, heartbeats."""
+"""What the config says of transmitting: access, silence, airtime, orders, heartbeats, objects."""
 
 import msgspec
 
 from zacoustic.core.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.contact import ContactRules
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.silence import QuietWindow
 
 
@@ -14,6 +15,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """Medium access; None: as the link says."""
     quiet: tuple[QuietWindow, ...] = ()
     """Hours of each day at which nothing is transmitted."""
+    objects: ObjectLimits = ObjectLimits()
+    """How much memory samples may take that are larger than a frame."""
     max_airtime: float | None = None
     """Share of the time that the node may be on the air, above 0, at most 1, but for REAL_TIME;
     None: all of it."""

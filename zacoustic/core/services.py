@@ -32,7 +32,8 @@ from zacoustic.core.qos import Stamp
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
-from zacoustic.core.streams import EVERY_NODE, ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import EVERY_NODE, Stream, StreamTable
+from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _REQUEST_LANE: Final = 1

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
-from zacoustic.core.arq.receiving import LEAST_ACK_BYTES, Arrival, ReliableReceiving
+from zacoustic.core.arq.places import LEAST_ACK_BYTES
+from zacoustic.core.arq.receiving import Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.demand.demand import Demand
@@ -23,7 +24,8 @@ from zacoustic.core.payload import PayloadError, TypedCodec
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 _AGE_BYTES: Final = 1
@@ -114,13 +116,19 @@ class Topics:
             return self._demand.refuse(stream, self._sending.next_delivery_id(), now)
         largest_bytes = self._queue.largest_bytes
         is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
-        if is_large and not delete and self.large is not None:
-            delivery_id = self._sending.next_delivery_id()
-            self.large.publish(
-                delivery_id, stream, payload, now, instance=instance, encoding=encoding
-            )
-            count(self._stats.published, stream_id)
-            return delivery_id
+        if reliable and self.large is not None:
+            self.large.check(stream, len(payload))
+            if is_large and not delete:
+                delivery_id = self.large.publish(
+                    stream,
+                    payload,
+                    now,
+                    instance=instance,
+                    encoding=encoding if prefix else None,
+                    expires_at=expires_at,
+                )
+                count(self._stats.published, stream_id)
+                return delivery_id
         self._queue.check_size(stream.name, needed_bytes)
         count(self._stats.published, stream_id)
         if reliable:
@@ -199,7 +207,10 @@ class Topics:
                 frame_bytes=len(received.frame_bytes),
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
-            return self._receiving.receive(stream, arrival, now)
+            reason = self._receiving.receive(stream, arrival, now)
+            if self.large is not None:
+                self.large.at(now).objects.look_again(source)
+            return reason
         self._emit(sample)
         return None
 
@@ -241,8 +252,8 @@ class Topics:
         audience = self._demand.audience(stream)
         if stream.qos.reliability is Reliability.RELIABLE:
             self._sending.audience_changed(stream, newcomers, now)
-            if not audience and self.large is not None:
-                self.large.cancel_stream(stream, now)
+            if self.large is not None:
+                self.large.audience_changed(stream, now)
         elif audience:
             self._queue.readdress(stream.stream_id, self._demand.destination(stream))
         else:

@@ -32,7 +32,8 @@ from zacoustic.core.actions.news import (
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import CallFailure
-from zacoustic.core.streams import ActionSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.island.goalerrand import FeedbackEar, GoalErrand

@@ -41,6 +41,7 @@ from zacoustic.gateway.notices import (
     Subscribed,
     TopicTuned,
 )
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.orders import OrderDesk
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.topics import Topics
@@ -54,6 +55,7 @@ class Exchange:
         topics: Takes samples.
         services: Takes requests and answers.
         actions: Takes what is said about goals.
+        objects: Takes note of how far large samples are.
         health: Takes note of the rest.
         orders: Answers orders.
         notify: Told what people want to know.
@@ -66,6 +68,7 @@ class Exchange:
         topics: Topics,
         services: Services,
         actions: Actions,
+        objects: ObjectDesk,
         health: Health,
         orders: OrderDesk,
         notify: Notify,
@@ -74,6 +77,7 @@ class Exchange:
         self._topics = topics
         self._services = services
         self._actions = actions
+        self._objects = objects
         self._health = health
         self._orders = orders
         self._notify = notify
@@ -149,7 +153,9 @@ class Exchange:
                 pass  # the engine keeps it, and the health report asks there
             case DeliveryEnded():
                 self._health.note_delivery(event)
-            case DeliveryStored() | ObjectProgress():
+            case ObjectProgress():
+                self._objects.note(event)
+            case DeliveryStored():
                 pass  # for who publishes in this process
             case _:
                 assert_never(event)

@@ -11,6 +11,7 @@ answered to a `get`:
               each reliable topic how many samples ended in which way, and how many have not; for
               each topic that this node publishes whether it is on, least interval and priority; for
               each on-demand topic who wants it, and who is asked for it
+``objects``   samples larger than a frame: how far they are, how the last ones ended
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
@@ -35,8 +36,10 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, PeerSeen, StreamsDiffer
 from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
-from zacoustic.core.streams import Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
@@ -56,6 +59,7 @@ class Health:
     Args:
         runner: Whose engine and link.
         island: Where it is put.
+        objects: Knows how far large samples are.
         jobs: What this gateway does: job and stream id.
         losses: What the island gave and was of no use.
         is_journal_kept: The journal outlives the process.
@@ -68,6 +72,7 @@ class Health:
         runner: LinkRunner,
         island: Island,
         *,
+        objects: ObjectDesk,
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
         is_journal_kept: bool,
@@ -76,6 +81,7 @@ class Health:
     ) -> None:
         self._runner = runner
         self._island = island
+        self._objects = objects
         self._jobs = jobs
         self._losses = losses
         self._is_journal_kept = is_journal_kept
@@ -157,6 +163,7 @@ class Health:
             "ledger": self._ledger(),
             "peers": self._peers(),
             "streams": self._streams(),
+            "objects": self._objects.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
             **self._soundings.documents(),

@@ -28,6 +28,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
+from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.onlookers import Onlookers
 from zacoustic.gateway.orders import OrderDesk
 from zacoustic.gateway.presence import Presence
@@ -141,9 +142,11 @@ class Junction:
             desk=self._desk,
             runner=self.runner,
         )
+        self._objects = ObjectDesk(table, self.runner)
         self._health = Health(
             self.runner,
             island,
+            objects=self._objects,
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
@@ -156,6 +159,7 @@ class Junction:
             topics=self._topics,
             services=self._services,
             actions=self._actions,
+            objects=self._objects,
             health=self._health,
             orders=self._orders,
             notify=self._tell,
@@ -277,6 +281,7 @@ class Junction:
         self._services.watch(self.runner.engine.address)
         for expression, serve, complete in (
             (self._health.expression, self._health.answer, True),
+            (self._objects.key, self._objects.serve, True),
             *((key, self._orders.serve, True) for key in self._orders.own_keys),
             # Not complete: the gateway of a node that is on this island answers alone.
             *((key, self._orders.serve_beyond, False) for key in self._orders.keys_beyond),

@@ -21,7 +21,8 @@ from typing import Final, TypeAlias
 
 import zenoh
 
-from zacoustic.core.streams import ActionSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.onlookers import Lookout, Onlookers
 from zacoustic.gateway.services import Services

@@ -25,7 +25,8 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.streams import ServiceSpec, StreamTable
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.translation import from_island, to_island

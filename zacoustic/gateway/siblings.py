@@ -29,7 +29,8 @@ stands by.
 from typing import Final
 
 from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 
 # The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
 RETIRED_S: Final = 10.0

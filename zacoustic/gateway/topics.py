@@ -12,7 +12,8 @@ import zenoh
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import SampleReceived
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.lastvalues import LastValue, LastValues

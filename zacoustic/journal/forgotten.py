@@ -1,6 +1,7 @@
 """What a node without a journal forgets when it is restarted, in one line for people."""
 
-from zacoustic.core.streams import ActionSpec, ServiceSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 
 
 def forgotten(table: StreamTable, address: int) -> str:

@@ -5,7 +5,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
 
 PARTS: Final = ("goal", "feedback", "result")

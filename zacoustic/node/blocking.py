@@ -13,6 +13,7 @@ from typing import Any, Self, TypeVar, cast, overload
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.qos import Qos
 from zacoustic.core.stats import EngineStats, LedgerEntry
@@ -146,6 +147,11 @@ class Node:
     ) -> OrderState:
         """Give an order to a node, and wait for the answer; see `zacoustic.Node.order`."""
         return self._running().wait(self._node.order(peer, order, timeout_s=timeout_s))
+
+    def refuse(self, progress: ObjectProgress) -> bool:
+        """Refuse the rest of a large sample on its way to here; see `zacoustic.Node.refuse`."""
+        thread = self._running()
+        return thread.apply(lambda: self._node.refuse(progress))
 
     @overload
     def create_publisher(

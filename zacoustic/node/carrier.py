@@ -25,10 +25,12 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.ranging import RangeFailed, RangeFailure
 from zacoustic.core.stats import EngineStats, LedgerEntry
-from zacoustic.core.streams import Stream, StreamSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,
@@ -54,6 +56,7 @@ NodeEvent = (
     | DeliveryEnded
     | SilenceChanged
     | StreamTuned
+    | ObjectProgress
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 
@@ -190,6 +193,14 @@ class Carrier(Protocol):
             ServiceError: The node refuses it.
             CallTimeoutError: No answer in time.
             DeliveryError: It cannot be given from here.
+        """
+        ...
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of a large sample that is on its way to here.
+
+        Returns:
+            Whether it was still on its way.
         """
         ...
 

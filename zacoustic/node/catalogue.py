@@ -15,14 +15,8 @@ import msgspec
 
 from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import (
-    ActionSpec,
-    ServiceSpec,
-    Stream,
-    StreamSpec,
-    StreamTable,
-    TopicSpec,
-)
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 from zacoustic.node.agreement import PARTS, kind_of, pair_of, triple_of, tune

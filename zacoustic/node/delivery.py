@@ -5,9 +5,10 @@ awaited, on the loop.
 """
 
 import asyncio
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.errors import DeliveryError, LocalError
 
 
@@ -24,9 +25,12 @@ class Delivery:
     Args:
         key: What the sample was published under.
         is_journalled: The journal keeps it.
+        cancel: Gives it up.
     """
 
-    def __init__(self, key: str, *, is_journalled: bool) -> None:
+    def __init__(
+        self, key: str, *, is_journalled: bool, cancel: "Callable[[Delivery], None]"
+    ) -> None:
         self.key = key
         """What the sample was published under."""
         self.outcome: DeliveryOutcome | None = None
@@ -35,7 +39,11 @@ class Delivery:
         """Addresses of the subscribers that have not acknowledged it, when it has ended."""
         self.detail = ""
         """Why, where the outcome does not say it."""
+        self.progress: ObjectProgress | None = None
+        """How far it is, as told last, if it is larger than a frame; None: it is not, or nothing
+        was told yet."""
         self._is_journalled = is_journalled
+        self._cancel = cancel
         self._is_stored = False
         self._error: Exception | None = None
         self._waiters: set[asyncio.Future[None]] = set()
@@ -72,7 +80,20 @@ class Delivery:
                 raise DeliveryError(f"{self.key}: {self.outcome.value} before it was stored")
             await self._progress()
 
+    def cancel(self) -> None:
+        """Give it up; from any thread. It ends as CANCELLED, unless it has ended.
+
+        Raises:
+            QueueFullError: From another thread: the loop is far behind.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        self._cancel(self)
+
     # For the carrier
+
+    def note_progress(self, event: ObjectProgress) -> None:
+        """It has come further."""
+        self.progress = event
 
     def note_stored(self) -> None:
         """The journal has it."""
@@ -123,6 +144,17 @@ class Deliveries:
     def add(self, delivery_id: int, delivery: Delivery) -> None:
         """Note which one the engine means by an id."""
         self._deliveries[delivery_id] = delivery
+
+    def id_of(self, delivery: Delivery) -> int | None:
+        """Return what the engine calls a delivery; None: it has ended."""
+        known = (each for each, other in self._deliveries.items() if other is delivery)
+        return next(known, None)
+
+    def progressed(self, event: ObjectProgress) -> None:
+        """Tell the delivery of a large sample how far it is."""
+        delivery = self._deliveries.get(event.object_id or 0)
+        if delivery is not None:
+            delivery.note_progress(event)
 
     def stored(self, event: DeliveryStored) -> None:
         """Tell the delivery that it is in the journal."""

@@ -4,11 +4,14 @@ from collections import deque
 from collections.abc import AsyncIterator
 from typing import Final
 
+from zacoustic.core.objects.progress import ObjectProgress, ObjectState
 from zacoustic.node.carrier import NodeEvent
 from zacoustic.node.mailbox import Mailbox
 
 EVENTS_KEPT: Final = 64
-"""Events that a reader begins with, and that wait for it."""
+"""Events that a reader begins with, and that wait for it; and as many of how far something is."""
+
+_PROGRESS: Final = "progress"
 
 
 class EventLog:
@@ -22,9 +25,13 @@ class EventLog:
 
     def add(self, event: NodeEvent) -> None:
         """Tell all readers."""
-        self._recent.append(event)
+        key = ""
+        if isinstance(event, ObjectProgress) and event.state is ObjectState.UNDER_WAY:
+            key = _PROGRESS  # many: it pushes out nothing but its like
+        else:
+            self._recent.append(event)
         for reader in self._readers:
-            reader.put(event)
+            reader.put(event, key)
 
     async def read(self) -> AsyncIterator[NodeEvent]:
         """Iterate over the events, those that are kept first; ends when the log is closed."""

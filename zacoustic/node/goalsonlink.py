@@ -88,6 +88,7 @@ class LinkGoals:
         ]
         for sent in found:
             sent.feed = feed
+            self._forget_ended(sent)
         return found
 
     def serve(self, route: ActionRoute[Any, Any, Any], desk: GoalDesk) -> Callable[[], None]:
@@ -126,8 +127,7 @@ class LinkGoals:
                 sent = self._sent.get(event.goal)
                 if sent is not None:
                     sent.hear(event)
-                    if sent.ended.done():
-                        del self._sent[event.goal]
+                    self._forget_ended(sent)
 
     def end_all(self, error: Exception) -> None:
         """Tell whoever waits that nothing will come."""
@@ -140,6 +140,14 @@ class LinkGoals:
     def forget(self, key: GoalKey) -> None:
         """A goal that was taken is over."""
         self._taken.pop(key, None)
+
+    def _forget_ended(self, sent: "LinkSentGoal") -> None:
+        """Forget a goal that is over, unless it is one of a former life that nobody has asked for.
+
+        Its end may have come before the application has made its client.
+        """
+        if sent.ended.done() and sent.feed is not None:
+            self._sent.pop(sent.key, None)
 
     def _take(self, event: GoalReceived) -> None:
         taken = self._taken[event.goal] = LinkTakenGoal(self, event)

@@ -8,6 +8,7 @@ from typing import Final, Self
 
 from zacoustic.config import Config
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
@@ -183,6 +184,25 @@ class Node(EndpointMaker):
             peer = self._known().address_of(peer)
         return await carrier.order(peer, order, timeout_s)
 
+    def refuse(self, progress: ObjectProgress) -> bool:
+        """Refuse the rest of a large sample that is on its way to here.
+
+        Its publisher is told `refused`; it may be published again.
+
+        Args:
+            progress: What `events` has told of it.
+
+        Returns:
+            Whether it was still on its way; False on Zenoh, where nothing is in parts.
+
+        Raises:
+            LocalError: It is an own one (cancel its `Delivery`), or the node is not open.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        if progress.object_id is not None:
+            raise LocalError("an own sample cannot be refused", hint="cancel its Delivery")
+        return self._opened().refuse(progress.peer, progress.transfer)
+
     # What the node knows
 
     def events(self) -> AsyncIterator[NodeEvent]:
@@ -194,7 +214,8 @@ class Node(EndpointMaker):
         has `lost_after_s`; others subscribe to an on-demand topic of this node, or do no longer
         (`SubscribersChanged`); a peer defines a stream in another way; the modem has measured
         something of a peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample
-        that this node has published in a former life has ended (`DeliveryEnded`). On Zenoh only the
+        that this node has published in a former life has ended (`DeliveryEnded`); a large sample,
+        from here or to here, has come further or has ended (`ObjectProgress`). On Zenoh only the
         first: the connection to the router. Ends with the node.
         """
         return self._events.read()

@@ -24,11 +24,13 @@ from zacoustic.core.events import (
     StreamsDiffer,
 )
 from zacoustic.core.measurements import Range
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Reliability
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
-from zacoustic.core.streams import Stream, StreamSpec, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
 from zacoustic.journal import Journal, JournalState
@@ -43,6 +45,7 @@ from zacoustic.node.carrier import (
 )
 from zacoustic.node.delivery import Deliveries, Delivery
 from zacoustic.node.goalsonlink import LinkGoals
+from zacoustic.node.linkends import LinkCall, LinkOutlet
 from zacoustic.node.listeners import Listeners
 from zacoustic.node.ordersonlink import LinkOrders
 from zacoustic.node.routes import ServiceRoute, TopicRoute
@@ -179,7 +182,7 @@ class LinkCarrier:
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Make the way out of a publisher."""
-        return _LinkOutlet(self, route)
+        return LinkOutlet(self, route)
 
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
@@ -239,7 +242,9 @@ class LinkCarrier:
         made_at = time.monotonic_ns()
         delivery: Delivery | None = None
         if stream.qos.reliability is Reliability.RELIABLE:
-            delivery = Delivery(route.key or route.name, is_journalled=stream.spec.journal)
+            delivery = Delivery(
+                route.key or route.name, is_journalled=stream.spec.journal, cancel=self._cancel
+            )
 
         def put(engine: Engine, now: int) -> None:
             try:
@@ -259,14 +264,31 @@ class LinkCarrier:
             if delivery is not None:  # before the events of the engine are polled
                 self._deliveries.add(delivery_id, delivery)
 
-        if threading.get_ident() == self._thread:
-            self._runner.apply(put)
-            return delivery
-        if not delete:
+        if not delete and threading.get_ident() != self._thread:
             stream.codec.encode(value)  # raises here what the loop could only log
-        if not self._runner.submit(put):
-            raise QueueFullError(f"{route.name}: the loop of the node is far behind, or has ended")
+        self._command(put, route.name)
         return delivery
+
+    def _cancel(self, delivery: Delivery) -> None:
+        """Give a sample up, from any thread."""
+
+        def cancel(engine: Engine, now: int) -> None:
+            delivery_id = self._deliveries.id_of(delivery)
+            if delivery_id is not None:
+                engine.cancel_delivery(delivery_id, now)
+
+        self._command(cancel, delivery.key)
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of a large sample that is on its way to here."""
+        return self._runner.apply(lambda engine, now: engine.refuse_object(source, transfer, now))
+
+    def _command(self, command: Callable[[Engine, int], None], name: str) -> None:
+        """Have the engine do something, from any thread; what it raises is raised on the loop."""
+        if threading.get_ident() == self._thread:
+            self._runner.apply(command)
+        elif not self._runner.submit(command):
+            raise QueueFullError(f"{name}: the loop of the node is far behind, or has ended")
 
     def reply(self, request: RequestReceived, value: object) -> bool:
         """Answer a request."""
@@ -319,11 +341,14 @@ class LinkCarrier:
                     found.set_result(event.range)
             case RangeFailed():
                 self._fail_range(event)
+            case ObjectProgress():
+                self._deliveries.progressed(event)
+                self._report(event)
             case _ if isinstance(event, NodeEvent):
                 self._report(event)
 
     def _deliver_request(self, event: RequestReceived) -> None:
-        call = _LinkCall(self, event)
+        call = LinkCall(self, event)
         handle = self._servers.get(event.call.stream_id)
         if handle is None:
             name = self._table.by_id(event.call.stream_id).name
@@ -386,38 +411,3 @@ class LinkCarrier:
 
 def _repeat(address: int, every_s: float, engine: Engine, now: int) -> None:
     engine.ranging.repeat(address, every_s, now)
-
-
-class _LinkOutlet:
-    """Where one publisher puts its samples."""
-
-    def __init__(self, carrier: LinkCarrier, route: TopicRoute[Any]) -> None:
-        self._carrier = carrier
-        self._route = route
-
-    def put(self, value: object, encoding: str | None) -> Delivery | None:
-        return self._carrier.publish(self._route, value, encoding=encoding, delete=False)
-
-    def delete(self) -> Delivery | None:
-        return self._carrier.publish(self._route, None, encoding=None, delete=True)
-
-    def close(self) -> None:
-        """Nothing to withdraw: a link knows no publishers."""
-
-
-class _LinkCall:
-    """A request that came over the link."""
-
-    def __init__(self, carrier: LinkCarrier, event: RequestReceived) -> None:
-        self.value: Any = event.value
-        self.client: int | None = event.call.client
-        self.call_id: str | None = str(event.call)
-        self.deadline_at = event.deadline_at
-        self._carrier = carrier
-        self._event = event
-
-    def reply(self, value: object) -> bool:
-        return self._carrier.reply(self._event, value)
-
-    def fail(self, failure: CallFailure, text: str) -> bool:
-        return self._carrier.reply_error(self._event, failure, text)

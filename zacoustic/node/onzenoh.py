@@ -21,7 +21,8 @@ from zacoustic.core.linktypes import LinkMetrics, LinkState
 from zacoustic.core.measurements import Range
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry, count
-from zacoustic.core.streams import Stream, StreamSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.errors import (
     CallTimeoutError,
     LinkClosedError,
@@ -150,6 +151,10 @@ class ZenohCarrier:
         if failure is CallFailure.HANDLER:
             raise ServiceError(f"the order is refused: {text}")
         raise call_error("the order", failure, text)
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse nothing: what comes is whole."""
+        return False
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Declare a Zenoh publisher."""

@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator, Iterator
 from typing import Generic, TypeVar
 
 from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.node import delivery, pubsub, service
 from zacoustic.node.loopthread import LoopThread
 from zacoustic.node.pubsub import Sample
@@ -61,6 +62,15 @@ class Delivery:
     def detail(self) -> str:
         """Why, where the outcome does not say it."""
         return self._delivery.detail
+
+    @property
+    def progress(self) -> ObjectProgress | None:
+        """How far it is, as told last, if it is larger than a frame."""
+        return self._delivery.progress
+
+    def cancel(self) -> None:
+        """Give it up; raises what `zacoustic.Delivery.cancel` does."""
+        self._thread.apply(self._delivery.cancel)
 
     def wait(self, *, timeout_s: float | None = None) -> DeliveryOutcome:
         """Wait for its end.

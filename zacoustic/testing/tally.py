@@ -7,7 +7,8 @@ import msgspec
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.keys import Instance
 from zacoustic.core.stats import NO_STREAM
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
 from zacoustic.testing.virtual import VirtualNetwork
 

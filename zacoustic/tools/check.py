@@ -21,7 +21,8 @@ from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.qos import Stamp
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten

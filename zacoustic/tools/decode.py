@@ -43,7 +43,7 @@ from zacoustic.core.frame import (
 )
 from zacoustic.core.keys import Instance
 from zacoustic.core.objects.wire import (
-    WITHDRAWN,
+    NO_FRAGMENT,
     Call,
     Complete,
     Fragment,
@@ -53,14 +53,8 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.payload import PayloadCodec, PayloadError
 from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import (
-    AGE_FIELD,
-    EVERY_NODE,
-    ActionSpec,
-    ServiceSpec,
-    Stream,
-    StreamTable,
-)
+from zacoustic.core.streams import AGE_FIELD, EVERY_NODE, Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.errors import UnknownStreamError
 from zacoustic.tools.overheard import Overheard
 
@@ -215,12 +209,16 @@ class _Reader:
                 listens = _CALL_TEXTS[call]
                 size = len(fragment_bytes)
                 text = f"FRAGMENT {index} of object {transfer}, {size} bytes{listens}"
-                if index == WITHDRAWN:
+                if index == NO_FRAGMENT:
                     text = f"FRAGMENT object {transfer} is withdrawn"
+                    if fragment_bytes:
+                        text = f"FRAGMENT nothing before object {transfer} will come"
                 return DecodedItem(kind="fragment", text=text)
             case Lacks(transfer, block, lacking):
                 several = ", ".join(str(each) for each in lacking)
                 text = f"FEEDBACK object {transfer} lacks {several} from block {block} on"
+                if item.is_nothing:
+                    text = f"FEEDBACK object {transfer} waits for samples before it"
                 return DecodedItem(kind="feedback", text=text)
             case Complete(transfer):
                 return DecodedItem(kind="feedback", text=f"FEEDBACK object {transfer} is complete")

@@ -28,7 +28,8 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.keys import Instance
 from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import ServiceSpec, Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord, TraceSink
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5

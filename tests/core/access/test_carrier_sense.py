@@ -6,7 +6,8 @@ from tests.core.rig import End, link
 from zacoustic.core.access import CarrierSense, Wanted
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1, senses_carrier=True)
 SLOT_NS = LINK.airtime_ns(8)

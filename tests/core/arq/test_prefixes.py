@@ -8,7 +8,8 @@ from zacoustic.core.content import measure_content
 from zacoustic.core.frame import Control, Item, Prefixes, Record, Stray, Sync, parse_frame
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.qos import Qos, Reliability, Stamp
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 RELIABLE = Qos(reliability=Reliability.RELIABLE)

@@ -9,7 +9,8 @@ from zacoustic.core.arq.numbers import NUMBERS, PACE, WINDOW
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane, Stage
 from zacoustic.core.frame import Sync
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.streams import Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import TypeTable
 
 STREAM = Stream(TopicSpec(stream_id=7, name="a"), TypeTable(), {})

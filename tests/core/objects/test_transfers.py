@@ -9,11 +9,18 @@ import pytest
 
 from tests.core.objects.water import S2C, STREAM, Water, confirmation_s
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.objects.objects import ObjectLimits
+from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.objects.gate import Admission
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.objects.progress import ObjectState
-from zacoustic.core.objects.receiving import Gate
-from zacoustic.core.objects.wire import FEEDBACK_CODE, FRAGMENT_CODE, Reason
+from zacoustic.core.objects.wire import (
+    FEEDBACK_CODE,
+    FRAGMENT_CODE,
+    NO_FRAGMENT,
+    Call,
+    Fragment,
+    Reason,
+)
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
 KIB_10 = 10_240
@@ -70,8 +77,8 @@ def test_listen_windows(count: Callable[[int], int]) -> None:
 @pytest.mark.parametrize("loss", [0.0, 0.3])
 def test_any_size_arrives(size_bytes: int, loss: float) -> None:
     _, water = confirmation_s(3, loss, exclusive=False, size_bytes=size_bytes)
-    assert water.nodes[1].stored == {}
-    assert all(key.startswith("object/done/") for key in water.nodes[2].stored)
+    assert water.nodes[1].entries == {}
+    assert all(key.startswith("object/done/") for key in water.nodes[2].entries)
 
 
 @pytest.mark.parametrize("mtu_bytes", [8, 32, 512])
@@ -215,7 +222,7 @@ def test_random_fragments_cost_bounded_memory() -> None:
     def noise(record: bytes, _: random.Random) -> bytes:
         return record[:1] + rng.randbytes(len(record) - 1)
 
-    limits = ObjectLimits(largest_bytes=20_000)
+    limits = ObjectLimits(largest_bytes=20_000, incoming_bytes=100_000)
     water = Water(8, alter=noise, limits=limits)
     water.publish(payload(20_000))
     water.run(until=lambda: False, limit_s=300)
@@ -224,7 +231,7 @@ def test_random_fragments_cost_bounded_memory() -> None:
     held_bytes, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert water.frames[FRAGMENT_CODE] > 300
-    assert len(water.nodes[2].objects._incoming) <= limits.most_incoming
+    assert len(water.nodes[2].objects._incoming) <= 64
     assert held_bytes < 1_000_000
     assert water.nodes[2].delivered == []
 
@@ -290,7 +297,7 @@ def test_a_receiver_without_memory_gets_it_all_again() -> None:
     water.publish(payload(3000))
     water.run(until=lambda: water.now > 20 * NS_PER_S)
     water.kill(2)
-    water.nodes[2].stored.clear()
+    water.nodes[2].entries.clear()
     water.start(2)
     assert water.run(until=sent_all(water), limit_s=1000)
     assert len(water.nodes[2].delivered) == 1
@@ -303,7 +310,7 @@ def test_a_sender_without_memory_does_not_confuse_the_receiver() -> None:
         water.publish(payload(3000, 1))
         water.run(until=lambda: False, limit_s=25)
         water.kill(1)
-        water.nodes[1].stored.clear()
+        water.nodes[1].entries.clear()
         water.nodes[1].epoch += epochs - 1
         water.start(1)
         second = payload(3000, 2)
@@ -320,20 +327,20 @@ def test_numbers_are_used_again() -> None:
     assert [each.payload for each in water.nodes[2].delivered] == [
         payload(70, seed % 3) for seed in range(150)
     ]
-    assert len(water.nodes[2].stored) <= 64
+    assert len(water.nodes[2].entries) <= 64
 
 
 def test_cancelled_by_the_sender() -> None:
     water = Water(15, loss=0.2)
     object_id = water.publish(payload(KIB_10))
     water.run(until=lambda: water.now > 30 * NS_PER_S)
-    assert water.nodes[1].objects.cancel(object_id, water.now)
-    assert not water.nodes[1].objects.cancel(object_id, water.now)
+    assert water.nodes[1].objects.withdraw(object_id, ObjectState.CANCELLED, "", water.now)
+    assert not water.nodes[1].objects.withdraw(object_id, ObjectState.CANCELLED, "", water.now)
     water.service(water.nodes[1])
     assert water.run(until=sent_all(water), limit_s=100)
     assert water.nodes[1].progress[-1].state is ObjectState.CANCELLED
     assert water.nodes[2].progress[-1].state is ObjectState.CANCELLED
-    assert water.nodes[1].stored == water.nodes[2].stored == {}
+    assert water.nodes[1].entries == water.nodes[2].entries == {}
     water.publish(payload(500))
     assert water.run(until=sent_all(water), limit_s=300)
     assert [each.payload for each in water.nodes[2].delivered] == [payload(500)]
@@ -354,7 +361,7 @@ def test_cancelled_by_the_receiver() -> None:
 
 def test_too_large_for_the_receiver() -> None:
     water = Water(17)
-    water.nodes[2].objects._incoming._largest_bytes = 5000
+    water.nodes[2].objects._incoming._transfers._limits = ObjectLimits(largest_bytes=5000)
     water.publish(payload(5001))
     assert water.run(until=sent_all(water), limit_s=300)
     last = water.nodes[1].progress[-1]
@@ -367,7 +374,7 @@ def test_too_large_for_the_receiver() -> None:
 
 def test_not_subscribed() -> None:
     water = Water(18)
-    water.nodes[2].objects._incoming._gate = lambda source, stream: Gate(Reason.NOT_SUBSCRIBED)
+    water.nodes[2].admission = Admission(Reason.NOT_SUBSCRIBED)
     water.publish(payload(500))
     assert water.run(until=sent_all(water), limit_s=300)
     assert water.nodes[1].progress[-1].state is ObjectState.REFUSED
@@ -375,12 +382,11 @@ def test_not_subscribed() -> None:
 
 def test_it_waits_for_the_tables() -> None:
     water = Water(19)
-    gates = {"open": False}
-    water.nodes[2].objects._incoming._gate = lambda source, stream: Gate(is_open=gates["open"])
+    water.nodes[2].admission = Admission(is_open=False)
     water.publish(payload(500))
     water.run(until=lambda: False, limit_s=40)
     assert water.nodes[2].delivered == []
-    gates["open"] = True
+    water.nodes[2].admission = Admission()
     assert water.run(until=sent_all(water), limit_s=100)
     assert len(water.nodes[2].delivered) == 1
 
@@ -429,3 +435,107 @@ def test_a_megabyte() -> None:
     _, water = confirmation_s(23, 0.3, exclusive=False, size_bytes=1 << 20)
     needed = (1 << 20) / 60 / 0.7
     assert water.frames[FRAGMENT_CODE] < needed * 1.03
+
+
+def turns(water: Water) -> list[int]:
+    """Return when it was said that it is an object's turn, ns."""
+    about = [each for each in water.record if each[3][2:4] == b"\xff\xff"]
+    return [started_at for _, started_at, _, record in about if len(record) > 4]
+
+
+def test_what_waits_for_its_turn_costs_nothing_until_it_has_it() -> None:
+    for loss in (0.0, 0.3):
+        water = Water(24, loss=loss)
+        object_id = water.publish(payload(3000))
+        water.nodes[2].behind.add(object_id)
+        water.nodes[1].awaited.add(object_id)
+        water.run(until=lambda: False, limit_s=500)
+        frames = len(water.record)
+        water.run(until=lambda: False, limit_s=5000)
+        assert len(water.record) == frames, "it waits for a word of the source"
+        assert water.nodes[2].delivered == []
+        assert not turns(water)
+        water.nodes[1].awaited.clear()
+        water.service(water.nodes[1])
+        assert water.run(until=sent_all(water), limit_s=6000)
+        assert [each.payload for each in water.nodes[2].delivered] == [payload(3000)]
+        assert turns(water)
+
+
+def test_a_turn_that_nobody_hears_is_told_ever_less_often() -> None:
+    water = Water(25)
+    object_id = water.publish(payload(1000))
+    water.nodes[2].behind.add(object_id)
+    water.nodes[1].awaited.add(object_id)
+    water.run(until=lambda: False, limit_s=100)
+    water.kill(2)
+    water.nodes[1].awaited.clear()
+    water.service(water.nodes[1])
+    water.run(until=lambda: False, limit_s=3600)
+    assert len(turns(water)) == 5, "then it may have lost all of it"
+    water.start(2)
+    assert water.run(until=sent_all(water), limit_s=8000)
+    assert [each.payload for each in water.nodes[2].delivered] == [payload(1000)]
+
+
+def test_a_turn_of_another_object_hands_nothing_on() -> None:
+    """The number stands for another object, and what is complete here is of a former life."""
+    water = Water(26)
+    object_id = water.publish(payload(1000, 1))
+    water.nodes[2].behind.add(object_id)
+    water.nodes[1].awaited.add(object_id)
+    water.run(until=lambda: False, limit_s=100)
+    node = water.nodes[2]
+    turn = Fragment(0, Call.ANSWER, NO_FRAGMENT, b"else")
+    received = ReceivedFrame(frame_bytes=b"", received_at=water.now, source=1, destination=2)
+    assert node.objects.fragment(1, turn, received, water.now) is None
+    assert node.delivered == []
+    water.nodes[1].awaited.clear()
+    water.service(water.nodes[1])
+    assert water.run(until=sent_all(water), limit_s=8000)
+    assert [each.payload for each in node.delivered] == [payload(1000, 1)]
+
+
+def test_who_is_left_is_addressed_alone() -> None:
+    water = Water(27, nodes=3)
+    water.kill(3)
+    water.publish(payload(1000))
+    water.run(until=lambda: (1, 2) in water.nodes[1].told, limit_s=500)
+    answers = sum(each[0] == 2 for each in water.record)
+    water.run(until=lambda: False, limit_s=5000)
+    assert sum(each[0] == 2 for each in water.record) == answers, "node 2 is asked no more"
+    water.start(3)
+    assert water.run(until=sent_all(water), limit_s=9000)
+    assert len(water.nodes[3].delivered) == 1
+
+
+def test_a_withdrawn_object_of_which_nothing_arrived_is_over() -> None:
+    """Its number stands for an object that the receiver has: it says so, and that is enough."""
+    water = Water(28)
+    for seed in range(64):
+        water.publish(payload(70, seed))
+        assert water.run(until=sent_all(water), limit_s=1e6)
+    object_id = water.publish(payload(70, 99))
+    water.alter = lambda record, rng: (
+        record if record[0] != FRAGMENT_CODE or len(record) == 4 else b""
+    )
+    water.run_to(water.now + seconds_to_ns(30))
+    water.nodes[1].objects.withdraw(object_id, ObjectState.CANCELLED, "", water.now)
+    water.service(water.nodes[1])
+    assert water.run(until=sent_all(water), limit_s=1e6)
+
+
+def test_memory_is_for_what_is_handed_on_first() -> None:
+    limits = ObjectLimits(largest_bytes=4000, incoming_bytes=6000)
+    water = Water(29, limits=limits, loss=0.3)
+    first = water.publish(payload(3000, 1))
+    node = water.nodes[2]
+    node.behind.update(range(first + 1, first + 4))
+    water.run(until=lambda: len(node.objects._incoming) == 1, limit_s=100)
+    water.publish(payload(3000, 2))
+    water.publish(payload(3000, 3))
+    assert water.run(until=lambda: len(node.delivered) == 1, limit_s=2000)
+    node.behind.clear()
+    node.objects.look_again(1)
+    assert water.run(until=sent_all(water), limit_s=5000)
+    assert [each.payload for each in node.delivered] == [payload(3000, each) for each in (1, 2, 3)]

@@ -17,6 +17,7 @@ from zacoustic.core.objects.wire import (
     FEEDBACK_BYTES,
     FRAGMENT_HEADER_BYTES,
     MOST_BLOCKS,
+    NO_FRAGMENT,
     WITHDRAWN,
     Call,
     Complete,
@@ -46,7 +47,7 @@ FEEDBACKS: st.SearchStrategy[Feedback] = st.one_of(
 @given(
     TRANSFERS,
     st.sampled_from(Call),
-    st.integers(0, WITHDRAWN - 1),
+    st.integers(0, NO_FRAGMENT - 1),
     st.binary(min_size=1, max_size=600),
 )
 def test_fragment_survives(transfer: int, call: Call, index: int, data: bytes) -> None:
@@ -57,8 +58,9 @@ def test_fragment_survives(transfer: int, call: Call, index: int, data: bytes) -
     assert decode_fragment(record) == fragment
 
 
-def test_withdrawal_has_no_data() -> None:
-    fragment = Fragment(5, Call.ANSWER, WITHDRAWN, b"")
+@pytest.mark.parametrize("about", [WITHDRAWN, b"1234"])
+def test_what_is_no_fragment(about: bytes) -> None:
+    fragment = Fragment(5, Call.ANSWER, NO_FRAGMENT, about)
     assert decode_fragment(fragment.encode()) == fragment
     assert decode_fragment(fragment.encode() + b"x") is None
     assert decode_fragment(Fragment(5, Call.ANSWER, 3, b"").encode()) is None
@@ -89,11 +91,19 @@ def test_random_bytes_raise_nothing(buffer: bytes, offset: int) -> None:
     st.sampled_from([None, "image/png", "x/y"]),
     st.binary(max_size=300),
     st.integers(0, 65535),
+    st.integers(0, (1 << 24) - 1),
 )
 def test_object_survives(
-    stream_id: int, instance: tuple[int, ...], encoding: str | None, payload: bytes, salt: int
+    stream_id: int,
+    instance: tuple[int, ...],
+    encoding: str | None,
+    payload: bytes,
+    lineage: int,
+    number: int,
 ) -> None:
-    manifest, coded = encode_object(stream_id, instance, encoding, payload, salt)
+    manifest, coded = encode_object(
+        stream_id, instance, encoding, payload, lineage=lineage, number=number
+    )
     assert decode_manifest(coded + bytes(7)) == manifest
     assert manifest.coded_bytes == len(coded)
     assert open_object(manifest, coded + bytes(7)) == payload
@@ -101,7 +111,7 @@ def test_object_survives(
 
 @given(st.binary(min_size=1, max_size=100), st.randoms(use_true_random=False))
 def test_altered_object_is_not_opened(payload: bytes, rng: random.Random) -> None:
-    manifest, coded = encode_object(12, (3,), "image/png", payload, 7)
+    manifest, coded = encode_object(12, (3,), "image/png", payload, lineage=7, number=8)
     altered = bytearray(coded)
     altered[rng.randrange(len(altered))] ^= rng.randrange(1, 256)
     assert open_object(manifest, bytes(altered)) is None
@@ -109,7 +119,7 @@ def test_altered_object_is_not_opened(payload: bytes, rng: random.Random) -> Non
 
 @pytest.mark.parametrize("size_bytes", [0, 127, 128, 10_240, 1 << 20])
 def test_manifest_is_short(size_bytes: int) -> None:
-    manifest, coded = encode_object(12, (), None, bytes(size_bytes), 7)
+    manifest, coded = encode_object(12, (), None, bytes(size_bytes), lineage=7, number=8)
     assert manifest.payload_bytes == size_bytes
-    assert manifest.size_bytes <= 4 + 4 + DIGEST_BYTES
+    assert manifest.size_bytes <= 7 + 4 + DIGEST_BYTES
     assert decode_manifest(coded[: manifest.size_bytes - 1]) is None

@@ -13,7 +13,8 @@ from zacoustic.core.orders.words import (
 )
 from zacoustic.core.payload import CborCodec
 from zacoustic.core.qos import Priority
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 REQUESTS = CborCodec(order_types().by_name(REQUEST_TYPE))
 RESPONSES = CborCodec(order_types().by_name(RESPONSE_TYPE))

@@ -10,7 +10,8 @@ from tests.runtime.loop_checks import until
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.journal import MemoryJournal
 from zacoustic.runtime import LinkRunner
 from zacoustic_desert.config import DesertConfig

@@ -16,7 +16,8 @@ from zacoustic.core.journal import JournalPort
 from zacoustic.core.queue import TransmitQueue
 from zacoustic.core.repeating import Repeater
 from zacoustic.core.stats import EngineStats
-from zacoustic.core.streams import ActionSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 

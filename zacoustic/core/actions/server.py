@@ -29,7 +29,8 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.stats import EngineStats, count
-from zacoustic.core.streams import ActionSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 _JOURNAL: Final = "goal/taken"

@@ -15,6 +15,7 @@ from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.errors import JournalUnavailableError
 
 _JOURNAL: Final = "out"
 
@@ -42,14 +43,7 @@ class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
     def cancelled(self, now: int) -> Iterator[DeliveryEnded]:
         """Yield the end of its samples, where their stream is not what it was."""
         for _, sample in self.samples:
-            yield DeliveryEnded(
-                delivery_id=sample.delivery_id,
-                stream_id=self.stream_id,
-                outcome=DeliveryOutcome.CANCELLED,
-                missing=(),
-                ended_at=now,
-                detail="the stream is defined in another way now",
-            )
+            yield given_up(self.stream_id, sample.delivery_id, now)
 
 
 class Keeping:
@@ -71,10 +65,27 @@ class Keeping:
         then: Callable[[int], None],
     ) -> None:
         """Write a sample down, and the count behind it."""
+        self.keep_count(stream, lane)
+        name = f"{_name(lane)}/{sample.number}"
+        self._journal.write(name, msgspec.msgpack.encode(kept), then)
+
+    def keep_count(self, stream: Stream, lane: SendLane) -> None:
+        """Write down where the count of a lane stands."""
         count = _KeptCount(stream.digest, lane.lineage, lane.next_number)
-        name = _name(lane)
-        self._journal.write(name, msgspec.msgpack.encode(count))
-        self._journal.write(f"{name}/{sample.number}", msgspec.msgpack.encode(kept), then)
+        self._journal.write(_name(lane), msgspec.msgpack.encode(count))
+
+    def check(self, stream: Stream) -> None:
+        """Refuse a sample that is to be kept and cannot be.
+
+        Raises:
+            JournalUnavailableError: The journal cannot be written.
+        """
+        if stream.spec.journal and self._journal.failure:
+            raise JournalUnavailableError(
+                f"{stream.name}: not accepted: the journal cannot be written: "
+                f"{self._journal.failure}",
+                hint="what is accepted has to survive a restart",
+            )
 
     def forget(self, lane: SendLane, sample: Outgoing) -> None:
         """Delete a sample that has ended; the count stays."""
@@ -113,6 +124,18 @@ class Keeping:
                 ),
                 is_valid=is_valid,
             )
+
+
+def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:
+    """Return what is told of a sample whose stream is not what it was."""
+    return DeliveryEnded(
+        delivery_id=delivery_id,
+        stream_id=stream_id,
+        outcome=DeliveryOutcome.CANCELLED,
+        missing=(),
+        ended_at=now,
+        detail="the stream is defined in another way now",
+    )
 
 
 def _name(lane: SendLane) -> str:

@@ -1,5 +1,6 @@
 """The subscriber's side: samples in their order, each once, and what is owed for them."""
 
+import enum
 import random
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -7,8 +8,9 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
+from zacoustic.core.arq.places import Place
+from zacoustic.core.arq.receivelane import ReceiveLane
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.arq.watch import Watch
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
@@ -16,13 +18,12 @@ from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import Cause
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 ACK_LANE: Final = 4
 ACK_HEAD_BYTES: Final = 3
 """Prefix, address and stream id."""
-LEAST_ACK_BYTES: Final = ACK_HEAD_BYTES + SYNC_BYTES + 1
-"""What a frame has to have room for where a topic is reliable, wildcards excepted."""
 _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
 _JOURNAL: Final = "in"
 _MOST_UNHEARD: Final = 5
@@ -36,61 +37,6 @@ class _Position(msgspec.Struct, frozen=True, array_like=True):
 
     lineage: int
     expected: int
-
-
-class _ReceiveLane:
-    """Samples of one key of one publisher."""
-
-    __slots__ = (
-        "expected",
-        "held",
-        "in_sync",
-        "is_settled",
-        "kept",
-        "lineage",
-        "unheard",
-        "watch",
-    )
-
-    def __init__(self, lineage: int, expected: int, *, is_settled: bool) -> None:
-        self.lineage = lineage
-        self.expected = expected
-        """The next number to hand on."""
-        self.kept = expected
-        """Everything before this number is written down: it may be acknowledged."""
-        self.held: dict[int, SampleReceived] = {}
-        """Samples that came too early, by number."""
-        self.is_settled = is_settled
-        """In this life it has had a SYNC. A position that was kept may be an old one, and by it a
-        number cannot be told from one that is 128 ahead."""
-        self.in_sync = True
-        """The publisher's last sample came without SYNC: a short ACK is understood."""
-        self.unheard = 0
-        """Answers that were followed by nothing new."""
-        self.watch = Watch()
-        """Asks for what does not come in time."""
-
-    @property
-    def newest(self) -> int:
-        """The highest number that has come, or is given up."""
-        return max(self.held, default=self.expected - 1)
-
-    def hand_on(self, up_to: int) -> list[SampleReceived]:
-        """Take what is in order now, and what is held below a number; what lacks there is over."""
-        ready = [self.held.pop(number) for number in sorted(self.held) if number < up_to]
-        self.expected = max(self.expected, up_to)
-        while self.expected in self.held:
-            ready.append(self.held.pop(self.expected))
-            self.expected += 1
-        return ready
-
-    def ack(self) -> Ack:
-        """Return what may be acknowledged."""
-        held = 0
-        for number in self.held:
-            # Numbers between `kept` and `expected` are being written down: they are not held.
-            held |= 1 << number - self.kept - 1
-        return Ack(self.kept, held if self.kept == self.expected else 0)
 
 
 class Arrival(msgspec.Struct, frozen=True, kw_only=True):
@@ -120,6 +66,17 @@ class _Turn(msgspec.Struct, frozen=True):
     """For the end of the publisher's frames; each one of them puts it off."""
     offset_ns: int = 0
     """Behind that, so that those who answer do not speak all at once."""
+
+
+class Claim(enum.Enum):
+    """Whether it is the turn of a large sample that is complete."""
+
+    NOW = "now"
+    """It is handed on next."""
+    LATER = "later"
+    """Something before it may still come."""
+    OVER = "over"
+    """It was handed on before, or given up."""
 
 
 class _AckWaiting(Waiting):
@@ -158,8 +115,8 @@ class ReliableReceiving:
         self._journal = journal
         self._rng = rng
         self._emit = emit
-        self._lanes: dict[_LaneKey, _ReceiveLane] = {}
-        self._watched: dict[_LaneKey, _ReceiveLane] = {}
+        self._lanes: dict[_LaneKey, ReceiveLane] = {}
+        self._watched: dict[_LaneKey, ReceiveLane] = {}
         """Those of which something may have to be asked for."""
         self._times: LinkTimes | None = None
 
@@ -177,7 +134,7 @@ class ReliableReceiving:
                 self._journal.write(key, None)
                 continue
             position = msgspec.msgpack.decode(value, type=_Position)
-            lane = _ReceiveLane(position.lineage, position.expected, is_settled=False)
+            lane = ReceiveLane(position.lineage, position.expected, is_settled=False)
             self._lanes[int(source), int(stream_id), tuple(bytes.fromhex(instance))] = lane
 
     def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
@@ -190,7 +147,7 @@ class ReliableReceiving:
             if lane is not None:
                 # What the old count still lacks will never come.
                 ready = lane.hand_on(max(lane.held, default=lane.expected))
-            lane = self._lanes[key] = _ReceiveLane(sync.lineage, sync.floor, is_settled=True)
+            lane = self._lanes[key] = ReceiveLane(sync.lineage, sync.floor, is_settled=True)
         if lane is None or (sync is None and not lane.is_settled):
             self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
             return "out_of_sync"
@@ -236,12 +193,106 @@ class ReliableReceiving:
         instants = (lane.watch.ask_at for lane in self._watched.values())
         return min((at for at in instants if at is not None), default=None)
 
+    # Large samples
+
+    def claim(
+        self,
+        stream: Stream,
+        source: int,
+        instance: Instance,
+        place: Place,
+        now: int,
+        *,
+        is_turn: bool,
+    ) -> Claim:
+        """Tell whether it is the turn of a large sample that is complete.
+
+        NOW: the caller writes down that it is handed on, and then calls `take`.
+
+        Args:
+            stream: The topic.
+            source: Who published it.
+            instance: Which of the topic's keys.
+            place: Where it stands.
+            now: The instant.
+            is_turn: The publisher says that nothing before it will come.
+        """
+        key = (source, stream.stream_id, instance)
+        lane = self._lanes.get(key)
+        ready: list[SampleReceived] = []
+        if lane is None or lane.lineage != place.lineage:
+            # Of two lineages nobody but the publisher knows which one is over.
+            if not is_turn and (place.number or lane is not None):
+                return Claim.LATER
+            if lane is not None:
+                ready = lane.hand_on(max(lane.held, default=lane.expected))
+            lane = ReceiveLane(place.lineage, place.number, is_settled=True)
+            lane.in_sync = False
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if number < lane.expected:
+            return Claim.OVER
+        ready += lane.hand_on(number if is_turn else number - stream.qos.depth + 1)
+        if ready:
+            self._keep(key, lane, ready, stream, now, self._large_turn)
+        return Claim.LATER if number > lane.expected else Claim.NOW
+
+    def expect(self, source: int, stream_id: int, instance: Instance, place: Place) -> None:
+        """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
+        lane = self._lanes.get((source, stream_id, instance))
+        if lane is None or lane.lineage != place.lineage:
+            return
+        lane.large_end = max(lane.large_end, resolve_floor(place.number, lane.expected) + 1)
+        if lane.awaits_large:
+            lane.watch.forget()
+
+    def take(
+        self,
+        stream: Stream,
+        key: tuple[int, int, Instance],
+        place: Place,
+        sample: SampleReceived | None,
+        now: int,
+    ) -> None:
+        """Hand on a large sample, and what is held behind it; not if it is over meanwhile.
+
+        Args:
+            stream: The topic.
+            key: Source, stream, instance.
+            place: Where it stands.
+            sample: The sample; None: it cannot be read, but nothing waits for it any longer.
+            now: The instant.
+        """
+        lane = self._lanes.get(key)
+        if lane is None or lane.lineage != place.lineage:
+            return
+        number = resolve_floor(place.number, lane.expected)
+        if number != lane.expected:
+            return
+        lane.is_settled = True
+        lane.expected = lane.kept = number + 1
+        self._write_position(key, lane, lane.expected)
+        if sample is not None:
+            self._emit(sample)
+        self._hand_on_held(key, lane, stream, now)
+
+    def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
+        """A former life has written down that it handed a large sample on."""
+        key = (source, stream_id, instance)
+        lane = self._lanes.get(key)
+        if lane is None:
+            lane = ReceiveLane(place.lineage, place.number, is_settled=False)
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if lane.lineage == place.lineage and lane.expected <= number:
+            lane.expected = lane.kept = number + 1
+
     # Below the methods above
 
-    def _learn(self, lane: _ReceiveLane, number: int, arrival: Arrival) -> bool:
+    def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
         """Learn the rhythm from a sample; returns whether it is to be answered."""
         assert self._times is not None
-        if arrival.sync is not None:
+        if arrival.sync is not None or lane.awaits_large:
             lane.watch.forget()
             return True
         frame_ns = self._times.airtime_ns(arrival.frame_bytes)
@@ -254,7 +305,7 @@ class ReliableReceiving:
             times=self._times,
         )
 
-    def _count(self, key: _LaneKey, lane: _ReceiveLane, *, is_new: bool) -> None:
+    def _count(self, key: _LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
         """Count the answers that were said, and behind which the same comes again."""
         source, stream_id, instance = key
         if is_new:
@@ -262,16 +313,39 @@ class ReliableReceiving:
         elif self._queue.first((stream_id, ACK_LANE, source, *instance)) is None:
             lane.unheard = min(lane.unheard + 1, _MOST_UNHEARD)
 
-    def _watch(self, key: _LaneKey, lane: _ReceiveLane, soon_at: int) -> None:
+    def _watch(self, key: _LaneKey, lane: ReceiveLane, soon_at: int) -> None:
         assert self._times is not None
         lane.watch.plan(lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._times)
         if lane.watch.ask_at is not None:
             self._watched[key] = lane
 
+    def _hand_on_held(self, key: _LaneKey, lane: ReceiveLane, stream: Stream, now: int) -> None:
+        before = lane.expected
+        ready = lane.hand_on(before)
+        if lane.expected > before:
+            self._keep(key, lane, ready, stream, now, self._large_turn)
+
+    @property
+    def _large_turn(self) -> _Turn:
+        assert self._times is not None
+        return _Turn(self._times.ack_linger_ns)
+
+    def _write_position(
+        self,
+        key: _LaneKey,
+        lane: ReceiveLane,
+        expected: int,
+        then: Callable[[int], None] | None = None,
+    ) -> None:
+        source, stream_id, instance = key
+        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
+        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
+        self._journal.write(name, position, then)
+
     def _keep(
         self,
         key: _LaneKey,
-        lane: _ReceiveLane,
+        lane: ReceiveLane,
         ready: list[SampleReceived],
         stream: Stream,
         now: int,
@@ -287,17 +361,14 @@ class ReliableReceiving:
             if self._lanes.get(key) is lane:
                 self._owe_ack(key, lane, at, turn)
 
-        source, stream_id, instance = key
-        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
         if stream.spec.journal:
-            self._journal.write(name, position, kept)
+            self._write_position(key, lane, expected, kept)
         else:
             # No promise waits for it: it spares most of the repetitions after a restart.
-            self._journal.write(name, position)
+            self._write_position(key, lane, expected)
             kept(now)
 
-    def _owe_ack(self, key: _LaneKey, lane: _ReceiveLane, now: int, turn: _Turn | None) -> None:
+    def _owe_ack(self, key: _LaneKey, lane: ReceiveLane, now: int, turn: _Turn | None) -> None:
         """Let an ACK wait; without a turn until it is asked for what is missing."""
         sync = None if lane.in_sync else Sync(lane.lineage, lane.kept)
         ask_at = lane.watch.ask_at

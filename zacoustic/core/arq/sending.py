@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.core.arq.keeping import Keeping, KeptLane
 from zacoustic.core.arq.numbers import Ack, resolve_expected, resolve_floor
 from zacoustic.core.arq.pacing import Pacing
+from zacoustic.core.arq.places import LargePlaces
 from zacoustic.core.arq.sendlane import (
     AT_ONCE,
     KeptSample,
@@ -30,7 +31,6 @@ from zacoustic.core.linktypes import TransmitReport
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.stats import Cause
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.errors import JournalUnavailableError
 
 _ANY_DEPTH: Final = 65535
 
@@ -64,11 +64,19 @@ class ReliableSending:
         self._table = table
         self._queue = queue
         self._handshake = handshake
-        self._journal = journal
         self._keeping = Keeping(journal)
         self._pacing = Pacing(table, rng)
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
+        self.places = LargePlaces(
+            self._lanes,
+            self._keeping,
+            end=self._end,
+            lose=self._out_of_sync,
+            go_on=self._go_on,
+            pause_ns=self._pacing.pause_ns,
+        )
+        """The places of samples that cross as objects."""
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._on_air: list[tuple[SendLane, Outgoing]] = []
@@ -86,12 +94,7 @@ class ReliableSending:
             JournalUnavailableError: It is to be journalled, and the journal cannot be written.
         """
         self._lanes.check(stream)
-        if stream.spec.journal and self._journal.failure:
-            raise JournalUnavailableError(
-                f"{stream.name}: not accepted: the journal cannot be written: "
-                f"{self._journal.failure}",
-                hint="what is accepted has to survive a restart",
-            )
+        self._keeping.check(stream)
 
     def publish(
         self,
@@ -120,8 +123,7 @@ class ReliableSending:
         # By the number, not by how many there are: a receiver reckons so, and forgets the same.
         while lane.samples[0].number <= sample.number - stream.qos.depth:
             self._end(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
-        self._end_delivered(lane, now)
-        self._advance(lane, now)
+        self._go_on(lane, now)
         return delivery_id
 
     def next_delivery_id(self, above: int = 0) -> int:
@@ -153,10 +155,10 @@ class ReliableSending:
             for sample in lane.samples:
                 if sample.stage is Stage.SENT:
                     sample.due_at = AT_ONCE
-                if sample.expires_at is None and lifespan_s is not None:
+                is_large = sample.stage is Stage.OBJECT
+                if sample.expires_at is None and lifespan_s is not None and not is_large:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
-            self._end_delivered(lane, now)
-            self._advance(lane, now)
+            self._go_on(lane, now)
         for kept in self._given_up:
             for ended in kept.cancelled(now):
                 self._emit(ended)
@@ -244,8 +246,8 @@ class ReliableSending:
             self._pacing.timing(source).quiet_until = 0
             self._mark(lane, source, expected, ack.held, now)
             self._pacing.asked(lane, source, now)
-        self._end_delivered(lane, now)
-        self._advance(lane, now)
+            self.places.acknowledged(lane, source, expected, now)
+        self._go_on(lane, now)
         return None
 
     def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
@@ -253,12 +255,12 @@ class ReliableSending:
         for lane in self._lanes:
             if lane.key[0] == stream.stream_id:
                 for sample in [] if lane.audience else list(lane.samples):
-                    self._expire(lane, sample, now, NOBODY, DeliveryOutcome.REFUSED)
+                    self.places.give_up(lane, sample, DeliveryOutcome.REFUSED, now, NOBODY)
                 for address in newcomers & lane.receptions.keys():
                     self._out_of_sync(lane, address)
+                self.places.audience_changed(lane)
                 self._refresh(lane)
-                self._end_delivered(lane, now)
-                self._advance(lane, now)
+                self._go_on(lane, now)
 
     # For the timer
 
@@ -268,7 +270,7 @@ class ReliableSending:
         for lane in self._lanes:
             for sample in list(lane.samples):
                 if sample.expires_at is not None and sample.expires_at <= now:
-                    self._expire(lane, sample, now)
+                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
         self._repeat(now)
 
@@ -288,10 +290,10 @@ class ReliableSending:
         return min(instants, default=None)
 
     def dropped(self, records: Iterable[Waiting], now: int) -> None:
-        """Records fit no frame of the link any more."""
+        """Records fit no frame of the link any more: they go as objects."""
         for record in records:
             if isinstance(record, SampleWaiting):
-                self._expire(record.lane, record.sample, now, "oversized")
+                self.places.enlarge(record.lane, record.sample, now)
 
     # The journal
 
@@ -314,12 +316,20 @@ class ReliableSending:
         self._emit(DeliveryStored(delivery_id=sample.delivery_id, stream_id=lane.key[0]))
         self._advance(lane, now)
 
+    def _go_on(self, lane: SendLane, now: int) -> None:
+        """End what has been delivered, and queue what comes next."""
+        while lane.samples and not lane.missing(first := lane.samples[0]):
+            if first.stage is Stage.OBJECT:
+                break  # it ends with its object
+            self._end(lane, first, DeliveryOutcome.DELIVERED, now)
+        self._advance(lane, now)
+
     def _advance(self, lane: SendLane, now: int) -> None:
         """Queue what has come into the window."""
         paced_until = lane.open(now, self._settling_ns)
         if paced_until is not None:
             self._paced_until = min(self._paced_until or paced_until, paced_until)
-        for sample in lane.active():
+        for sample in list(lane.active()):
             if sample.stage is Stage.BEHIND:
                 self._queue_sample(lane, sample, now)
 
@@ -335,6 +345,9 @@ class ReliableSending:
             sample.stage = Stage.SENT
             sample.due_at = now + self._pacing.pause_ns(lane, sample)
             return
+        if self.places.is_large(sample, self._queue.largest_bytes):
+            self.places.enlarge(lane, sample, now)
+            return
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
@@ -343,19 +356,16 @@ class ReliableSending:
 
     def _refresh(self, lane: SendLane) -> None:
         """What is known of receivers has changed: so do the records that wait."""
-        for sample in lane.active():
-            if sample.stage is Stage.QUEUED:
-                lacking = lane.lacking(sample)
-                if lacking:
-                    lane.address(sample, lacking)
-                else:
-                    self._queue.discard(lane.key, sample.waiting)
-                    sample.stage = Stage.SENT
+        for sample in lane.address_anew():
+            self._queue.discard(lane.key, sample.waiting)
+            sample.stage = Stage.SENT
 
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note what a receiver has, and repeat at once what it must have missed."""
         latest = 0
         for sample in lane.samples:
+            if sample.stage is Stage.OBJECT:
+                continue  # its own feedback tells
             ahead = sample.number - expected - 1
             has_it = sample.number < expected
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
@@ -407,32 +417,22 @@ class ReliableSending:
         self._refresh(lane)
         lane.due_soon(source)
 
-    def _expire(
+    def _end(
         self,
         lane: SendLane,
         sample: Outgoing,
+        outcome: DeliveryOutcome,
         now: int,
         detail: str = "",
-        outcome: DeliveryOutcome = DeliveryOutcome.EXPIRED,
-    ) -> None:
-        """A sample is too old: whoever waits for it has to be told, by the SYNC of a later one."""
-        missing = lane.missing(sample)
-        leaves_gap = self._end(lane, sample, outcome, now, detail)
-        if leaves_gap:
-            for address in missing:
-                self._out_of_sync(lane, address)
-
-    def _end_delivered(self, lane: SendLane, now: int) -> None:
-        while lane.samples and not lane.missing(lane.samples[0]):
-            self._end(lane, lane.samples[0], DeliveryOutcome.DELIVERED, now)
-
-    def _end(
-        self, lane: SendLane, sample: Outgoing, outcome: DeliveryOutcome, now: int, detail: str = ""
+        *,
+        missing: tuple[int, ...] | None = None,
     ) -> bool:
         """Forget a sample and tell of it; returns whether receivers wait for its number."""
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
+        if sample.stage is Stage.OBJECT:
+            self.places.left(sample, outcome, now)
         sample.stage = Stage.ENDED
         if lane.is_kept:
             self._keeping.forget(lane, sample)
@@ -441,7 +441,7 @@ class ReliableSending:
                 delivery_id=sample.delivery_id,
                 stream_id=lane.key[0],
                 outcome=outcome,
-                missing=tuple(lane.missing(sample)),
+                missing=tuple(lane.missing(sample)) if missing is None else missing,
                 ended_at=now,
                 detail=detail,
             )

@@ -33,6 +33,8 @@ class Stage(enum.Enum):
     """In a transmission that has not ended."""
     SENT = "sent"
     """Sent; an ACK is awaited until `due_at`."""
+    OBJECT = "object"
+    """It has its place here, and crosses as an object (`zacoustic.core.objects`)."""
     ENDED = "ended"
     """Its publisher has been told what became of it."""
 
@@ -111,13 +113,16 @@ class SampleWaiting(Waiting):
 class Reception:
     """What one receiver is known to have of a lane."""
 
-    __slots__ = ("expected", "in_sync", "settled_at")
+    __slots__ = ("expected", "in_sync", "settled_at", "skips_to")
 
     def __init__(self, expected: int) -> None:
         self.expected = expected
         """It has told that it has everything before this number."""
         self.in_sync = False
         """It knows the lineage, and nothing that it waits for is gone."""
+        self.skips_to = 0
+        """It is not to have the sample before this number, and others may still lack that: until
+        it has told to await this number, it is addressed alone, with a floor of its own."""
         self.settled_at: int | None = None
         """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
 
@@ -163,6 +168,11 @@ class SendLane:
         """The oldest number that may still come."""
         return self.samples[0].number if self.samples else self.next_number
 
+    def floor_of(self, address: int) -> int:
+        """Return the oldest number that may still come for one receiver."""
+        lacking = (each.number for each in self.samples if address not in each.acknowledged)
+        return next(lacking, self.next_number)
+
     def add(
         self, stream: Stream, kept: KeptSample, *, queued_at: int, expires_at: int | None
     ) -> Outgoing:
@@ -182,6 +192,17 @@ class SendLane:
         sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
         waiting.lane, waiting.sample = self, sample
         self.samples.append(sample)
+        return sample
+
+    def insert(self, stream: Stream, kept: KeptSample, number: int) -> Outgoing:
+        """Give a sample of a former life its number again, in the place of what has it."""
+        end, self.next_number = self.next_number, number
+        sample = self.add(stream, kept, queued_at=0, expires_at=None)
+        self.next_number = max(self.next_number, end)
+        others = [each for each in self.samples if each.number != number]
+        self.samples = deque(sorted([*others, sample], key=lambda each: each.number))
+        for reception in self.receptions.values():
+            reception.expected = min(reception.expected, number)
         return sample
 
     def active(self) -> Iterator[Outgoing]:
@@ -212,7 +233,8 @@ class SendLane:
         index = self.samples.index(sample)
         behind = list(self.samples)[index + 1 :]
         del self.samples[index]
-        was_sent = any(each.tries or each.stage is Stage.ON_AIR for each in (sample, *behind))
+        fixed = (Stage.ON_AIR, Stage.OBJECT)
+        was_sent = any(each.tries or each.stage in fixed for each in (sample, *behind))
         if self.is_kept or was_sent:
             return True
         for other in behind:
@@ -241,7 +263,7 @@ class SendLane:
 
     def is_marked(self, sample: Outgoing, now: int) -> bool:
         """Tell whether a sample that is sent now is marked as one in rhythm."""
-        if self.rhythm is None or sample.waiting.sync:
+        if self.rhythm is None or sample.waiting.sync or self._has_large:
             return False
         (reception,) = self.receptions.values()
         if sample.tries:
@@ -250,7 +272,7 @@ class SendLane:
 
     def rhythm_is_known(self, sample: Outgoing) -> bool:
         """Tell whether the receiver would ask for a sample, the newest that was sent."""
-        if self.rhythm is None:
+        if self.rhythm is None or self._has_large:
             return False
         (reception,) = self.receptions.values()
         return reception.in_sync and self.rhythm.is_known(sample.number, reception.expected)
@@ -262,7 +284,8 @@ class SendLane:
             (reception,) = self.receptions.values()
             if not sample.tries:
                 self.rhythm.first_sent(sample.number, reception.expected, now, times)
-            if sample.waiting.sync or (sample.tries and not sample.marked):
+            is_off_beat = bool(sample.tries) and not sample.marked
+            if sample.waiting.sync or is_off_beat or self._has_large:
                 self.rhythm.end()
         sample.tries += 1
         sample.asked = False
@@ -282,6 +305,8 @@ class SendLane:
     def address(self, sample: Outgoing, lacking: list[int]) -> None:
         """Make the record of a sample one for these receivers, with SYNC where one needs it."""
         waiting = sample.waiting
+        skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
+        lacking = next(([each] for each in skip), lacking)
         waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
         waiting.sync, waiting.for_one_node = b"", False
         for address in lacking:
@@ -293,9 +318,17 @@ class SendLane:
         floor = self.floor
         if len(lacking) == 1:
             # What others still lack does not concern it, but they may not read this.
-            floor = max(floor, self.receptions[lacking[0]].expected)
+            floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
         waiting.sync = Sync(self.lineage, floor).encode()
+
+    def address_anew(self) -> list[Outgoing]:
+        """Make the records that are queued ones for who lacks them; returns those for nobody."""
+        queued = [sample for sample in self.active() if sample.stage is Stage.QUEUED]
+        for sample in queued:
+            if lacking := self.lacking(sample):
+                self.address(sample, lacking)
+        return [sample for sample in queued if not self.lacking(sample)]
 
     def put_off(self, due_at: int) -> int:
         """Let nothing that was sent, and not asked for, be due before an instant; returns that."""
@@ -303,6 +336,11 @@ class SendLane:
             if sample.stage is Stage.SENT and not sample.asked:
                 sample.due_at = max(sample.due_at, due_at)
         return due_at
+
+    def skip(self, sample: Outgoing, address: int) -> None:
+        """A receiver is not to have a sample that others may still lack."""
+        sample.acknowledged.add(address)
+        self.receptions[address].skips_to = sample.number + 1
 
     def lose_sync(self, address: int) -> None:
         """A receiver may know neither lineage nor floor, and have lost what it held."""
@@ -315,9 +353,19 @@ class SendLane:
         """A receiver has forgotten what it had from this number on."""
         self.receptions[address].expected = expected
         for sample in self.samples:
-            if sample.number >= expected:
+            if sample.number >= expected and sample.stage is not Stage.OBJECT:
                 sample.acknowledged.discard(address)
 
     def number_byte(self, number: int) -> bytes:
         """Return the byte of a number in a record."""
         return bytes((number % NUMBERS,))
+
+    # Below the methods above
+
+    @property
+    def _has_large(self) -> bool:
+        """A large sample is on its way: its receiver awaits no rhythm, and asks for nothing."""
+        return any(each.stage is Stage.OBJECT for each in self.samples)
+
+    def _told(self, address: int) -> int:
+        return self.receptions[address].expected

@@ -10,7 +10,8 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Priority
 from zacoustic.core.queue import RELIABLE_LANE, LaneKey
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import LocalError
 
 
@@ -43,32 +44,34 @@ class SendLanes:
     def of(self, stream: Stream, instance: Instance) -> SendLane:
         """Return a lane; a new one begins its count in this life."""
         lane = self.find(stream, instance)
-        if lane is None:
-            lane = SendLane(
-                (stream.stream_id, RELIABLE_LANE, *instance),
-                self._receivers(stream),
-                self._handshake.epoch,
-                is_kept=stream.spec.journal,
-                audience=self._demand.audience(stream),
-                rhythm=self._rhythm(stream),
-            )
-            self._lanes[lane.key] = lane
+        return lane or self.begin(stream, instance, self._handshake.epoch, 0)
+
+    def begin(
+        self,
+        stream: Stream,
+        instance: Instance,
+        lineage: int,
+        number: int,
+        *,
+        is_kept: bool | None = None,
+    ) -> SendLane:
+        """Begin a lane with this number; in the journal as its topic says, or as it was."""
+        lane = SendLane(
+            (stream.stream_id, RELIABLE_LANE, *instance),
+            self._receivers(stream),
+            lineage,
+            number,
+            is_kept=stream.spec.journal if is_kept is None else is_kept,
+            audience=self._demand.audience(stream),
+            rhythm=self._rhythm(stream),
+        )
+        self._lanes[lane.key] = lane
         return lane
 
     def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
         """Go on with a lane of a former life; returns it with its samples, all to be sent."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
-        key = (stream.stream_id, RELIABLE_LANE, *kept.instance)
-        lane = SendLane(
-            key,
-            self._receivers(stream),
-            kept.lineage,
-            first,
-            is_kept=True,
-            audience=self._demand.audience(stream),
-            rhythm=self._rhythm(stream),
-        )
-        self._lanes[key] = lane
+        lane = self.begin(stream, kept.instance, kept.lineage, first, is_kept=True)
         for number, each in kept.samples:
             lane.next_number = number
             lane.add(stream, each, queued_at=0, expires_at=None).stage = Stage.BEHIND

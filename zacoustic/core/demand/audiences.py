@@ -7,7 +7,8 @@ from zacoustic.core.demand.wire import Subscribe, page_of, streams_of
 from zacoustic.core.demand.wishes import VERSIONS
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 
 _KEY: Final = "demand"
 """Keys in the journal are ``demand/PEER/PAGE``; the value is epoch (2), version (1), streams (1)

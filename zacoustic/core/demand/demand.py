@@ -19,7 +19,8 @@ from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import TransmitQueue, Waiting
 from zacoustic.core.repeating import Repeater
 from zacoustic.core.stats import NO_STREAM, Cause
-from zacoustic.core.streams import LAST_STREAM_ID, Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import LAST_STREAM_ID, TopicSpec
 from zacoustic.errors import LocalError, UnknownStreamError
 
 NOBODY: Final = "nobody subscribes"

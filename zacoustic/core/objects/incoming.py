@@ -69,6 +69,13 @@ class IncomingObject:
         return self._layout.fragments - sum(block.lacking for block in self._blocks)
 
     @property
+    def memory_bytes(self) -> int:
+        """Bytes that it takes in memory, at most."""
+        if self.manifest is not None and not self.is_too_large:
+            return self.manifest.coded_bytes
+        return len(self._early) * self.fragment_bytes
+
+    @property
     def fragments(self) -> int | None:
         """Source fragments of the object, None without a manifest."""
         return self._layout.fragments if self._layout else None
@@ -83,9 +90,11 @@ class IncomingObject:
         return 1 - self._sources_held / self._sources_begun
 
     def feedback(self) -> Feedback:
-        """Return what is to be said of an object that is not complete."""
+        """Return what is to be said of an object that is not complete, or waits for its turn."""
         if self._layout is None:
             return Headless(self.transfer, len(self._early))
+        if not self.lacking:
+            return Lacks(self.transfer, self._layout.blocks, (0,))
         first = next(number for number, block in enumerate(self._blocks) if block.lacking)
         last = first
         for number in range(first, min(first + MOST_BLOCKS, len(self._blocks))):

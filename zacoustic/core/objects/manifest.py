@@ -1,4 +1,4 @@
-"""What an object is: stream, instance, encoding, length and digest, in front of its payload.
+"""What an object is: stream, place, instance, encoding, length, digest, in front of its payload.
 
 The manifest is part of what is coded, so it costs no byte in any fragment's header, and no fragment
 is needed more than any other: whoever has enough of them has the manifest too. Most receivers have
@@ -6,11 +6,13 @@ it with the first fragment.
 
 ::
 
-    stream (1)  flags (1)  salt (2)  instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
+    stream (1)  flags (1)  lineage (2)  number (3)
+    instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
 
-The flags say how many instance bytes follow, and by 0x80 that an encoding does. The salt tells an
-object from the same payload published before. The digest is the first eight bytes of the SHA-256
-of everything before it and of the payload.
+The flags say how many instance bytes follow, and by 0x80 that an encoding does. Lineage and number
+are its place in the count of the key (`zacoustic.core.arq`), by which it is handed on in order and
+told from the same payload published before. The digest is the first eight bytes of the SHA-256 of
+everything before it and of the payload.
 """
 
 import hashlib
@@ -23,7 +25,8 @@ from zacoustic.core.keys import Instance
 
 DIGEST_BYTES: Final = 8
 _HAS_ENCODING: Final = 0x80
-_SALT_BYTES: Final = 2
+_PLACE_BYTES: Final = 5
+_NUMBERS: Final = 1 << 24
 _LONGEST_LENGTH_BYTES: Final = 4
 _LENGTH_BITS: Final = 7
 
@@ -37,8 +40,10 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """Which of the topic's keys."""
     encoding: str | None
     """Zenoh encoding, where it is not the stream's."""
-    salt: int
-    """Any number 0…65535."""
+    lineage: int
+    """Boot epoch in which the count of the key began."""
+    number: int
+    """Its number in that count, modulo 2^24."""
     payload_bytes: int
     """Length of the payload."""
     digest: bytes
@@ -53,11 +58,18 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def encode_object(
-    stream_id: int, instance: Instance, encoding: str | None, payload: bytes, salt: int
+    stream_id: int,
+    instance: Instance,
+    encoding: str | None,
+    payload: bytes,
+    *,
+    lineage: int,
+    number: int,
 ) -> tuple[Manifest, bytes]:
     """Return the manifest of a payload, and both in a row: what is cut into fragments."""
+    number %= _NUMBERS
     head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
-    head += salt.to_bytes(_SALT_BYTES, "big") + bytes(instance)
+    head += (lineage * _NUMBERS + number).to_bytes(_PLACE_BYTES, "big") + bytes(instance)
     if encoding is not None:
         head += encode_prefix(encoding)
     head += _encode_length(len(payload))
@@ -66,7 +78,8 @@ def encode_object(
         stream_id=stream_id,
         instance=tuple(instance),
         encoding=encoding,
-        salt=salt,
+        lineage=lineage,
+        number=number,
         payload_bytes=len(payload),
         digest=digest,
         size_bytes=len(head) + DIGEST_BYTES,
@@ -76,11 +89,11 @@ def encode_object(
 
 def decode_manifest(coded: bytes) -> Manifest | None:
     """Read a manifest from the beginning of an object; None: more is needed, or it is none."""
-    begin = 2 + _SALT_BYTES
+    begin = 2 + _PLACE_BYTES
     if len(coded) < begin:
         return None
     stream_id, flags = coded[0], coded[1]
-    salt = int.from_bytes(coded[2:begin], "big")
+    lineage, number = divmod(int.from_bytes(coded[2:begin], "big"), _NUMBERS)
     offset = begin + (flags & ~_HAS_ENCODING)
     instance = tuple(coded[begin:offset])
     encoding: str | None = None
@@ -100,7 +113,8 @@ def decode_manifest(coded: bytes) -> Manifest | None:
         stream_id=stream_id,
         instance=instance,
         encoding=encoding,
-        salt=salt,
+        lineage=lineage,
+        number=number,
         payload_bytes=payload_bytes,
         digest=digest,
         size_bytes=offset + DIGEST_BYTES,

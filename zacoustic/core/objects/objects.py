@@ -14,16 +14,19 @@ the listen windows are those of medium access, which is told when a transfer is 
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 
 import msgspec
 
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.objects.receiving import Gate, IncomingObjects, ObjectReceived
-from zacoustic.core.objects.sending import OutgoingObjects, Sending
+from zacoustic.core.objects.gate import Gate
+from zacoustic.core.objects.limits import ObjectLimits
+from zacoustic.core.objects.manifest import Manifest, decode_manifest
+from zacoustic.core.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.objects.receiving import IncomingObjects
+from zacoustic.core.objects.sending import OutgoingObjects, Owner, Sending
 from zacoustic.core.objects.stored import (
     StoredObject,
     StoredPlace,
@@ -40,17 +43,6 @@ from zacoustic.core.objects.wire import (
 )
 from zacoustic.core.qos import PATIENCE_NS, Priority
 from zacoustic.errors import PayloadTooLargeError
-
-
-class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
-    """How much memory objects may take."""
-
-    largest_bytes: int = 1 << 20
-    """Largest payload that is sent or taken, bytes."""
-    most_outgoing: int = 16
-    """Most objects that are sent or wait, ≤ 64."""
-    most_incoming: int = 4
-    """Most objects that arrive at a time."""
 
 
 class Offer(msgspec.Struct, frozen=True, kw_only=True):
@@ -87,10 +79,9 @@ class Objects:
         epoch: Boot epoch of the node.
         limits: How much memory they may take.
         rng: Source of randomness.
-        gate: ``(source, stream id)`` → what the table says of an object; stream 0: not yet known.
+        gate: Knows the table, and when it is whose turn; takes complete objects, once each.
+        owner: Is told of own objects, and knows when it is their turn.
         emit: Takes progress.
-        deliver: Takes complete objects, once each.
-        on_stored: Is told the delivery id and the stream of each own object in the journal.
         journal: Keeps what is to survive.
     """
 
@@ -100,28 +91,25 @@ class Objects:
         epoch: int,
         limits: ObjectLimits,
         rng: random.Random,
-        gate: Callable[[int, int], Gate],
+        gate: Gate,
+        owner: Owner,
         emit: Callable[[ObjectProgress], None],
-        deliver: Callable[[ObjectReceived], None],
-        on_stored: Callable[[Sending], None],
         journal: JournalPort,
     ) -> None:
         self._limits = limits
-        self._rng = rng
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
+            rng=rng,
             emit=emit,
-            on_stored=on_stored,
+            owner=owner,
             journal=journal,
         )
         self._incoming = IncomingObjects(
-            most=limits.most_incoming,
-            largest_bytes=limits.largest_bytes,
+            limits=limits,
             rng=rng,
             gate=gate,
             emit=emit,
-            deliver=deliver,
             journal=journal,
         )
         self._timing: Timing | None = None
@@ -146,21 +134,32 @@ class Objects:
         if self._fragment_bytes >= 1:
             self._outgoing.use_link(self._fragment_bytes, now)
 
-    def restore(self, stored: Mapping[str, bytes]) -> int:
+    def restore(
+        self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
+    ) -> list[tuple[int, Manifest]]:
         """Go on with what former lives have kept, before anything else.
 
+        Args:
+            stored: What they have kept.
+            accept: Tells whether an own object is still to be sent; if not, it is forgotten.
+
         Returns:
-            The largest id of an own object, or 0.
+            What was handed on: source and manifest.
         """
-        largest_id = 0
+        handed_on: list[tuple[int, Manifest]] = []
         for source, transfer, end in stored_ends(stored):
             self._incoming.restore_end(source, transfer, end)
+            manifest = decode_manifest(b"".join(end.head))
+            if manifest is not None:
+                handed_on.append((source, manifest))
         for source, transfer, group, fragments in stored_groups(stored):
             self._incoming.restore_group(source, transfer, group, fragments)
         for transfer, order, place in stored_out(stored):
-            self._outgoing.restore(transfer, order, place or StoredPlace(0, 0))
-            largest_id = max(largest_id, order.object_id)
-        return largest_id
+            if accept(order):
+                self._outgoing.restore(transfer, order, place or StoredPlace(0, 0))
+            else:
+                self._outgoing.forget(transfer)
+        return handed_on
 
     # Commands
 
@@ -173,11 +172,15 @@ class Objects:
         *,
         instance: Instance,
         encoding: str | None,
-        destination: int,
+        lineage: int,
+        number: int,
         receivers: tuple[int, ...],
+        stream_digest: bytes = b"",
+        keep: bool = True,
         priority: Priority = Priority.DATA,
         exclusive: bool = False,
         lifespan_s: float | None = None,
+        expires_at: int | None = None,
     ) -> None:
         """Send a payload as an object.
 
@@ -188,24 +191,22 @@ class Objects:
             now: The instant.
             instance: Which of the topic's keys.
             encoding: Zenoh encoding, where it is not the stream's.
-            destination: Address of the frames, or `BROADCAST`.
+            lineage: Where it stands in the count of its key.
+            number: Its number there.
             receivers: Who is to have it, at least one.
+            stream_digest: Of its topic: a later life goes on only if it is the same.
+            keep: It survives a restart.
             priority: Which of several objects goes first.
             exclusive: Send without listen windows.
-            lifespan_s: Withdraw it after so long, s.
+            lifespan_s: Withdraw it after so long, s, in a later life.
+            expires_at: Withdraw it at this instant, ns, in this life; None: never.
 
         Raises:
-            PayloadTooLargeError: Larger than the limit, or than an index can name on this link.
+            PayloadTooLargeError: More than an index can name on this link.
             QueueFullError: Too many objects are on their way.
         """
-        if len(payload) > self._limits.largest_bytes:
-            raise PayloadTooLargeError(
-                f"the payload is {len(payload)} bytes; an object has at most "
-                f"{self._limits.largest_bytes}",
-                hint="raise the limit at both ends, or publish it in pieces",
-            )
         if self._fragment_bytes < 1:
-            raise PayloadTooLargeError("objects need a link that is up, with room for a fragment")
+            raise PayloadTooLargeError("a frame of this link has no room for a fragment")
         order = StoredObject(
             object_id,
             stream_id,
@@ -213,22 +214,53 @@ class Objects:
             encoding,
             payload,
             self._fragment_bytes,
-            destination,
             receivers,
             priority,
             exclusive,
             lifespan_s,
-            self._rng.getrandbits(16),
+            lineage,
+            number,
+            stream_digest,
         )
-        self._outgoing.add(order, now)
+        self._outgoing.add(order, now, keep=keep, expires_at=expires_at)
 
-    def cancel(self, object_id: int, now: int) -> bool:
+    def check_size(self, name: str, payload_bytes: int, most_bytes: int | None = None) -> None:
+        """Refuse a payload that is larger than an object may be.
+
+        Args:
+            name: Of the topic.
+            payload_bytes: Its size.
+            most_bytes: Largest of this topic; None: as the node says.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how large it may be.
+        """
+        most_bytes = self._limits.largest_bytes if most_bytes is None else most_bytes
+        if payload_bytes > most_bytes:
+            raise PayloadTooLargeError(
+                f"{name}: the payload is {payload_bytes} bytes; an object has at most {most_bytes}",
+                hint="raise the limit at both ends, or publish it in pieces",
+            )
+
+    def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
         """Withdraw an own object; False when it is not under way."""
-        return self._outgoing.cancel(object_id, now)
+        return self._outgoing.withdraw(object_id, state, detail, now)
+
+    def handed_on(self, object_id: int, address: int) -> None:
+        """A receiver has acknowledged in another way that it has handed an own object on."""
+        self._outgoing.handed_on(object_id, address)
+
+    def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
+        """Of the receivers of a stream's own objects, go on with those; `detail`: if none is."""
+        self._outgoing.keep_only(stream_id, receivers, detail, now)
 
     def cancel_incoming(self, source: int, transfer: int) -> bool:
         """Refuse the rest of an object of another node; False when it is not under way."""
         return self._incoming.cancel(source, transfer)
+
+    def look_again(self, source: int) -> None:
+        """A sample of a source was handed on: what waits for its turn may have it now."""
+        self._incoming.look_again(source)
 
     # Frames of this node
 
@@ -256,8 +288,8 @@ class Objects:
             return None
         patience_ns = PATIENCE_NS.get(sending.priority, 0)
         return Offer(
-            destination=sending.outgoing.destination,
-            size_bytes=FRAGMENT_HEADER_BYTES + sending.outgoing.next_bytes,
+            destination=self._outgoing.next_destination(sending, now),
+            size_bytes=FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now),
             is_fragment=True,
             rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
         )
@@ -285,7 +317,7 @@ class Objects:
         sending, timing = self._sending(now), self._timing
         if timing is None or sending is None:
             return None
-        if FRAGMENT_HEADER_BYTES + sending.outgoing.next_bytes > room_bytes:
+        if FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now) > room_bytes:
             return None
         taken = self._outgoing.take(now, timing, frames_before_pause)
         if taken is None:
@@ -297,7 +329,7 @@ class Objects:
             stream_id=sending.stream_id,
             record=fragment.encode(),
             header_bytes=FRAGMENT_HEADER_BYTES,
-            is_repair=fragment.index >= sending.outgoing.fragments.layout.fragments,
+            is_repair=sending.outgoing.is_repair(fragment.index),
         )
 
     def transmitted(self, finished_at: int) -> None:
@@ -356,10 +388,6 @@ class Objects:
     def pending(self, stream_id: int) -> int:
         """Count the own objects of a stream that are not yet delivered."""
         return self._outgoing.pending(stream_id)
-
-    def under_way(self, stream_id: int) -> list[int]:
-        """Return the ids of the own objects of a stream that are not yet delivered."""
-        return self._outgoing.under_way(stream_id)
 
     @property
     def is_idle(self) -> bool:

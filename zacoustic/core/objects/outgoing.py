@@ -9,26 +9,33 @@ which, and need not.
 When no answer comes, the next round is short and useful: repair fragments, since the likeliest
 reason is a loss. When several questions in a row are not answered, nobody may be there: single
 fragments, at pauses that double.
+
+A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
+none of them will come, which it is told then: it is its turn.
 """
 
+import random
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Set
 from typing import Final
 
+from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.code import BLOCK_FRAGMENTS, Fragments
 from zacoustic.core.objects.manifest import Manifest
-from zacoustic.core.objects.planning import LossEstimate, Need, repairs_to_send
+from zacoustic.core.objects.planning import LossEstimate, repairs_to_send
+from zacoustic.core.objects.receiverview import ReceiverView
 from zacoustic.core.objects.timing import Timing
 from zacoustic.core.objects.wire import (
     CHECK_BYTES,
     MOST_BLOCKS,
+    NO_FRAGMENT,
     WITHDRAWN,
     Call,
     Complete,
     Feedback,
     Fragment,
     Headless,
-    Lacks,
+    Reason,
     Refused,
 )
 
@@ -44,81 +51,26 @@ _FEW_LACKING: Final = 16
 _ANSWER_COPIES: Final = 3
 
 
-class ReceiverView:
-    """What the sender knows of one receiver."""
-
-    def __init__(self, loss: LossEstimate) -> None:
-        self.loss = loss
-        self.complete = False
-        self.refused: int | None = None
-        """Why it does not want the object."""
-        self.headless = False
-        """It lacks the manifest."""
-        self.held = 0
-        """Fragments that it had when it lacked the manifest."""
-        self.first = 0
-        """All blocks before are complete."""
-        self.lacking: dict[int, int | None] = {}
-        """Of blocks of which something was sent; None: not known, from before a restart."""
-        self.sent: dict[int, int] = {}
-        """Fragments of each block sent since the last question that it answered."""
-        self.asked: dict[int, int] | None = None
-        """How many of them were sent before the last question; None: it is answered."""
-        self.asked_at = 0
-        """End of that question, ns."""
-        self.unanswered = 0
-        """Questions since it last answered."""
-
-    @property
-    def is_finished(self) -> bool:
-        """It needs nothing more."""
-        return self.complete or self.refused is not None
-
-    def need(self, block: int, typical: LossEstimate) -> Need | None:
-        """Return what it probably needs of a block, or None.
-
-        Args:
-            block: Which.
-            typical: The loss on the way to somebody, for a receiver of which nothing is known.
-        """
-        lacking = self.lacking.get(block)
-        if not lacking:
-            return None
-        loss = self.loss if self.loss.is_known else typical
-        # It has not answered since: so many of these will have arrived.
-        arrived = round(self.sent.get(block, 0) * (1 - loss.loss))
-        return Need(max(1, lacking - arrived), loss.received, loss.lost)
-
-    def answered_for(self, asked: dict[int, int]) -> None:
-        """What was sent before the question is accounted for; what was sent since is not."""
-        self.sent = {
-            block: left
-            for block, number in self.sent.items()
-            if (left := number - asked.get(block, 0)) > 0
-        }
-
-
 class OutgoingObject:
     """One object on its way.
 
     Args:
         transfer: Its number.
-        destination: Address of the frames.
         receivers: Addresses that are to have it, and what is known of the loss on the way there.
         manifest: What it is.
         fragments: Its fragments.
+        rng: Draws the pauses between questions that nobody answers.
     """
 
     def __init__(
         self,
         transfer: int,
-        destination: int,
         receivers: dict[int, LossEstimate],
         manifest: Manifest,
         fragments: Fragments,
+        rng: random.Random,
     ) -> None:
         self.transfer = transfer
-        self.destination = destination
         self.manifest = manifest
         self.fragments = fragments
         self.views = {address: ReceiverView(loss) for address, loss in receivers.items()}
@@ -136,8 +88,33 @@ class OutgoingObject:
         """It is not to be had any more; the receivers are told so."""
         self._round: deque[int] = deque()
         self._patience_ns = 0
+        self._asked: list[ReceiverView] = []
+        self._rng = rng
 
     # What is to be sent
+
+    @property
+    def has_fragments(self) -> bool:
+        """Somebody needs fragments of it, or is to be told that it is withdrawn."""
+        return self.is_withdrawn or bool(self._lacking())
+
+    def next_at(self, is_turn: Callable[[int], bool]) -> int | None:
+        """Return the instant from which something of it may go, ns; None: all wait for their turn.
+
+        Args:
+            is_turn: Tells whether nothing before it will come for a receiver.
+        """
+        if self.listens or self.has_fragments:
+            return self.due_at
+        turns = [self.views[each].turn_at for each in self._holders(is_turn)]
+        return max(self.due_at, min(turns)) if turns else None
+
+    def next_turn(self, is_turn: Callable[[int], bool], now: int) -> int | None:
+        """Return the receiver that is told next that it is its turn; None: a fragment goes."""
+        if self.is_withdrawn:
+            return None
+        due = (each for each in self._holders(is_turn) if self.views[each].turn_at <= now)
+        return next(due, None)
 
     def withdraw(self, now: int) -> None:
         """Send nothing of it any more, but tell the receivers."""
@@ -164,9 +141,10 @@ class OutgoingObject:
 
     def take(self, timing: Timing, *, window_follows: bool) -> Fragment:
         """Return the fragment that is next, for transmission."""
+        self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
             self.listens = True
-            return Fragment(self.transfer, Call.ANSWER, WITHDRAWN, b"")
+            return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, WITHDRAWN)
         if not self._round:
             self._round.extend(self._plan(timing))
         index = self._round.popleft()
@@ -185,24 +163,37 @@ class OutgoingObject:
         self.transmitted += 1
         return Fragment(self.transfer, call, index, self.fragments.fragment(index))
 
+    def take_turn(self, address: int) -> Fragment:
+        """Return what tells a receiver that it is its turn, for transmission."""
+        view = self.views[address]
+        view.turns += 1
+        self.transmitted += 1
+        self._asked = [view]
+        self.listens = True
+        check = self.manifest.digest[:CHECK_BYTES]
+        return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, check)
+
     def transmitted_until(self, finished_at: int, timing: Timing) -> None:
-        """The fragment just taken has been on the air."""
+        """What was just taken has been on the air."""
         if not self.listens:
             self.due_at = finished_at
             return
-        for view in self._waiting():
+        for view in self._asked:
             view.unanswered += 1
             view.asked = dict(view.sent)
             view.asked_at = finished_at
-        answers = _ANSWER_COPIES if len(self.views) == 1 else 2 * len(self.views) + 1
+        alone = len(self._waiting()) == 1 or self._asked[0].holds
+        answers = _ANSWER_COPIES if alone else 2 * len(self.views) + 1
         listen_ns = timing.exchange_ns + (answers - 1) * timing.feedback_slot_ns
         self.listens_until = finished_at + listen_ns
-        listen_ns = max(listen_ns, self._patience_ns)
-        silent = min((view.unanswered for view in self._waiting()), default=0)
-        if silent > _PATIENT_QUESTIONS:
-            doublings = (silent - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
-            listen_ns <<= min(doublings, _MOST_DOUBLINGS)
-        self.due_at = finished_at + listen_ns
+        self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
+        for view in self._asked:
+            view.turn_at = finished_at + self._pause_ns(listen_ns, view.turns)
+            if view.unanswered > _PATIENT_QUESTIONS:
+                view.forget_holding()
+        waiting = self._lacking() or self._waiting()
+        silent = min((view.unanswered for view in waiting), default=0)
+        self.due_at = finished_at + self._pause_ns(listen_ns, silent)
 
     def give_up_listening(self, now: int) -> None:
         """No answer, or not all of them, came in time: go on."""
@@ -210,9 +201,19 @@ class OutgoingObject:
         self.due_at = now
 
     @property
-    def next_bytes(self) -> int:
-        """Bytes of data in what is sent next."""
-        return 0 if self.is_withdrawn else self.fragments.layout.fragment_bytes
+    def destination(self) -> int:
+        """Address of the frames: of the one receiver that is left, so that no other answers."""
+        waiting = [each for each, view in self.views.items() if not view.is_finished]
+        return waiting[0] if len(waiting) == 1 else BROADCAST
+
+    @property
+    def fragment_bytes(self) -> int:
+        """Bytes of data in the fragment that is sent next."""
+        return len(WITHDRAWN) if self.is_withdrawn else self.fragments.layout.fragment_bytes
+
+    def is_repair(self, index: int) -> bool:
+        """Tell whether a fragment of that index is a repair fragment."""
+        return self.fragments.layout.fragments <= index < NO_FRAGMENT
 
     def next_seeds(self) -> int:
         """Return a seed that no fragment sent so far has."""
@@ -225,32 +226,62 @@ class OutgoingObject:
         view = self.views.get(source)
         if view is None or view.is_finished:
             return False
+        layout = self.fragments.layout
         if isinstance(feedback, Complete):
-            if feedback.check != self.manifest.digest[:CHECK_BYTES]:
+            if feedback.check == self.manifest.digest[:CHECK_BYTES]:
+                view.complete = True
+                view.learn(layout, view.asked or view.sent, view.first, {})
+            elif self.is_withdrawn:
+                view.refused = Reason.CANCELLED  # nothing of this one has arrived
+            else:
                 # It has an object of a life of ours that is over: the manifest will tell it so.
                 view.headless = True
-            else:
-                view.complete = True
-                self._learn(view, view.asked or view.sent, view.first, {})
         elif isinstance(feedback, Refused):
             view.refused = feedback.reason
         elif view.asked is None:
             return False  # a copy of an answer that was taken
         elif isinstance(feedback, Headless):
-            view.headless = True
-            self._learn_count(view, view.asked, feedback.held)
+            view.take_count(layout, view.asked, feedback.held)
         else:
-            self._take_lacks(view, view.asked, feedback)
+            view.take_lacks(layout, view.asked, feedback)
         if view.asked is not None:
             # Medium access may make answers slow: it is waited for as long as that takes.
             self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
         view.asked = None
         view.unanswered = 0
-        if not any(view.unanswered for view in self._waiting()):
+        if not any(view.unanswered for view in self._asked if not view.is_finished):
             self.listens = False
             self.due_at = now
             self._round.clear()
         return True
+
+    def handed_on(self, address: int) -> bool:
+        """A receiver is known to have handed it on; False when that is no news."""
+        view = self.views.get(address)
+        if view is None or view.is_finished:
+            return False
+        view.complete = True
+        if self.listens and not any(
+            each.unanswered for each in self._asked if not each.is_finished
+        ):
+            self.listens = False
+        return True
+
+    def is_for(self, receivers: Set[int]) -> bool:
+        """Tell whether one of those is to have it, or anybody has it."""
+        return any(view.complete or each in receivers for each, view in self.views.items())
+
+    def keep_only(self, receivers: Set[int]) -> bool:
+        """Forget others that do not have it; returns whether there were such."""
+        leaving = [
+            each
+            for each, view in self.views.items()
+            if each not in receivers and not view.is_finished
+        ]
+        for each in leaving:
+            view = self.views.pop(each)
+            self._asked = [other for other in self._asked if other is not view]
+        return bool(leaving)
 
     @property
     def is_finished(self) -> bool:
@@ -285,53 +316,22 @@ class OutgoingObject:
     def _waiting(self) -> list[ReceiverView]:
         return [view for view in self.views.values() if not view.is_finished]
 
-    def _take_lacks(self, view: ReceiverView, asked: dict[int, int], lacks: Lacks) -> None:
-        layout = self.fragments.layout
-        view.headless = False
-        told = dict(enumerate(lacks.lacking, lacks.block))
-        if max(told) >= layout.blocks or any(
-            lacking > layout.size(block) for block, lacking in told.items()
-        ):
-            # It speaks of another object: the manifest will tell it so.
-            view.headless = True
-            return
-        self._learn(view, asked, lacks.block, told)
+    def _lacking(self) -> list[ReceiverView]:
+        """Return the receivers that need fragments, as far as known."""
+        return [view for view in self._waiting() if not view.holds]
 
-    def _learn(
-        self, view: ReceiverView, asked: dict[int, int], first: int, told: dict[int, int]
-    ) -> None:
-        """Compare what a receiver lacked with what it lacks: so many have arrived since."""
-        layout = self.fragments.layout
-        view.first = first
-        for block, before in list(view.lacking.items()):
-            if block < first or view.complete:
-                after = 0
-            else:
-                after = told.get(block, layout.size(block))
-            sent = asked.get(block, 0)
-            if before is not None and before > 0:
-                arrived = max(0, before - after)
-                # What came after the last that was needed is not told: count none of it.
-                view.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
-            view.lacking[block] = after
-        view.answered_for(asked)
-
-    def _learn_count(self, view: ReceiverView, asked: dict[int, int], held: int) -> None:
-        layout = self.fragments.layout
-        view.loss.learn(sum(asked.values()), held - view.held)
-        view.held = held
-        view.answered_for(asked)
-        if layout.blocks == 1:
-            view.lacking[0] = max(1, layout.fragments - held)
-            return
-        for block in view.lacking:
-            expected = layout.size(block) * view.loss.loss
-            view.lacking[block] = max(1, round(expected))
+    def _holders(self, is_turn: Callable[[int], bool]) -> list[int]:
+        """Return the receivers that wait for their turn, and have it."""
+        return [
+            each
+            for each, view in self.views.items()
+            if view.holds and not view.is_finished and is_turn(each)
+        ]
 
     def _plan(self, timing: Timing) -> Iterator[int]:
         """Return the indices of the next round."""
         layout = self.fragments.layout
-        waiting = self._waiting()
+        waiting = self._lacking()
         silent = all(view.unanswered for view in waiting)
         planned: list[int] = []
         unknown = any(None in view.lacking.values() for view in waiting)
@@ -396,3 +396,12 @@ class OutgoingObject:
         loss = max((view.loss.loss for view in waiting), default=0.0)
         answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
         return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
+
+    def _pause_ns(self, listen_ns: int, questions: int) -> int:
+        """Return the pause after so many questions without an answer that helps, ns."""
+        doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
+        if not doublings:
+            return max(self._patience_ns, listen_ns)
+        # Two sources that ask the same receiver in one rhythm would never be heard.
+        pause_ns = listen_ns << min(doublings, _MOST_DOUBLINGS)
+        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5)))

@@ -18,6 +18,8 @@ class ObjectState(enum.Enum):
     """Cancelled here or at the other end."""
     EXPIRED = "expired"
     """Too old before every receiver had it."""
+    SUPERSEDED = "superseded"
+    """A newer sample of its key pushed it out."""
 
 
 class ObjectProgress(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,7 +1,6 @@
-"""The objects that a node receives: what is kept of them, and what is said.
+"""The objects that a node receives: what is done with their fragments, and what is said.
 
-Memory is bounded: so many transfers, so many bytes each; the transfer that was silent for longest
-gives way to a new one. What has ended is remembered for as long as its number may be used again.
+What has ended is remembered for as long as its number may be used again.
 """
 
 import random
@@ -10,17 +9,21 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.arq.receiving import Claim
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.objects.incoming import IncomingObject
+from zacoustic.core.objects.gate import Gate, ObjectReceived
+from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.objects.manifest import Manifest
 from zacoustic.core.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.objects.replies import Place, Replies
 from zacoustic.core.objects.stored import StoredEnd, done_key, encode_group, group_key
 from zacoustic.core.objects.timing import Timing
+from zacoustic.core.objects.transfers import Transfer, Transfers
 from zacoustic.core.objects.wire import (
     CHECK_BYTES,
     MOST_TRANSFERS,
+    NO_FRAGMENT,
     WITHDRAWN,
     Call,
     Complete,
@@ -36,39 +39,6 @@ _FIRST_GROUP: Final = 4
 _MOST_FORMER: Final = 4 * MOST_TRANSFERS
 
 
-class ObjectReceived(msgspec.Struct, frozen=True, kw_only=True):
-    """A complete object, for its topic."""
-
-    source: int
-    manifest: Manifest
-    payload: bytes
-    received: ReceivedFrame
-
-
-class Gate(msgspec.Struct, frozen=True):
-    """What the table says of an object that another node sends."""
-
-    reason: Reason | None = None
-    """Why it is not wanted; None: it is."""
-    is_open: bool = True
-    """It may be delivered now; otherwise the tables are not yet known to agree."""
-    place: int = 0
-    """Of all receivers of the stream, the how many-th this node is: so many speak before it."""
-
-
-class _Transfer:
-    """An object on its way to here, and what is to be said of it."""
-
-    def __init__(self, incoming: IncomingObject) -> None:
-        self.incoming = incoming
-        self.heard_at = 0
-        self.groups = 0
-        self.unwritten: list[tuple[int, bytes]] = []
-        self.received: ReceivedFrame | None = None
-        self.is_ending = False
-        """It is complete, and that is on its way to the journal."""
-
-
 class _Refusal(msgspec.Struct, frozen=True):
     """An object that is not wanted."""
 
@@ -81,36 +51,30 @@ class IncomingObjects:
     """All objects that one node receives.
 
     Args:
-        most: Most transfers at a time.
-        largest_bytes: Largest payload.
+        limits: How much memory they may take.
         rng: Spreads the answers of several receivers.
-        gate: ``(source, stream id)`` → what the table says.
+        gate: Knows table and counts, and takes complete objects.
         emit: Takes progress.
-        deliver: Takes complete objects.
         journal: Keeps what is to survive.
     """
 
     def __init__(
         self,
         *,
-        most: int,
-        largest_bytes: int,
+        limits: ObjectLimits,
         rng: random.Random,
-        gate: Callable[[int, int], Gate],
+        gate: Gate,
         emit: Callable[[ObjectProgress], None],
-        deliver: Callable[[ObjectReceived], None],
         journal: JournalPort,
     ) -> None:
-        self._most = most
-        self._largest_bytes = largest_bytes
         self._gate = gate
         self._emit = emit
-        self._deliver = deliver
         self._journal = journal
-        self._transfers: dict[Place, _Transfer] = {}
+        self._transfers = Transfers(limits)
         self._ended: dict[Place, StoredEnd] = {}
         self._former: dict[Place, StoredEnd] = {}
         self._refused: dict[Place, _Refusal] = {}
+        self._told: dict[Place, Feedback] = {}
         self._losses: dict[int, float] = {}
         self._replies = Replies(rng, self._is_sayable)
 
@@ -141,8 +105,11 @@ class IncomingObjects:
     ) -> str | None:
         """Take a fragment; returns why it is dropped, or None."""
         place = (source, fragment.transfer)
-        if fragment.index == WITHDRAWN:
-            self._withdrawn(place)
+        if fragment.index == NO_FRAGMENT:
+            if fragment.data == WITHDRAWN:
+                self._withdrawn(place)
+            else:
+                self._has_turn(place, fragment.data)
         elif not self._is_delivered(place, fragment) and not self._is_refused(place, fragment):
             reason = self._collect(place, fragment, received, now)
             if reason is not None:
@@ -157,6 +124,14 @@ class IncomingObjects:
             return False
         self._refuse((source, transfer), Reason.CANCELLED)
         return True
+
+    def look_again(self, source: int) -> None:
+        """A sample of a source was handed on: what waits for its turn may have it now."""
+        for place, state in list(self._transfers):
+            # What is handed on may have others handed on, and they this one.
+            is_there = self._transfers.get(place) is state
+            if is_there and place[0] == source and state.incoming.lacking == 0:
+                self._finish(place, state, is_turn=False)
 
     # Speaking
 
@@ -177,6 +152,7 @@ class IncomingObjects:
                 self._replies.drop(place)
                 continue
             self._replies.say(place)
+            self._told[place] = feedback
             state = self._transfers.get(place)
             manifest = state.incoming.manifest if state else None
             return feedback, manifest.stream_id if manifest else 0
@@ -230,12 +206,14 @@ class IncomingObjects:
             self._drop(place)
             state = None
         if state is None:
-            if len(self._transfers) >= self._most and not self._make_room():
-                return "object_room"
             state = self._open(place, len(fragment.data))
         state.heard_at = now
         if state.is_ending:
             return None
+        for given_up in self._transfers.make_room(place):
+            self._drop(given_up)
+        if place not in self._transfers:
+            return "object_room"
         incoming = state.incoming
         knew = incoming.manifest
         if not incoming.add(fragment.index, fragment.data):
@@ -254,7 +232,7 @@ class IncomingObjects:
             self._write_group(place, state)
         return None
 
-    def _judge(self, place: Place, state: _Transfer, knew: Manifest | None) -> None:
+    def _judge(self, place: Place, state: Transfer, knew: Manifest | None) -> None:
         """Look at an object whose manifest has just become known, or that is complete."""
         incoming = state.incoming
         manifest = incoming.manifest
@@ -264,53 +242,82 @@ class IncomingObjects:
             self._refuse(place, Reason.TOO_LARGE)
             return
         if knew is None:
-            reason = self._gate(place[0], manifest.stream_id).reason
+            admission = self._gate.admit(place[0], manifest.stream_id)
+            reason = admission.reason
+            most_bytes = admission.largest_bytes
+            if most_bytes is not None and manifest.payload_bytes > most_bytes:
+                reason = Reason.TOO_LARGE
             if reason is not None:
                 self._refuse(place, reason)
                 return
+        self._gate.expect(place[0], manifest)
         if incoming.lacking == 0:
-            self._finish(place, state)
+            self._finish(place, state, is_turn=False)
 
-    def _finish(self, place: Place, state: _Transfer) -> None:
-        """Write down that an object is complete; it is delivered when that is safe."""
+    def _has_turn(self, place: Place, check: bytes) -> None:
+        """The source says that nothing before its object will come."""
+        state = self._transfers.get(place)
+        if state is None or state.incoming.lacking != 0:
+            return
+        manifest = state.incoming.manifest
+        assert manifest is not None
+        if manifest.digest[:CHECK_BYTES] == check:
+            self._finish(place, state, is_turn=True)
+        elif not state.is_ending:
+            self._drop(place)  # the number stands for another object now
+
+    def _finish(self, place: Place, state: Transfer, *, is_turn: bool) -> None:
+        """Write down that a complete object is handed on; it is when that is safe."""
         manifest = state.incoming.manifest
         assert manifest is not None
         if state.is_ending:
             return
-        if not self._gate(place[0], manifest.stream_id).is_open:
+        admission = self._gate.admit(place[0], manifest.stream_id)
+        if not admission.is_open:
             return  # asked again with each further fragment
+        claim = self._gate.claim(place[0], manifest, is_turn=is_turn)
+        if claim is Claim.LATER:
+            if state.unwritten:
+                self._write_group(place, state)
+            return
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
-        state.is_ending = True
-        self._journal.write(
-            done_key(*place),
-            msgspec.msgpack.encode(end),
-            lambda at: self._hand_over(place, state),
-        )
+        is_over = claim is Claim.OVER
+        if admission.keeps:
+            state.is_ending = True
+            self._journal.write(
+                done_key(*place),
+                msgspec.msgpack.encode(end),
+                lambda at: self._hand_over(place, state, is_over=is_over),
+            )
+        else:
+            self._journal.write(done_key(*place), msgspec.msgpack.encode(end))
+            self._hand_over(place, state, is_over=is_over)
         for group in range(state.groups):
             self._journal.write(group_key(*place, group), None)
 
-    def _hand_over(self, place: Place, state: _Transfer) -> None:
+    def _hand_over(self, place: Place, state: Transfer, *, is_over: bool) -> None:
         manifest, payload = state.incoming.manifest, state.incoming.payload()
         assert manifest is not None
         assert payload is not None
-        del self._transfers[place]
+        self._transfers.remove(place)
         self._ended[place] = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         former = self._former.pop(place, None)
         self._trim()
-        if former is not None and former.digest == manifest.digest:
-            return  # it was delivered before
+        if is_over or (former is not None and former.digest == manifest.digest):
+            return  # it was handed on before, or is not to be any more
         received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
-        self._deliver(
+        self._report(place, state, ObjectState.DELIVERED, "")
+        self._gate.deliver(
             ObjectReceived(source=place[0], manifest=manifest, payload=payload, received=received)
         )
-        self._report(place, state, ObjectState.DELIVERED, "")
+        self.look_again(place[0])
 
     def _trim(self) -> None:
         while len(self._ended) > _MOST_FORMER:
             oldest = next(iter(self._ended))
             del self._ended[oldest]
             self._journal.write(done_key(*oldest), None)
-        for former in (self._former, self._refused):
+        for former in (self._former, self._refused, self._told):
             while len(former) > _MOST_FORMER:
                 del former[next(iter(former))]
 
@@ -325,7 +332,8 @@ class IncomingObjects:
             self._trim()
 
     def _refuse(self, place: Place, reason: Reason) -> None:
-        state = self._transfers[place]
+        state = self._transfers.get(place)
+        assert state is not None
         cancelled = reason is Reason.CANCELLED
         if reason is not Reason.NOT_SUBSCRIBED:
             outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
@@ -335,43 +343,30 @@ class IncomingObjects:
         self._trim()
 
     def _drop(self, place: Place) -> None:
-        self._forget_groups(place, self._transfers.pop(place))
+        self._forget_groups(place, self._transfers.remove(place))
 
-    def _forget_groups(self, place: Place, state: _Transfer) -> None:
+    def _forget_groups(self, place: Place, state: Transfer) -> None:
         for group in range(state.groups):
             self._journal.write(group_key(*place, group), None)
         state.groups = 0
         state.unwritten.clear()
 
-    def _write_group(self, place: Place, state: _Transfer) -> None:
+    def _write_group(self, place: Place, state: Transfer) -> None:
         self._journal.write(group_key(*place, state.groups), encode_group(state.unwritten))
         state.groups += 1
         state.unwritten.clear()
         if state.incoming.manifest is not None and not state.is_ending:
             self._report(place, state, ObjectState.UNDER_WAY, "")
 
-    def _open(self, place: Place, fragment_bytes: int) -> _Transfer:
-        incoming = IncomingObject(place[1], fragment_bytes, self._largest_bytes)
-        state = self._transfers[place] = _Transfer(incoming)
-        return state
-
-    def _make_room(self) -> bool:
-        """Give up the transfer that was silent for longest; False when none may go."""
-        idle = [
-            (state.heard_at, place)
-            for place, state in self._transfers.items()
-            if not state.is_ending
-        ]
-        if not idle:
-            return False
-        self._drop(min(idle)[1])
-        return True
+    def _open(self, place: Place, fragment_bytes: int) -> Transfer:
+        self._told.pop(place, None)
+        return self._transfers.open(place, fragment_bytes)
 
     def _feedback(self, place: Place) -> Feedback | None:
         transfer = place[1]
         state = self._transfers.get(place)
         if state is not None:
-            return state.incoming.feedback() if state.incoming.lacking != 0 else None
+            return state.incoming.feedback()
         end = self._ended.get(place)
         if end is not None:
             return Complete(transfer, end.digest[:CHECK_BYTES])
@@ -399,10 +394,18 @@ class IncomingObjects:
             self._replies.called(place, fragment.call, heard_at, timing, loss=loss)
         elif refusal is None or refusal.reason is not Reason.NOT_SUBSCRIBED:
             manifest = state.incoming.manifest if state else None
-            rank = self._gate(source, manifest.stream_id if manifest else 0).place
-            self._replies.called_among(place, fragment.call, heard_at, timing, rank=rank)
+            admission = self._gate.admit(source, manifest.stream_id if manifest else 0)
+            self._replies.called_among(
+                place,
+                fragment.call,
+                heard_at,
+                timing,
+                rank=admission.place,
+                others=admission.others,
+                repeats=self._told.get(place) == self._feedback(place),
+            )
 
-    def _report(self, place: Place, state: _Transfer, outcome: ObjectState, detail: str) -> None:
+    def _report(self, place: Place, state: Transfer, outcome: ObjectState, detail: str) -> None:
         incoming = state.incoming
         manifest = incoming.manifest
         total_bytes = manifest.payload_bytes if manifest else None

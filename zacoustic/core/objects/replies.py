@@ -59,13 +59,33 @@ class Replies:
         self._replies[place] = _Reply(at, min(copies, 1 + in_time))
 
     def called_among(
-        self, place: Place, call: Call, heard_at: int, timing: Timing, *, rank: int
+        self,
+        place: Place,
+        call: Call,
+        heard_at: int,
+        timing: Timing,
+        *,
+        rank: int,
+        others: int,
+        repeats: bool,
     ) -> None:
-        """The sender listens for the answers of several; so many speak before this node."""
+        """The sender listens for the answers of several.
+
+        Args:
+            place: Which object.
+            call: When it listens.
+            heard_at: End of the fragment, ns.
+            timing: The durations.
+            rank: So many receivers speak before this one.
+            others: How many there are beside it.
+            repeats: It has said the same before. Since they are not equally far away, it may have
+                met the answer of another then, and would again.
+        """
         at = self._listens_at(call, heard_at, timing)
-        at += _SLOTS_EACH * rank * timing.feedback_slot_ns
-        at += round(self._rng.random() * timing.feedback_slot_ns)
-        self._replies[place] = _Reply(at, 1)
+        slots = _SLOTS_EACH * rank + self._rng.random()
+        if repeats:
+            slots = self._rng.random() * _SLOTS_EACH * (others + 1)
+        self._replies[place] = _Reply(at + round(slots * timing.feedback_slot_ns), 1)
 
     def goes_on(
         self, place: Place, heard_at: int, timing: Timing, *, tell: bool, window: bool

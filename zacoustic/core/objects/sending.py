@@ -1,7 +1,9 @@
 """The objects that a node sends: which of them is next, and what is written down of them."""
 
-from collections.abc import Callable
-from typing import Final
+import random
+from collections.abc import Callable, Set
+from functools import partial
+from typing import Final, Protocol
 
 import msgspec
 
@@ -14,14 +16,9 @@ from zacoustic.core.objects.manifest import Manifest, encode_object
 from zacoustic.core.objects.outgoing import OutgoingObject
 from zacoustic.core.objects.planning import LossEstimate
 from zacoustic.core.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.objects.stored import (
-    StoredObject,
-    StoredPlace,
-    out_key,
-    sent_key,
-)
+from zacoustic.core.objects.stored import StoredObject, StoredPlace, out_key, sent_key
 from zacoustic.core.objects.timing import Timing
-from zacoustic.core.objects.wire import MOST_TRANSFERS, Feedback, Fragment
+from zacoustic.core.objects.wire import CHECK_BYTES, MOST_TRANSFERS, Feedback, Fragment
 from zacoustic.core.qos import Priority
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
@@ -41,8 +38,10 @@ class Sending(msgspec.Struct, kw_only=True):
     expires_at: int | None
     """When it becomes too old; None: never, or of a life before and not yet reckoned."""
     outgoing: OutgoingObject
-    is_stored: bool = False
-    """It is in the journal: nothing is sent before."""
+    keeps: bool
+    """It survives a restart."""
+    may_go: bool
+    """It is in the journal, or need not be: nothing is sent before."""
     source_kept: int = 0
     """Source fragments below are noted as sent."""
     seed_kept: int = 0
@@ -54,14 +53,31 @@ class Sending(msgspec.Struct, kw_only=True):
         return (self.priority, self.object_id)
 
 
+class Owner(Protocol):
+    """Who has handed out the objects that are sent."""
+
+    def stored(self, sending: Sending, now: int) -> None:
+        """An object is in the journal."""
+
+    def is_turn(self, object_id: int, address: int) -> bool:
+        """Tell whether nothing before an object will come for a receiver."""
+
+    def passed(self, object_id: int, address: int, now: int) -> None:
+        """A receiver has handed an object on."""
+
+    def refused(self, object_id: int, address: int, now: int) -> None:
+        """A receiver does not want an object."""
+
+
 class OutgoingObjects:
     """All objects that one node sends.
 
     Args:
         epoch: Its boot epoch: lives in a row begin with other transfer numbers.
         most: Most objects at a time, those that wait included.
+        rng: Draws pauses.
         emit: Takes progress.
-        on_stored: Is told of each object that is in the journal.
+        owner: Is told of them, and knows when it is their turn.
         journal: Keeps what is to survive.
     """
 
@@ -70,14 +86,16 @@ class OutgoingObjects:
         *,
         epoch: int,
         most: int,
+        rng: random.Random,
         emit: Callable[[ObjectProgress], None],
-        on_stored: Callable[[Sending], None],
+        owner: Owner,
         journal: JournalPort,
     ) -> None:
         self._sendings: dict[int, Sending] = {}
         self._most = most
+        self._rng = rng
         self._emit = emit
-        self._on_stored = on_stored
+        self._owner = owner
         self._journal = journal
         self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
         self._losses: dict[int, LossEstimate] = {}
@@ -94,13 +112,17 @@ class OutgoingObjects:
         """Count the objects of a stream that are not yet delivered."""
         return sum(each.stream_id == stream_id for each in self._sendings.values())
 
-    def under_way(self, stream_id: int) -> list[int]:
-        """Return the ids of the objects of a stream that are not yet delivered."""
-        return [each.object_id for each in self._sendings.values() if each.stream_id == stream_id]
-
     # Commands
 
-    def add(self, order: StoredObject, now: int, *, transfer: int | None = None) -> None:
+    def add(
+        self,
+        order: StoredObject,
+        now: int,
+        *,
+        keep: bool = True,
+        transfer: int | None = None,
+        expires_at: int | None = None,
+    ) -> None:
         """Take an object to be sent.
 
         Raises:
@@ -108,7 +130,12 @@ class OutgoingObjects:
             QueueFullError: Too many objects are on their way.
         """
         manifest, coded = encode_object(
-            order.stream_id, order.instance, order.encoding, order.payload, order.salt
+            order.stream_id,
+            order.instance,
+            order.encoding,
+            order.payload,
+            lineage=order.lineage,
+            number=order.number,
         )
         fragments = Fragments(coded, order.fragment_bytes)
         if fragments.layout.fragments > MOST_FRAGMENTS:
@@ -124,7 +151,7 @@ class OutgoingObjects:
         losses = {
             address: self._losses.setdefault(address, LossEstimate()) for address in order.receivers
         }
-        outgoing = OutgoingObject(transfer, order.destination, losses, manifest, fragments)
+        outgoing = OutgoingObject(transfer, losses, manifest, fragments, self._rng)
         outgoing.due_at = now
         lifespan_ns = None if order.lifespan_s is None else seconds_to_ns(order.lifespan_s)
         sending = self._sendings[transfer] = Sending(
@@ -134,11 +161,13 @@ class OutgoingObjects:
             priority=self._priorities.get(order.stream_id, Priority(order.priority)),
             exclusive=order.exclusive,
             lifespan_ns=lifespan_ns,
-            expires_at=None if lifespan_ns is None or restored else now + lifespan_ns,
+            expires_at=expires_at,
             outgoing=outgoing,
-            is_stored=restored,
+            keeps=keep,
+            may_go=restored or not keep,
         )
-        if not restored:
+        self._report(sending, ObjectState.UNDER_WAY, "")
+        if keep and not restored:
             self._journal.write(
                 out_key(transfer),
                 msgspec.msgpack.encode(order),
@@ -152,13 +181,29 @@ class OutgoingObjects:
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_kept, sending.seed_kept = place.next_source, place.next_seed
 
-    def cancel(self, object_id: int, now: int) -> bool:
+    def forget(self, transfer: int) -> None:
+        """Forget an object of a life before."""
+        self._journal.write(sent_key(transfer), None)
+        self._journal.write(out_key(transfer), None)
+
+    def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
         """Withdraw an object; False when it is not under way."""
         for sending in self._sendings.values():
             if sending.object_id == object_id and not sending.outgoing.is_withdrawn:
-                self._withdraw(sending, ObjectState.CANCELLED, "cancelled here", now)
+                self._withdraw(sending, state, detail, now)
                 return True
         return False
+
+    def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
+        """Of the receivers of a stream's objects, go on with those; `detail`: if none is left."""
+        for sending in list(self._sendings.values()):
+            outgoing = sending.outgoing
+            if sending.stream_id != stream_id or outgoing.is_withdrawn:
+                continue
+            if not outgoing.is_for(receivers):
+                self._withdraw(sending, ObjectState.REFUSED, detail, now)
+            elif outgoing.keep_only(receivers):
+                self._conclude(sending)
 
     def expire(self, now: int) -> None:
         """Withdraw what is too old."""
@@ -196,12 +241,13 @@ class OutgoingObjects:
                 continue
             losses = {address: view.loss for address, view in before.views.items()}
             sending.outgoing = OutgoingObject(
-                before.transfer, before.destination, losses, before.manifest, fragments
+                before.transfer, losses, before.manifest, fragments, self._rng
             )
             sending.outgoing.due_at = now
             sending.source_kept = sending.seed_kept = 0
-            place = msgspec.msgpack.encode(StoredPlace(0, 0))
-            self._journal.write(sent_key(before.transfer), place)
+            if sending.keeps:
+                place = msgspec.msgpack.encode(StoredPlace(0, 0))
+                self._journal.write(sent_key(before.transfer), place)
 
     def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
         """Let the objects of a stream go with this priority, or wait."""
@@ -217,9 +263,11 @@ class OutgoingObjects:
         best: tuple[int, tuple[int, int]] | None = None
         chosen: Sending | None = None
         for sending in self._sendings.values():
-            if not sending.is_stored or sending.stream_id in self._off:
+            if not sending.may_go or sending.stream_id in self._off:
                 continue
-            at = sending.outgoing.due_at
+            at = sending.outgoing.next_at(partial(self._owner.is_turn, sending.object_id))
+            if at is None:
+                continue
             if not sending.outgoing.listens:
                 at = max(at, quiet_until, self.held.get(sending.stream_id, 0))
             place = (max(at, now), sending.rank)
@@ -246,11 +294,28 @@ class OutgoingObjects:
             if outgoing.is_withdrawn and outgoing.is_past_asking:
                 self._end(sending)
                 return self.take(now, timing, frames_before_pause)
+        turn = self._turn(sending, now)
         window_follows = not sending.exclusive and frames_before_pause == 1
-        fragment = outgoing.take(timing, window_follows=window_follows)
+        if turn is not None:
+            fragment = outgoing.take_turn(turn)
+        elif not outgoing.has_fragments:
+            return self.take(now, timing, frames_before_pause)
+        else:
+            fragment = outgoing.take(timing, window_follows=window_follows)
         self._keep_place(sending)
         self._on_air = sending
         return sending, fragment
+
+    def next_bytes(self, sending: Sending, now: int) -> int:
+        """Return the bytes of data in what is sent next of an object."""
+        return CHECK_BYTES if self._turn(sending, now) else sending.outgoing.fragment_bytes
+
+    def next_destination(self, sending: Sending, now: int) -> int:
+        """Return the address that what is sent next of an object goes to."""
+        return self._turn(sending, now) or sending.outgoing.destination
+
+    def _turn(self, sending: Sending, now: int) -> int | None:
+        return sending.outgoing.next_turn(partial(self._owner.is_turn, sending.object_id), now)
 
     @property
     def is_exclusive(self) -> bool:
@@ -281,6 +346,22 @@ class OutgoingObjects:
         sending = self._sendings.get(feedback.transfer)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
+        view = sending.outgoing.views[source]
+        if view.complete:
+            self._owner.passed(sending.object_id, source, now)
+        elif view.refused is not None:
+            self._owner.refused(sending.object_id, source, now)
+        self._conclude(sending)
+        return True
+
+    def handed_on(self, object_id: int, address: int) -> None:
+        """A receiver has acknowledged in another way that it has handed an object on."""
+        for sending in list(self._sendings.values()):
+            if sending.object_id == object_id and sending.outgoing.handed_on(address):
+                self._conclude(sending)
+
+    def _conclude(self, sending: Sending) -> None:
+        """Tell of an object of which a receiver has told, and end it after the last."""
         outgoing = sending.outgoing
         if not outgoing.is_finished:
             self._report(sending, ObjectState.UNDER_WAY, "")
@@ -294,15 +375,14 @@ class OutgoingObjects:
                 ]
                 state = ObjectState.REFUSED if refusals else ObjectState.DELIVERED
                 self._report(sending, state, ", ".join(refusals))
-        return True
 
     # Below the methods above
 
     def _stored(self, sending: Sending, now: int) -> None:
         """It is in the journal: it may go."""
-        sending.is_stored = True
+        sending.may_go = True
         sending.outgoing.due_at = max(now, sending.outgoing.due_at)
-        self._on_stored(sending)
+        self._owner.stored(sending, now)
 
     def _free_transfer(self) -> int:
         if len(self._sendings) >= self._most:
@@ -315,6 +395,8 @@ class OutgoingObjects:
 
     def _keep_place(self, sending: Sending) -> None:
         """Note ahead of time what will have been sent."""
+        if not sending.keeps:
+            return
         outgoing = sending.outgoing
         fragments = outgoing.fragments.layout.fragments
         step = max(1, fragments // _STEP_DIVISOR)
@@ -337,11 +419,12 @@ class OutgoingObjects:
         del self._sendings[transfer]
         if self._on_air is sending:
             self._on_air = None
-        self._journal.write(sent_key(transfer), None)
-        self._journal.write(out_key(transfer), None)
+        if sending.keeps:
+            self.forget(transfer)
 
     def _report(self, sending: Sending, state: ObjectState, detail: str) -> None:
         manifest: Manifest = sending.outgoing.manifest
+        views = sending.outgoing.views
         done_bytes = min(
             manifest.payload_bytes,
             sending.outgoing.delivered_fragments * sending.outgoing.fragments.layout.fragment_bytes,
@@ -351,7 +434,7 @@ class OutgoingObjects:
         self._emit(
             ObjectProgress(
                 stream_id=sending.stream_id,
-                peer=sending.outgoing.destination or BROADCAST,
+                peer=next(iter(views)) if len(views) == 1 else BROADCAST,
                 transfer=sending.outgoing.transfer,
                 object_id=sending.object_id,
                 state=state,

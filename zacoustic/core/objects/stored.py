@@ -33,12 +33,15 @@ class StoredObject(msgspec.Struct, frozen=True, array_like=True):
     encoding: str | None
     payload: bytes
     fragment_bytes: int
-    destination: int
     receivers: tuple[int, ...]
     priority: int
     exclusive: bool
     lifespan_s: float | None
-    salt: int
+    lineage: int
+    """Where it stands in the count of its key."""
+    number: int
+    stream_digest: bytes
+    """Of the stream, as it was."""
 
 
 class StoredPlace(msgspec.Struct, frozen=True, array_like=True):

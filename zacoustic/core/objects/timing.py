@@ -40,13 +40,13 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def slot_ns(self) -> int:
-        """From the start of a full frame to the start of the next."""
-        return self.frame_ns + self.gap_ns
+        """From the start of a full frame to the start of the next, ≥ 1."""
+        return max(1, self.frame_ns + self.gap_ns)
 
     @property
     def feedback_slot_ns(self) -> int:
-        """From the start of a feedback to the start of what may follow it."""
-        return self.feedback_ns + self.gap_ns
+        """From the start of a feedback to the start of what may follow it, ≥ 1."""
+        return max(1, self.feedback_ns + self.gap_ns)
 
     @property
     def exchange_ns(self) -> int:

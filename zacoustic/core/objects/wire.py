@@ -18,7 +18,10 @@ they say what follows:
 ====  =========  ===================================================================================
 
 A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a
-feedback does. A fragment with index 0xFFFF and no data withdraws the object.
+feedback does. Index 0xFFFF is no fragment: without data it withdraws the object; with the first
+four bytes of its digest it tells the receiver of its unicast frame that no sample before the object
+will come: it is its turn. A receiver that has all of an object and waits for its turn says that it
+lacks 0 of the block behind the last.
 """
 
 import enum
@@ -35,10 +38,12 @@ MOST_BLOCKS: Final = 4
 """Most blocks that one feedback tells of."""
 MOST_TRANSFERS: Final = 64
 """Transfer numbers of a source."""
-WITHDRAWN: Final = 0xFFFF
-"""Index that withdraws an object."""
+NO_FRAGMENT: Final = 0xFFFF
+"""Index of what is no fragment, but something about the object."""
+WITHDRAWN: Final = b""
+"""What stands behind it when the object is withdrawn."""
 CHECK_BYTES: Final = 4
-"""Bytes of the digest in a feedback."""
+"""Bytes of the digest in a feedback, and behind `NO_FRAGMENT` when nothing before will come."""
 _NUMBER: Final = 0x3F
 
 
@@ -67,7 +72,7 @@ class Reason(enum.IntEnum):
 
 
 class Fragment(msgspec.Struct, frozen=True):
-    """A fragment of an object; with index `WITHDRAWN` and no data the end of it."""
+    """A fragment of an object; with index `NO_FRAGMENT` its end, or its turn."""
 
     transfer: int
     call: Call
@@ -88,6 +93,11 @@ class Lacks(msgspec.Struct, frozen=True):
     """The first that is not complete."""
     lacking: tuple[int, ...]
     """Of that block and those behind it, 0…255 each, 1…`MOST_BLOCKS` of them."""
+
+    @property
+    def is_nothing(self) -> bool:
+        """All of it is there, and it waits for its turn."""
+        return self.lacking == (0,)
 
     def encode(self) -> bytes:
         """Return the record, 5…8 bytes."""
@@ -141,7 +151,7 @@ def decode_fragment(record: bytes) -> Fragment | None:
         return None
     index = int.from_bytes(record[2:4], "big")
     data = record[FRAGMENT_HEADER_BYTES:]
-    if (index == WITHDRAWN) is not (not data):
+    if len(data) not in (0, CHECK_BYTES) if index == NO_FRAGMENT else not data:
         return None
     return Fragment(record[1] & _NUMBER, Call(record[1] >> 6), index, data)
 

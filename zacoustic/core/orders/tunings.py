@@ -10,7 +10,8 @@ from zacoustic.core.objects.objects import Objects
 from zacoustic.core.orders.words import Order, OrderKind
 from zacoustic.core.qos import UNTUNED, Qos, Tuning
 from zacoustic.core.queue import SAMPLE_LANES, TransmitQueue
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import LocalError
 
 _JOURNAL: Final = "tune"

@@ -11,7 +11,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import ServiceSpec, TopicSpec
+from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.testing.stories.story import Lane, Story, cast_of, opaque, typed
 from zacoustic.testing.virtualmodem import Modem
 

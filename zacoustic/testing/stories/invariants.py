@@ -9,7 +9,8 @@ from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event
 from zacoustic.core.keys import Instance
 from zacoustic.core.qos import Reliability
-from zacoustic.core.streams import Stream, TopicSpec
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
 
 if TYPE_CHECKING:

@@ -6,7 +6,8 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.scenario import Scenario
-from zacoustic.core.streams import StreamSpec, StreamTable
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtualmodem import Modem
 

@@ -19,7 +19,8 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.streams import ServiceSpec, Stream
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.stories.invariants import INVARIANTS

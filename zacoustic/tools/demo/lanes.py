@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from typing import Any
 
-from zacoustic.core.streams import ActionSpec, ServiceSpec, Stream, StreamTable
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.errors import PayloadInvalidError, UnknownStreamError
 from zacoustic.tools.demo.islands import NAMES, SHORE
 

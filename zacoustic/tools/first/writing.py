@@ -14,7 +14,7 @@ import msgspec
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, decode_application
 from zacoustic.core.keys import fault_of_name
-from zacoustic.core.streams import LAST_STREAM_ID
+from zacoustic.core.streamspecs import LAST_STREAM_ID
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.json5 import parse_json5

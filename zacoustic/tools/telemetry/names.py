@@ -2,7 +2,8 @@
 
 import msgspec
 
-from zacoustic.core.streams import Stream, StreamTable, TopicSpec
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import ConfigError
 
 

@@ -10,7 +10,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.streams import ServiceSpec, StreamSpec, StreamTable, TopicSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import Behaviour, FaultKind, FaultPlan, ScriptedFault

@@ -1,0 +1,335 @@
+"""Large samples between small ones, engines driven by hand: one order, each once, or told why not.
+
+Where a frame is shown by its first bytes: `ba` is a fragment, `ba..ffff` something about an object.
+"""
+
+import random
+from typing import Any
+
+import pytest
+
+from tests.core.rig import End, Pass, Rig, link
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.events import (
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    SampleReceived,
+)
+from zacoustic.core.linktypes import LinkState, Transmission
+from zacoustic.core.objects.limits import ObjectLimits
+from zacoustic.core.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.objects.wire import FRAGMENT_CODE
+from zacoustic.core.qos import Qos, Reliability
+from zacoustic.core.rules import TransmitRules
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.errors import PayloadTooLargeError, QueueFullError
+
+LOG, KEPT, LAST, BRIEF = 1, 2, 3, 4
+NODES = {1: "shore", 2: "auv", 3: "buoy"}
+PHOTO = random.Random("photo").randbytes(500)
+
+
+def topic(stream_id: int, name: str, *, journal: bool = False, **settings: Any) -> TopicSpec:
+    qos = Qos(reliability=Reliability.RELIABLE, **({"depth": 8} | settings))
+    return TopicSpec(stream_id=stream_id, name=name, qos=qos, journal=journal, publishers=(1,))
+
+
+def fleet(count: int = 2, **changed: Any) -> StreamTable:
+    return StreamTable(
+        [
+            topic(LOG, "log"),
+            topic(KEPT, "kept", journal=True, **changed),
+            topic(LAST, "last", depth=1),
+            topic(BRIEF, "brief", lifespan_s=5.0),
+        ],
+        nodes={address: NODES[address] for address in range(1, count + 1)},
+    )
+
+
+def ends(count: int = 2) -> Rig:
+    capabilities = link(bit_rate_bps=2000, propagation_s=0.1)
+    rig = Rig(dict.fromkeys(range(1, count + 1), fleet(count)), capabilities=capabilities)
+    for stream_id in (LOG, KEPT):
+        publish(rig, stream_id, b"hello")
+    rig.run(30)
+    for end in rig.ends.values():
+        end.events.clear()
+    rig.frames.clear()
+    return rig
+
+
+def publish(rig: Rig, stream_id: int, value: bytes, **settings: Any) -> int:
+    end = rig[1]
+    end.now = rig.now
+    delivery_id = end.engine.publish(stream_id, value, rig.now, **settings)
+    end.settle()
+    return delivery_id
+
+
+def values(rig: Rig, address: int = 2) -> list[object]:
+    return [event.value for event in rig[address].got(SampleReceived)]
+
+
+def outcomes(rig: Rig) -> list[DeliveryOutcome]:
+    return [event.outcome for event in rig[1].got(DeliveryEnded)]
+
+
+def is_fragment(sent: Transmission) -> bool:
+    return sent.frame_bytes[0] == FRAGMENT_CODE
+
+
+def is_about_an_object(sent: Transmission) -> bool:
+    return is_fragment(sent) and sent.frame_bytes[2:4] == b"\xff\xff"
+
+
+def some_fragments(count: int) -> Pass:
+    """Let so many fragments pass, and no others."""
+
+    def passes(source: int, node: int, sent: Transmission) -> bool:
+        nonlocal count
+        count -= is_fragment(sent)
+        return not is_fragment(sent) or count >= 0
+
+    return passes
+
+
+def mostly(rng: random.Random, share: float) -> Pass:
+    """Let that share of the frames pass."""
+    return lambda source, node, sent: rng.random() < share
+
+
+def no_fragments(source: int, node: int, sent: Transmission) -> bool:
+    return not is_fragment(sent)
+
+
+@pytest.mark.parametrize("stream_id", [LOG, KEPT])
+def test_small_and_large_samples_arrive_in_their_order(stream_id: int) -> None:
+    for seed in range(20):
+        rig = ends()
+        rng = random.Random(seed)
+        expected = [
+            PHOTO + bytes((number,)) if rng.random() < 0.4 else b"%d" % number
+            for number in range(8)
+        ]
+        for value in expected:
+            publish(rig, stream_id, value)
+            rig.run(rng.choice((0.1, 1.0)), mostly(rng, 0.6))
+        rig.run(100, mostly(rng, 0.6))
+        rig.run(500)
+        assert values(rig) == expected
+        assert outcomes(rig) == [DeliveryOutcome.DELIVERED] * 8
+        assert rig[1].engine.is_idle
+
+
+def test_what_was_published_before_the_link_was_ever_up_goes_as_an_object() -> None:
+    rig = ends()
+    rig.ends[1] = End(1, fleet(), epoch=2, is_up=False)
+    first = publish(rig, LOG, PHOTO, encoding="image/png")
+    publish(rig, LOG, b"small")
+    kept = publish(rig, KEPT, PHOTO)
+    with pytest.raises(PayloadTooLargeError, match="an object has at most 1048576"):
+        publish(rig, LOG, bytes((1 << 20) + 1))
+    rig[1].engine.handle_link_state(LinkState.UP, rig.now, rig.capabilities)
+    rig.run(60)
+    arrived = rig[2].got(SampleReceived)
+    assert [event.value for event in arrived if event.stream_id == LOG] == [PHOTO, b"small"]
+    assert [event.value for event in arrived if event.stream_id == KEPT] == [PHOTO]
+    assert next(each.encoding for each in arrived if each.stream_id == LOG) == "image/png"
+    assert outcomes(rig) == [DeliveryOutcome.DELIVERED] * 3
+    assert [each.delivery_id for each in rig[1].got(DeliveryStored)] == [kept]
+    assert first < kept
+    assert not [key for key in rig[1].journal if key.startswith(("object/out", "out/2//"))]
+
+
+def test_a_large_sample_that_is_kept_survives_until_the_link_is_up() -> None:
+    rig = ends()
+    last = rig[1]
+    rig.ends[1] = End(1, fleet(), epoch=2, journal=last.journal, is_up=False)
+    publish(rig, KEPT, PHOTO)
+    publish(rig, KEPT, b"small")
+    rig.restart(1, fleet(), keeps=True)
+    rig.run(60)
+    assert values(rig) == [PHOTO, b"small"]
+
+
+def test_more_large_samples_than_may_wait() -> None:
+    rig = ends()
+    rules = TransmitRules(objects=ObjectLimits(most_outgoing=2))
+    rig.ends[1] = End(1, fleet(), epoch=2, rules=rules, is_up=False)
+    for _ in range(3):
+        publish(rig, LOG, PHOTO)
+    rig[1].engine.handle_link_state(LinkState.UP, rig.now, rig.capabilities)
+    rig[1].settle()
+    assert outcomes(rig) == [DeliveryOutcome.CANCELLED]
+    assert rig[1].got(DeliveryEnded)[0].detail == "2 objects are on their way already"
+    with pytest.raises(QueueFullError):
+        publish(rig, LOG, PHOTO)
+    publish(rig, LOG, b"small")
+    rig.run(60)
+    assert values(rig) == [PHOTO, PHOTO, b"small"]
+
+
+@pytest.mark.parametrize("stream_id", [LOG, KEPT])
+def test_what_is_behind_a_cancelled_one_is_not_held_back(stream_id: int) -> None:
+    rig = ends()
+    large = publish(rig, stream_id, PHOTO)
+    publish(rig, stream_id, b"behind")
+    rig.run(20, no_fragments)
+    assert values(rig) == []
+    assert rig[1].engine.cancel_delivery(large, rig.now)
+    assert not rig[1].engine.cancel_delivery(large, rig.now)
+    rig.run(60)
+    assert values(rig) == [b"behind"]
+    assert outcomes(rig) == [DeliveryOutcome.CANCELLED, DeliveryOutcome.DELIVERED]
+    assert rig[1].engine.is_idle
+
+
+def test_a_gap_between_what_is_acknowledged_and_what_is_held() -> None:
+    """A receiver that has told to await a number before the gap is told of it all the same."""
+    rig = ends()
+    rng = random.Random(1)
+    before = publish(rig, LOG, b"before")
+    middle = publish(rig, LOG, PHOTO)
+    publish(rig, LOG, b"behind")
+    # What is behind arrives, and what is before it not.
+    rig.run(3, lambda source, node, sent: source == 2 or b"behind" in sent.frame_bytes)
+    assert rig[1].engine.cancel_delivery(middle, rig.now)
+    rig.run(60, mostly(rng, 0.7))
+    assert values(rig) == [b"before", b"behind"]
+    assert before in [each.delivery_id for each in rig[1].got(DeliveryEnded)]
+
+
+def test_a_small_sample_is_cancelled_too() -> None:
+    rig = ends()
+    small = publish(rig, LOG, b"small")
+    assert rig[1].engine.cancel_delivery(small, rig.now)
+    assert not rig[1].engine.cancel_delivery(small, rig.now)
+    publish(rig, LOG, b"next")
+    rig.run(60)
+    assert values(rig) == [b"next"]
+    assert outcomes(rig) == [DeliveryOutcome.CANCELLED, DeliveryOutcome.DELIVERED]
+
+
+def test_what_is_too_old_holds_nothing_back() -> None:
+    rig = ends()
+    publish(rig, BRIEF, PHOTO)
+    rig.run(3, no_fragments)
+    publish(rig, BRIEF, b"behind")
+    rig.run(4, no_fragments)
+    assert outcomes(rig)[0] is DeliveryOutcome.EXPIRED
+    rig.run(60)
+    assert values(rig) == [b"behind"]
+
+
+@pytest.mark.parametrize("newer", [b"newer", PHOTO[1:]])
+def test_a_newer_sample_pushes_a_large_one_out(newer: bytes) -> None:
+    rig = ends()
+    publish(rig, LAST, PHOTO)
+    rig.run(1, some_fragments(3))
+    publish(rig, LAST, newer)
+    rig.run(60)
+    assert values(rig) == [newer]
+    assert outcomes(rig) == [DeliveryOutcome.SUPERSEDED, DeliveryOutcome.DELIVERED]
+    told = rig[1].got(ObjectProgress)
+    assert ObjectState.SUPERSEDED in [each.state for each in told]
+    assert rig[1].engine.is_idle
+
+
+def test_who_refuses_a_large_sample_gets_what_is_behind_it() -> None:
+    rig = ends(3)
+    rules = TransmitRules(objects=ObjectLimits(largest_bytes=100))
+    rig.ends[3] = End(3, fleet(3), epoch=2, rules=rules, now=rig.now)
+    publish(rig, LOG, b"before")
+    publish(rig, LOG, PHOTO)
+    publish(rig, LOG, b"behind")
+    # The other one is out of range for a while.
+    rig.run(60, lambda source, node, sent: 2 not in (source, node))
+    assert values(rig, 3) == [b"before", b"behind"]
+    rig.run(300)
+    assert values(rig, 2) == [b"before", PHOTO, b"behind"]
+    ended = {each.outcome: each.missing for each in rig[1].got(DeliveryEnded)}
+    assert ended == {DeliveryOutcome.DELIVERED: (), DeliveryOutcome.REFUSED: (3,)}
+
+
+def test_a_receiver_that_has_forgotten_all_is_told_when_it_is_its_turn() -> None:
+    rig = ends()
+    publish(rig, LOG, b"before")
+    rig.run(10)
+    publish(rig, LOG, PHOTO)
+    rig.run(1, some_fragments(3))
+    rig.restart(2, fleet())
+    rig.run(100)
+    assert values(rig) == [PHOTO]
+    assert any(is_about_an_object(sent) for source, sent in rig.frames)
+    assert outcomes(rig)[-1] is DeliveryOutcome.DELIVERED
+    publish(rig, LOG, b"behind")
+    rig.run(20)
+    assert values(rig) == [PHOTO, b"behind"]
+
+
+def test_a_publisher_that_has_forgotten_all_begins_anew() -> None:
+    rig = ends()
+    publish(rig, LOG, PHOTO)
+    rig.run(1, some_fragments(3))
+    rig.restart(1, fleet())
+    publish(rig, LOG, PHOTO[1:])
+    publish(rig, LOG, b"behind")
+    rig.run(100)
+    assert values(rig) == [PHOTO[1:], b"behind"]
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.5, 2.0])
+def test_order_survives_both_ends(after_s: float) -> None:
+    for seed in range(10):
+        rng = random.Random(seed)
+        rig = ends()
+        expected = [PHOTO, b"1", PHOTO[:300], b"3", b"4"]
+        for value in expected:
+            publish(rig, KEPT, value)
+        for _ in range(4):
+            rig.run(after_s, mostly(rng, 0.7))
+            victim = rng.choice((1, 2))
+            handed_on = rig[2].got(SampleReceived)
+            rig.restart(victim, fleet(), keeps=True)
+            if victim == 2:
+                rig[2].events[:0] = handed_on
+        rig.run(300)
+        assert values(rig) == expected, seed
+
+
+def test_a_large_sample_of_a_stream_that_is_defined_in_another_way_now() -> None:
+    rig = ends()
+    publish(rig, KEPT, PHOTO)
+    rig.restart(1, fleet(depth=9), keeps=True)
+    rig.run(60)
+    ended = rig[1].got(DeliveryEnded)
+    assert [each.outcome for each in ended] == [DeliveryOutcome.CANCELLED]
+    assert ended[0].detail == "the stream is defined in another way now"
+    assert not [key for key in rig[1].journal if key.startswith("object/")]
+
+
+def test_an_acknowledgement_of_what_is_behind_ends_an_object() -> None:
+    """The receiver has said that it is complete, and that was lost."""
+    rig = ends()
+    publish(rig, LOG, PHOTO)
+    publish(rig, LOG, b"behind")
+    rig.run(5, lambda source, node, sent: source == 1 or sent.frame_bytes[:1] != b"\xbb")
+    assert values(rig) == [PHOTO, b"behind"]
+    assert outcomes(rig) == [DeliveryOutcome.DELIVERED] * 2
+
+
+def test_many_numbers_go_to_large_samples_alone() -> None:
+    """Short acknowledgements are understood when 100 objects lie between two small samples."""
+    rig = ends()
+    expected = []
+    for number in range(100):
+        expected.append(bytes((number,)) * 80)
+        publish(rig, LOG, expected[-1])
+        rig.run(2)
+    expected.append(b"small")
+    publish(rig, LOG, b"small")
+    rig.run(10)
+    assert values(rig) == expected
+    assert rig.now < seconds_to_ns(300)

@@ -1,0 +1,115 @@
+"""Large samples of on-demand topics, whose subscribers come and go."""
+
+from typing import Any
+
+from tests.core.rig import Rig, link
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SampleReceived
+from zacoustic.core.linktypes import Transmission
+from zacoustic.core.objects.wire import FRAGMENT_CODE
+from zacoustic.core.qos import Forward, Qos, Reliability
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
+
+LOG = 30
+NODES = {1: "shore", 2: "auv", 3: "buoy"}
+PHOTO = bytes(range(250)) * 4
+
+
+def fleet(count: int = 3, **settings: Any) -> StreamTable:
+    qos = Qos(reliability=Reliability.RELIABLE, **({"depth": 16} | settings))
+    log = TopicSpec(stream_id=LOG, name="log", publishers=(2,), qos=qos, journal=True)
+    return StreamTable([log], nodes={each: NODES[each] for each in range(1, count + 1)})
+
+
+def on_demand() -> Rig:
+    capabilities = link(bit_rate_bps=2000, propagation_s=0.1)
+    table = fleet(forward=Forward.ON_DEMAND)
+    return Rig(dict.fromkeys(NODES, table), capabilities=capabilities)
+
+
+def want(water: Rig, node: int, *sources: int) -> None:
+    water[node].engine.demand.want(LOG, water.now, sources)
+
+
+def values(water: Rig, node: int) -> list[object]:
+    return [each.value for each in water[node].got(SampleReceived)]
+
+
+def ended(water: Rig) -> list[tuple[DeliveryOutcome, str]]:
+    return [(each.outcome, each.detail) for each in water[2].got(DeliveryEnded)]
+
+
+def no_fragments(source: int, node: int, sent: Transmission) -> bool:
+    return sent.frame_bytes[0] != FRAGMENT_CODE
+
+
+def test_who_comes_while_an_object_is_under_way_does_not_wait_for_it() -> None:
+    water = on_demand()
+    want(water, 1, 2)
+    water.run(20)
+    water.publish(2, LOG, PHOTO)
+    water.publish(2, LOG, b"behind")
+    want(water, 3, 2)
+    water.run(20, no_fragments)
+    water.run(200)
+    assert values(water, 1) == [PHOTO, b"behind"]
+    water.publish(2, LOG, b"last")
+    water.run(100)
+    assert values(water, 1) == [PHOTO, b"behind", b"last"]
+    assert values(water, 3) == [b"behind", b"last"]
+    assert ended(water) == [(DeliveryOutcome.DELIVERED, "")] * 3
+    assert all(end.engine.is_idle for end in water.ends.values())
+
+
+def test_who_leaves_is_not_waited_for() -> None:
+    water = on_demand()
+    want(water, 1, 2)
+    want(water, 3, 2)
+    water.run(30)
+    water.publish(2, LOG, PHOTO)
+    water.publish(2, LOG, b"behind")
+    # Node 3 hears no fragment of it, and says that it does not want it any more.
+    water.run(5, no_fragments)
+    want(water, 3)
+    water.run(300, lambda source, node, sent: node != 3 or no_fragments(source, node, sent))
+    assert values(water, 1) == [PHOTO, b"behind"]
+    assert ended(water) == [(DeliveryOutcome.DELIVERED, "")] * 2
+    # It comes back, and gets what is published from then on.
+    want(water, 3, 2)
+    water.run(30)
+    water.publish(2, LOG, b"again")
+    water.run(100)
+    assert values(water, 3) == [b"behind", b"again"], "it had subscribed to what was behind"
+    assert values(water, 1) == [PHOTO, b"behind", b"again"]
+
+
+def test_object_that_is_for_nobody_any_more_is_given_up_though_others_have_come() -> None:
+    water = on_demand()
+    want(water, 1, 2)
+    water.run(20)
+    water.publish(2, LOG, PHOTO)
+    water.publish(2, LOG, b"behind")
+    want(water, 3, 2)
+    water.run(20, no_fragments)
+    want(water, 1)
+    water.run(200, no_fragments)
+    assert (DeliveryOutcome.REFUSED, "nobody subscribes") in ended(water)
+    water.run(100)
+    assert values(water, 3) == [b"behind"]
+    assert values(water, 1) == []
+    assert all(end.engine.is_idle for end in water.ends.values())
+
+
+def test_restarted_publisher_goes_on_for_those_who_had_subscribed() -> None:
+    water = on_demand()
+    want(water, 1, 2)
+    water.run(20)
+    water.publish(2, LOG, PHOTO)
+    water.publish(2, LOG, b"behind")
+    want(water, 3, 2)
+    water.run(20, no_fragments)
+    water.restart(2, water[2].engine.table, keeps=True)
+    water.run(200)
+    assert values(water, 1) == [PHOTO, b"behind"]
+    assert values(water, 3) == [b"behind"]
+    assert ended(water) == [(DeliveryOutcome.DELIVERED, "")] * 2
