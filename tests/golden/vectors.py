@@ -18,8 +18,9 @@ from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.actions.wire import (
     UNKNOWN_RESULT,
     Operation,
+    Refusal,
+    encode_cancel,
     encode_head,
-    encode_refusal,
     encode_result,
 )
 from zacoustic.core.arq.numbers import Ack
@@ -382,15 +383,29 @@ def _goals() -> Iterator[Vector]:
             "goal_refused",
             Operation.REFUSED,
             None,
-            encode_refusal(GoalFailure.REJECTED, "too deep"),
+            Refusal(GoalFailure.REJECTED, "too deep").encode(),
             "goal 5 is REFUSED: rejected: too deep",
         ),
         (
             "goal_cancel_refused",
             Operation.REFUSED,
             None,
-            encode_refusal(GoalFailure.CANCEL_REFUSED, ""),
+            Refusal(GoalFailure.CANCEL_REFUSED, "").encode(),
             "the cancel of goal 5 is REFUSED",
+        ),
+        (
+            "goal_cancel_again",
+            Operation.CANCEL_AGAIN,
+            None,
+            encode_cancel(1)[1],
+            "from the client: CANCEL goal 5, attempt 1",
+        ),
+        (
+            "goal_cancel_again_refused",
+            Operation.REFUSED,
+            None,
+            Refusal(GoalFailure.CANCEL_REFUSED, "too deep", 1).encode(),
+            "the cancel of goal 5 is REFUSED, attempt 1: too deep",
         ),
         (
             "goal_without_result",
