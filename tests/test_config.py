@@ -47,6 +47,7 @@ SECTION: dict[str, Any] = {
             "priority": "real_time",
             "depth": 3,
             "lifespan_s": 60,
+            "deadline_s": 90,
             "min_interval_s": 0.5,
             "linger_s": 2,
             "stamp": "age",
@@ -113,6 +114,7 @@ def test_section_is_read() -> None:
     qos = topic.qos
     assert (qos.priority, qos.stamp, qos.depth) == (Priority.REAL_TIME, Stamp.AGE, 3)
     assert (qos.lifespan_s, qos.min_interval_s, qos.linger_s) == (60, 0.5, 2)
+    assert qos.deadline_s == 90
     assert config.table.by_id(11).keys.key(1, (1,)) == "fleet/shore/usbl"
     service = config.table.by_id(20).spec
     assert isinstance(service, ServiceSpec)
@@ -439,6 +441,13 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("streams.0.depth", 0, ".streams[0].depth: 0; allowed: 1..65535"),
     ("streams.0.lifespan_s", 0, ".streams[0].lifespan_s: 0; allowed: above 0"),
     ("streams.0.min_interval_s", -1, ".streams[0].min_interval_s: -1; allowed: 0 or more"),
+    ("streams.0.deadline_s", 0, ".streams[0].deadline_s: 0; allowed: 0.1 or more"),
+    (
+        "streams.0.deadline_s",
+        0.5,
+        ".streams[0].deadline_s: 0.5; allowed: above min_interval_s, which is 0.5",
+    ),
+    ("streams.2.deadline_s", 9, ".streams[2].deadline_s: unknown key"),
     ("streams.2.linger_s", -1, ".streams[2].linger_s: -1; allowed: 0 or more"),
     ("ranging", {}, ".ranging: {}; allowed: a list of { to, every_s }"),
     ("ranging.0.to", "auv1", '.ranging[0].to: "auv1"; allowed: the address of another node'),
@@ -524,11 +533,6 @@ MISTAKES: list[tuple[str, object, str]] = [
         "streams.0.ros",
         {},
         ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic, service and action of",
-    ),
-    (
-        "streams.0.deadline_s",
-        3,
-        ".streams[0].deadline_s: 3 is not available yet: deadlines; allowed: lif",
     ),
     (
         "streams.3",

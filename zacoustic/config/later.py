@@ -16,7 +16,6 @@ LATER_KEYS: Final = {
     "links": {},
     "streams": {
         "ros": ("ROS 2", "topic, service and action of Zenoh"),
-        "deadline_s": ("deadlines", "lifespan_s"),
     },
 }
 """Keys that are refused, what they are for and what is allowed instead, by the list that holds the

@@ -68,6 +68,7 @@ ALLOWED: Final = {
     "priority": ", ".join(PRIORITY_NAMES),
     "depth": "a number, 1..65535",
     "lifespan_s": "seconds, above 0",
+    "deadline_s": "seconds, 0.1 or more, above min_interval_s",
     "min_interval_s": "seconds, 0 or more",
     "linger_s": "seconds, 0 or more",
     "timeout_s": "seconds, above 0",
@@ -210,6 +211,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Samples kept per key while they wait."""
     lifespan_s: float | None = None
     """A sample older than this is not sent any more, s."""
+    deadline_s: float | None = None
+    """A sample of each key is promised at least so often, s."""
     min_interval_s: float = 0.0
     """Least time between two samples of one key on the water, s."""
     stamp: str = "none"

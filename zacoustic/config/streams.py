@@ -89,6 +89,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             reliability=Reliability(entry.reliability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
+            deadline_s=entry.deadline_s,
             min_interval_s=entry.min_interval_s,
             linger_s=entry.linger_s,
             max_airtime=entry.max_airtime,

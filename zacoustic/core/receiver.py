@@ -186,7 +186,7 @@ class Receiver:
             self._stats.drop("dense")
             return []
         for stream_id, value in samples:
-            reason = self._topics.receive_dense(source, stream_id, value, received)
+            reason = self._topics.receive_dense(source, stream_id, value, received, now)
             if reason is not None:
                 self._stats.drop(reason)
         return [stream_id for stream_id, _ in samples]

@@ -44,7 +44,7 @@ class Topics:
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
         demand: Knows who has subscribed to on-demand topics.
-        emit: Takes the events.
+        emit: Takes the samples, and the instant.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Topics:
         sending: ReliableSending,
         receiving: ReliableReceiving,
         demand: Demand,
-        emit: Callable[[SampleReceived], None],
+        emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -211,11 +211,16 @@ class Topics:
             if self.large is not None:
                 self.large.at(now).objects.look_again(source)
             return reason
-        self._emit(sample)
+        self._emit(sample, now)
         return None
 
     def receive_dense(
-        self, source: int, stream_id: int, value: dict[str, Any], received: ReceivedFrame
+        self,
+        source: int,
+        stream_id: int,
+        value: dict[str, Any],
+        received: ReceivedFrame,
+        now: int,
     ) -> str | None:
         """Take a sample of a dense string; returns why it is dropped, or None."""
         stream = self._table.by_id(stream_id)
@@ -233,7 +238,7 @@ class Topics:
             received_at=received.received_at,
             metrics=received.metrics,
         )
-        self._emit(sample)
+        self._emit(sample, now)
         return None
 
     def receive_ack(self, source: int, stream: Stream, record: Record, now: int) -> str | None:
