@@ -216,6 +216,41 @@ def test_an_attitude_comes_back_within_half_a_step() -> None:
     assert max(errors) <= step / 2 + 1e-9
 
 
+def test_texts_without_a_type_cross_packed_and_in_dense_strings() -> None:
+    lines = [f"INF battery: {250 - number} V, {number} A".encode() for number in range(30)]
+    lines += [b"", b"\xff\xfe\xfd", bytes(range(40))]
+    sizes = {}
+    for codec in ("cbor", "packed", "dense"):
+        table = StreamTable(
+            [
+                TopicSpec(stream_id=10, name="log", codec=codec, subscribers=(2,)),
+                TopicSpec(stream_id=11, name="back", subscribers=(1,)),
+                TopicSpec(
+                    stream_id=12, name="aged", codec=codec, qos=Qos(stamp=Stamp.AGE),
+                    subscribers=(2,),
+                ),
+            ],
+            nodes={1: "n1", 2: "n2"},
+        )  # fmt: skip
+        arrived: dict[int, list[Any]] = defaultdict(list)
+
+        def look(address: int, event: Event, arrived: dict[int, list[Any]] = arrived) -> None:
+            if isinstance(event, SampleReceived):
+                arrived[event.stream_id].append(event.value)
+                assert (event.age_s is not None) == (event.stream_id == 12)
+
+        water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+        for number, text in enumerate(lines):
+            water.at(20 * number, partial(water.publish, 1, 10, text))
+            water.at(20 * number + 5, partial(water.publish, 2, 11, b""))
+            water.at(20 * number + 10, partial(water.publish, 1, 12, text))
+        water.run(until_s=20 * len(lines) + 20)
+        assert arrived[10] == arrived[12] == lines
+        sizes[codec] = water.engine(1).stats.bytes_transmitted
+    assert sizes["packed"] < 0.65 * sizes["cbor"], sizes
+    assert sizes["dense"] < 0.9 * sizes["packed"], sizes
+
+
 def tell(seed: int) -> Voyage:
     """Tell a story of two to four vehicles in bad water."""
     rng = random.Random(f"weather/{seed}")

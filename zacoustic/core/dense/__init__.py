@@ -3,8 +3,8 @@
 A `Speaker` writes the frames of a source and knows what may be referred to; a `Listener` reads them
 and says what to acknowledge. Both use a `DenseCodec`, which remembers nothing. In reading order:
 `references`, `frame`, `snapshot`, `streamcodec`, `rowmodel`, `leastsquares`, `curve`, `arithmetic`;
-then `layout`, `attitude`, `course`, `adaptation`, `habits`, `restcodec` and `text`; `prior` and
-`fitting` for models.
+then `layout`, `attitude`, `course`, `adaptation`, `habits`, `restcodec`, `text` and `spelling`;
+`prior` and `fitting` for models. `packedbytes` uses the texts alone.
 
 Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
 end does beforehand, and in `attitude`, before rounding and after decoding.
