@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import pytest
 
+from tests.telemetry.crossing import WAYS, Way, cross
 from tests.virtual.fleet import line
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos, Stamp
@@ -162,6 +163,25 @@ def test_receiver_that_never_speaks_costs_no_more_than_packed() -> None:
         assert voyage.received() == 300
         assert voyage.water.engine(2).stats.frames_transmitted <= 3
     assert sizes["dense"] <= 1.01 * sizes["packed"], sizes
+
+
+BYTE_S: Final = 0.0111
+NOISE: Final = TypeSpec(
+    name="Noise", fields=tuple(FieldSpec(name=f"n{place}", type="uint8") for place in range(4))
+)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=[way.name for way in WAYS])
+def test_noise_costs_hardly_more_airtime_than_packed_whatever_comes_back(way: Way) -> None:
+    rng = random.Random(7)
+    values = [{f"n{place}": rng.randrange(256) for place in range(4)} for _ in range(150)]
+    dense, packed = (
+        cross(NOISE, values, codec, way, loss=0.1, seed=3) for codec in ("dense", "packed")
+    )
+    # What finding out may cost: six bytes at the beginning, what is acknowledged until then, and
+    # a byte in 32 frames.
+    assert dense.airtime_s <= packed.airtime_s + 20 * BYTE_S
+    assert dense.delivered >= packed.delivered > 100
 
 
 def test_age_is_part_of_a_dense_string() -> None:
