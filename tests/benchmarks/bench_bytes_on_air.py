@@ -223,7 +223,7 @@ def print_speed(mission: Recording | Mission) -> None:
         ("nav in frames of its own", [[each] for each in samples], 4096),
         ("nav in 64-byte frames", [samples[n : n + 10] for n in range(0, 400, 10)], 4096),
     ):
-        best_s = min(_timed(codec, groups, room) for _ in range(3))
+        best_s = min(_timed(codec, groups, room) for _ in range(9))
         print(f"{label}: encode and decode {best_s / 400 * 1e6:.0f} µs a message (pure Python)")
 
 
