@@ -478,7 +478,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.1.codec",
         "cbor",
-        '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams',
+        '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams; here packed',
     ),
     (
         "streams.0.reliability",

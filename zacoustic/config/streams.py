@@ -226,9 +226,11 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
     if entry.codec is not None:
         check_word(place.at("codec"), entry.codec, tuple(CODECS))
-        if not is_typed:
+        if entry.codec == "cbor" and not is_typed:
             place.at("codec").complain(
-                f'"{entry.codec}" for opaque bytes', allowed="typed streams", hint="add a type"
+                f'"{entry.codec}" for opaque bytes',
+                allowed="typed streams; here packed, for topics dense, or none",
+                hint="add a type",
             )
     if entry.encoding is None:
         return

@@ -20,7 +20,7 @@ from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.payload import PayloadError, TypedCodec
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
@@ -96,9 +96,8 @@ class Topics:
         lifespan_s = stream.qos.lifespan_s
         expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
         dense_value = None
-        if stream.dense_type is not None and not prefix and isinstance(stream.codec, TypedCodec):
-            dense_value = stream.codec.normalised(value)
-            payload = stream.codec.write(dense_value)
+        if stream.dense_type is not None and not prefix:
+            dense_value, payload = stream.dense_value(value)
         else:
             payload = b"" if delete else stream.codec.encode(value)
         stamped = stream.qos.stamp is Stamp.AGE and not delete
@@ -231,7 +230,7 @@ class Topics:
             stream_id=stream_id,
             source=source,
             instance=(),
-            value=value,
+            value=stream.dense_sample(value),
             deleted=False,
             encoding=stream.encoding,
             age_s=None if code is None else decode_age_s(code),

@@ -174,7 +174,8 @@ class _Reader:
         stream = self._table.by_id(stream_id)
         key = _key(stream, self._source, ())
         head = f"stream {stream_id} {key}"
-        shown = {name: printable(part) for name, part in value.items() if name != AGE_FIELD}
+        said = {name: part for name, part in value.items() if name != AGE_FIELD}
+        shown = printable(stream.dense_sample(said))
         if AGE_FIELD in value:
             head += f", {decode_age_s(value[AGE_FIELD]):g} s old"
         text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
