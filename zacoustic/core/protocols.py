@@ -77,6 +77,7 @@ class Protocols:
             handshake=handshake,
             journal=journal,
             changed=self._audience_changed,
+            unsubscribed=self._unsubscribed,
             emit=emit,
         )
         self.deadlines = Deadlines(address, table, self.demand, stats, emit)
@@ -271,6 +272,9 @@ class Protocols:
 
     def _epoch_kept(self, now: int) -> None:
         self._epochs_to_keep -= 1
+
+    def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        self.large.unsubscribed(stream_id, sources, now)
 
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
