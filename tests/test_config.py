@@ -291,6 +291,7 @@ MISTAKES: list[tuple[str, object, str]] = [
         ["a", 2],
         '.types[0].fields[0].range[0]: "a"; allowed: a list of two',
     ),
+    ("types.0.fields.0.step", "1/0", '.types[0].fields[0].step: "1/0"; allowed: a number above 0'),
     ("types.0.fields.0.step", "x", '.types[0].fields[0].step: "x"; allowed: a number above 0'),
     ("types.0.fields.1.values", "a", '.types[0].fields[1].values: "a"; allowed: a list of texts'),
     (
@@ -857,3 +858,15 @@ def test_any_change_of_a_section_is_a_config_or_a_config_error(data: st.DataObje
         if isinstance(target, dict) and data.draw(st.booleans()):
             target[data.draw(KEYS)] = data.draw(JSON_VALUES)
     read_or_refuse(section)
+
+
+def test_a_step_may_be_a_ratio_and_is_meant_exactly() -> None:
+    fields = SECTION["types"][0]["fields"]
+    section = changed("types.0.fields", [{**fields[0], "step": "1/60000"}, *fields[1:]])
+    spec = config_from_mapping(section, source="test").types.by_name("Nav")
+    lat = spec.fields[0]
+    assert lat.step == 1 / 60000
+    assert lat.quantiser is not None
+    for count in (0, 1, 7, 2_591_234, -5_400_000):
+        assert lat.quantiser.value(count) == count / 60000
+        assert lat.quantiser.count(count / 60000 + 0.4 / 60000) == count

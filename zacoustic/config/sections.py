@@ -84,7 +84,7 @@ ALLOWED: Final = {
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
     "lost_after_s": "seconds, above 0",
     "range": "a list of two numbers, [low, high]",
-    "step": "a number above 0",
+    "step": 'a number above 0, or a ratio as "1/60000"',
     "unit": "a text",
     "wraps": "true, false",
     "outside": "reject, clamp, escape",
