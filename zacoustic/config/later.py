@@ -1,6 +1,6 @@
 """Words of the configuration's format that this version does not have yet.
 
-They are refused by name, never ignored: who writes `durability: "transient_local"` must not get
+They are refused by name, never ignored: who writes `stamp: "time"` must not get
 less in silence. A later version takes its word out of these tables.
 """
 
@@ -9,13 +9,9 @@ from typing import Final
 from zacoustic.config.complaints import Place, shown
 
 LATER_KEYS: Final = {
-    "": {
-        "ros": ("ROS 2", "types, topic, service and action of Zenoh"),
-        "overlays": ("bounds for ROS 2 types", "bounds in types"),
-    },
+    "": {},
     "links": {},
     "streams": {
-        "ros": ("ROS 2", "topic, service and action of Zenoh"),
         "deadline_s": ("deadlines", "lifespan_s"),
     },
 }
@@ -24,7 +20,6 @@ table; "" for the section."""
 
 LATER_VALUES: Final = {
     "wire": {"rmw_desert": "native"},
-    "durability": {"transient_local": "volatile"},
     "stamp": {"time": "none, age"},
 }
 """Values that are refused, and what is allowed instead, by key."""

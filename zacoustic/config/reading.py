@@ -15,6 +15,7 @@ from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
+from zacoustic.config.ros import RosConfig, RosReader
 from zacoustic.config.sections import (
     ALLOWED,
     FOLDER_ALLOWED,
@@ -66,6 +67,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that are measured again and again, by this node and by others of the fleet."""
+    ros: RosConfig | None = None
+    """What the file says of ROS; None: no stream is of it."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, this node may transmit."""
     permit_log: Path | None = None
@@ -138,7 +141,8 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
-        folder: What the name of the model is relative to; the present one unless given.
+        folder: What the names of the model and of ROS packages are relative to; the present one
+            unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, what is allowed, what to do.
@@ -158,7 +162,9 @@ def config_from_mapping(
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
-    types, python_types = _read_types(place.at("types"), written.types)
+    ros = RosReader(place, written, folder or Path())
+    ros_types = ros.types(place.at("streams"))
+    types, python_types = _read_types(place.at("types"), written.types, ros_types)
     objects = read_objects(place.at("objects"), written.objects)
     read = read_model(place.at("model"), written.model, folder or Path())
     fleet = Fleet(
@@ -167,7 +173,7 @@ def config_from_mapping(
         largest_bytes=objects.largest_bytes,
         model=read.model if read is not None else None,
     )
-    table = read_streams(place.at("streams"), len(written.streams), fleet)
+    table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
     return Config(
         source=source,
@@ -180,6 +186,7 @@ def config_from_mapping(
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
+        ros=ros.config() if ros.streams else None,
         rules=_read_rules(place, written, fleet, own, objects),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
@@ -286,7 +293,7 @@ def _read_permit_log(place: Place, written: str | None) -> Path | None:
 
 
 def _read_types(
-    place: Place, entries: tuple[TypeEntry, ...]
+    place: Place, entries: tuple[TypeEntry, ...], others: list[TypeSpec]
 ) -> tuple[TypeTable, dict[str, type[msgspec.Struct]]]:
     python_types: dict[str, type[msgspec.Struct]] = {}
     specs: list[TypeSpec] = []
@@ -309,7 +316,7 @@ def _read_types(
             here.repeat(error)
     root = Place(place.source, {"types": place.written})
     try:
-        types = TypeTable(specs)
+        types = TypeTable([*specs, *others])
         for index, entry in enumerate(entries):
             if entry.fields is not None and entry.name in python_types:
                 stated = type_from_struct(python_types[entry.name], name=entry.name)
