@@ -15,6 +15,7 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -25,6 +26,8 @@ from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError
+from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
 from zacoustic.island.session import Island, endpoints_of, mode_of
@@ -191,12 +194,18 @@ class Gateway:
                 ranges=self.config.ranges_to(),
                 rules=self.config.rules,
                 permit_log=open_permit_log(self.config.permit_log),
+                dialects=self._dialects,
                 notify=self._notify,
                 clock=self._clock,
             )
         except BaseException:
             await island.close()
             raise
+
+    def _dialects(
+        self, island: Island, complaints: Complaints, ring: Callable[[], None]
+    ) -> Dialects:
+        return Dialects(island)
 
     def _forgotten(self) -> str:
         if not isinstance(self._journal, MemoryJournal):
