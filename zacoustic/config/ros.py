@@ -258,6 +258,8 @@ class RosReader:
         stamp = _stamp_of(place)
         changed: dict[str, Any] = {kind: called}
         if kind == "topic":
+            if place.at("wildcards").entries:
+                place.at("wildcards").complain("with ros", allowed="{node} alone")
             topic = RosTopic(
                 interface=name,
                 hash=interfaces.hash_of(name),

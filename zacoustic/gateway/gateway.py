@@ -13,6 +13,7 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 """
 
 import asyncio
+import json
 import logging
 import time
 from collections.abc import Callable
@@ -117,6 +118,8 @@ class Gateway:
         """
         try:
             state = await recover(self._journal)
+            if self.config.ros is not None:
+                _stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
@@ -205,7 +208,12 @@ class Gateway:
     def _dialects(
         self, island: Island, complaints: Complaints, ring: Callable[[], None]
     ) -> Dialects:
-        return Dialects(island)
+        ros, table = self.config.ros, self.config.table
+        if ros is None:
+            return Dialects(island)
+        from zacoustic.gateway.ros import RosDialects
+
+        return RosDialects(self.config.address, table, ros, island, complaints, ring)
 
     def _forgotten(self) -> str:
         if not isinstance(self._journal, MemoryJournal):
@@ -219,6 +227,13 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
+
+
+def _stamp_samples(settings: zenoh.Config) -> None:
+    """Have all samples stamped, unless the file says something of it: caches need that."""
+    if json.loads(settings.get_json("timestamping/enabled")) is None:
+        everywhere = {"router": True, "peer": True, "client": True}
+        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
 def _locator(config: Config) -> str:

@@ -20,7 +20,6 @@ of them costs a thread of Zenoh's. Declaring may block, so it is done in the wor
 """
 
 from functools import partial
-from typing import Final
 
 import zenoh
 
@@ -28,6 +27,7 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.dialects import Declared, Dialects
+from zacoustic.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE, WATCH
 from zacoustic.gateway.onlookers import Onlookers
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
@@ -36,13 +36,6 @@ from zacoustic.island.goals import ActionKey
 from zacoustic.island.queries import HeldQuery, QueryDesk, Serve
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
-
-FORWARD: Final = "forward"
-DELIVER: Final = "deliver"
-PROXY: Final = "proxy"
-ATTEND: Final = "attend"
-WATCH: Final = "watch"
-SERVE: Final = "serve"
 
 
 class Routes:

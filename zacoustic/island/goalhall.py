@@ -13,7 +13,7 @@ from zacoustic.core.actions.news import GoalStatus
 from zacoustic.core.clock import Clock, seconds_to_ns
 from zacoustic.core.events import CallFailure
 from zacoustic.errors import PayloadInvalidError, ZacousticError
-from zacoustic.island.goals import ActionForm, ActionKey, Ending, GoalState, Verdict
+from zacoustic.island.goals import ActionForm, ActionKey, Asked, Ending, GoalState, Verdict
 from zacoustic.island.queries import Answer, HeldQuery
 
 GOALS_LIMIT: Final = 256
@@ -116,6 +116,9 @@ class GoalHall:
         if key is ActionKey.SEND_GOAL:
             self._send(asked.goal_id, asked.value, held)
             return
+        if asked.is_about_all:
+            self._cancel_all(held, asked)
+            return
         goal = self._goals.get(asked.goal_id)
         if goal is None:
             text = f"no goal {asked.goal_id.hex()} is known"
@@ -210,6 +213,21 @@ class GoalHall:
             failure = CallFailure.BAD_REQUEST if is_wrong else CallFailure.NO_SERVER
             self._refuse(held, ActionKey.SEND_GOAL, failure, str(error))
 
+    def _cancel_all(self, held: HeldQuery, asked: Asked) -> None:
+        until_ns = asked.accepted_until_ns
+        running = [
+            goal.goal_id
+            for goal in self._goals.values()
+            if goal.over_at is None
+            and goal.state is not None
+            and (until_ns is None or goal.state.accepted_unix_ns <= until_ns)
+        ]
+        verdict = Verdict(accepted=bool(running))
+        payload = self._form.write_verdict(ActionKey.CANCEL_GOAL, running, verdict)
+        self._answer(held, ActionKey.CANCEL_GOAL, payload)
+        for goal_id in running:
+            self._pursuer.cancel(goal_id)
+
     def _make_room(self) -> None:
         """Forget goals that ended long ago; and, where room is short, the oldest of the others."""
         now = self._clock()
@@ -246,7 +264,7 @@ class GoalHall:
                     self._refuse(held, key, *goal.failure)
 
     def _tell_verdict(self, goal: _Known, key: ActionKey, verdict: Verdict) -> None:
-        self._tell(goal, key, self._form.write_verdict(key, goal.goal_id, verdict))
+        self._tell(goal, key, self._form.write_verdict(key, [goal.goal_id], verdict))
 
     def _tell(self, goal: _Known, key: ActionKey, payload: bytes) -> None:
         waiting, goal.waiting[key] = goal.waiting[key], []

@@ -130,8 +130,8 @@ class ActionForm(ABC):
         """
 
     @abstractmethod
-    def write_verdict(self, which: ActionKey, goal_id: bytes, verdict: Verdict) -> bytes:
-        """Write the answer to `SEND_GOAL` or `CANCEL_GOAL`."""
+    def write_verdict(self, which: ActionKey, goal_ids: Sequence[bytes], verdict: Verdict) -> bytes:
+        """Write the answer to `SEND_GOAL` or `CANCEL_GOAL` about one goal, or about several."""
 
     @abstractmethod
     def read_verdict(self, which: ActionKey, payload: bytes, encoding: str) -> Verdict:
@@ -238,7 +238,7 @@ class ActionMessages(ActionForm):
 
     # Answers
 
-    def write_verdict(self, which: ActionKey, goal_id: bytes, verdict: Verdict) -> bytes:
+    def write_verdict(self, which: ActionKey, goal_ids: Sequence[bytes], verdict: Verdict) -> bytes:
         """Write the answer to `SEND_GOAL` or `CANCEL_GOAL`."""
         failure = verdict.failure.name if verdict.failure is not None else None
         said = {"accepted": verdict.accepted, "failure": failure, "text": verdict.text}
@@ -311,3 +311,7 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the goal, 16 bytes."""
     value: Any
     """The goal or the feedback, a dict or bytes; None where there is none."""
+    is_about_all: bool = False
+    """It is about all goals, whatever `goal_id` says: only a cancel of ROS can be."""
+    accepted_until_ns: int | None = None
+    """Of all only those that were accepted until then, ns since 1970."""

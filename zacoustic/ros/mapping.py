@@ -60,7 +60,8 @@ class Mapped(msgspec.Struct, frozen=True, kw_only=True):
     """Object of `rosbags` → dict; `PayloadInvalidError` where a constant is not what it should be.
     """
     write: Convert
-    """Validated dict → object of `rosbags`; `PayloadInvalidError` where a length does not fit."""
+    """Validated dict → object of `rosbags`, what is missing is zero; `PayloadInvalidError` where a
+    length does not fit."""
 
 
 class _Part(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,8 +72,9 @@ class _Part(msgspec.Struct, frozen=True, kw_only=True):
     read: Convert | None = None
     write: Convert | None = None
     standing_in: Any = None
-    """What a member is that does not cross."""
-    constant: Any = None
+    """What a member is that does not cross, or that nobody gives."""
+    check: Convert | None = None
+    """Refuses what a constant is not."""
 
 
 class TypeMapper:
@@ -147,28 +149,38 @@ class TypeMapper:
         if constant is not None:
             return self._constant(member, attribute, called, constant)
         deeper = [rule for rule in rules if rule.rest]
-        if member.type == "string" and member.is_sequence:
-            return _texts_part(member, attribute, called, ended, nested)
         if not member.is_nested:
-            return _scalar_part(member, attribute, called, ended)
+            is_texts = member.type == "string" and member.is_sequence
+            part = (
+                _texts_part(member, attribute, called, ended, nested)
+                if is_texts
+                else _scalar_part(member, attribute, called, ended)
+            )
+            return msgspec.structs.replace(part, standing_in=self._zero(member))
         name = f"{called}.{member.name}" if deeper else member.type
         inner = self._map(member.type, name, deeper)
+        read, write = inner.read, inner.write
+        is_several = member.is_array or member.is_sequence
+        made: Any = write({})
+        if is_several:
+            made = [made] * (member.count if member.is_array else 0)
         if not inner.spec.fields:
             if member.is_sequence:
                 raise ConfigError(f"{called}.{member.name}: a sequence of what has no members")
-            return _Part(attribute=attribute, standing_in=self._zero(member))
+            check: Convert = (lambda each: [*map(read, each)]) if is_several else read
+            return _Part(attribute=attribute, standing_in=made, check=check)
         nested[name] = inner.spec
         field = FieldSpec(name=member.name, type=name, **_lengths(member))
         field = _applied(field, ended, called)
-        read, write = inner.read, inner.write
-        if member.is_array or member.is_sequence:
+        if is_several:
             return _Part(
                 attribute=attribute,
                 field=field,
                 read=lambda objects: [read(each) for each in objects],
                 write=lambda values: [write(each) for each in values],
+                standing_in=made,
             )
-        return _Part(attribute=attribute, field=field, read=read, write=write)
+        return _Part(attribute=attribute, field=field, read=read, write=write, standing_in=made)
 
     def _constant(self, member: Member, attribute: str, called: str, constant: Any) -> _Part:  # noqa: ANN401
         field = _scalar_part(member, attribute, called, []).field
@@ -179,7 +191,15 @@ class TypeMapper:
             value = check({member.name: constant})[member.name]
         except PayloadInvalidError as error:
             raise ConfigError(f"constant: {error}") from None
-        return _Part(attribute=attribute, standing_in=value, constant=value)
+
+        def refuse(given: object) -> None:
+            if given != value:
+                raise PayloadInvalidError(
+                    f"{attribute} is {shown(given)}; "
+                    f"allowed: {shown(value)}, the constant of its overlay"
+                )
+
+        return _Part(attribute=attribute, standing_in=value, check=refuse)
 
     def _zero(self, member: Member) -> Any:  # noqa: ANN401 (of any type)
         """Return what a member is that nobody has set."""
@@ -275,7 +295,7 @@ def _octets(member: Member) -> Convert:
 
 def _reader(parts: Sequence[_Part]) -> Convert:
     """Make what reads an object: one look for all attributes, then what needs converting."""
-    checks = [part for part in parts if part.constant is not None]
+    checks = [(part.attribute, part.check) for part in parts if part.check is not None]
     crossing = [part for part in parts if part.field is not None]
     names = [part.field.name for part in crossing if part.field is not None]
     converts = [(index, part.read) for index, part in enumerate(crossing) if part.read]
@@ -289,13 +309,8 @@ def _reader(parts: Sequence[_Part]) -> Convert:
         take = lambda message: list(several(message))  # noqa: E731
 
     def read(message: Any) -> dict[str, Any]:  # noqa: ANN401 (an object of rosbags)
-        for part in checks:
-            value = getattr(message, part.attribute)
-            if value != part.constant:
-                raise PayloadInvalidError(
-                    f"{part.attribute} is {shown(value)}; "
-                    f"allowed: {shown(part.constant)}, the constant of its overlay"
-                )
+        for attribute, check in checks:
+            check(getattr(message, attribute))
         values = take(message)
         for index, convert in converts:
             values[index] = convert(values[index])
@@ -305,19 +320,19 @@ def _reader(parts: Sequence[_Part]) -> Convert:
 
 
 def _writer(parts: Sequence[_Part], cls: Callable[..., Any]) -> Convert:
-    def write(value: Mapping[str, Any]) -> Any:  # noqa: ANN401 (an object of rosbags)
-        arguments = []
-        for name, convert, standing_in in plan:
-            if name is None:
-                arguments.append(standing_in)
-            elif convert is None:
-                arguments.append(value[name])
-            else:
-                arguments.append(convert(value[name]))
-        return cls(*arguments)
-
     plan = [
         (part.field.name if part.field is not None else None, part.write, part.standing_in)
         for part in parts
     ]
+
+    def write(value: Mapping[str, Any]) -> Any:  # noqa: ANN401 (an object of rosbags)
+        arguments = []
+        for name, convert, otherwise in plan:
+            given = value.get(name) if name is not None else None
+            if given is None:
+                arguments.append(otherwise)
+            else:
+                arguments.append(given if convert is None else convert(given))
+        return cls(*arguments)
+
     return write
