@@ -31,7 +31,13 @@ from zacoustic.core.keys import fault_of_name
 from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
-from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
+from zacoustic.core.types import (
+    TypeSpec,
+    TypeTable,
+    check_agreement,
+    struct_from_type,
+    type_from_struct,
+)
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_zenoh_config
 
@@ -80,6 +86,18 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     def name(self) -> str | None:
         """Name of this node, or None when the fleet is not listed."""
         return self.nodes.get(self.address)
+
+    def class_of(self, type_name: str) -> type[msgspec.Struct]:
+        """Return the Python class of a type: the one that the file names, or a generated one.
+
+        Args:
+            type_name: As streams call it.
+
+        Raises:
+            ConfigError: There is no such type; lists those that there are.
+        """
+        spec = self.types.by_name(type_name)
+        return self.python_types.get(type_name) or struct_from_type(spec)
 
     def ranges_to(self) -> dict[int, float]:
         """Return the nodes to which this one measures the range, each with its period, s."""

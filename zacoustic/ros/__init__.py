@@ -18,8 +18,13 @@ Nouns, one module each:
   and actions that everybody has; `interfaces`: `Interfaces`, all that one distribution knows;
 - `hashes`: RIHS01, the hash of a type;
 - `overlays`: bounds, steps and constants that a ROS definition lacks; `mapping`: a ROS message as a
-  `TypeSpec`; `messages`: `RosMessage`, CDR to values and back.
+  `TypeSpec`; `messages`: `RosMessage`, CDR to values and back; `streams`: what a stream is in ROS;
+- `types`: `ros_type` and `message_class`, for programs without a configuration.
 
 `interfaces` and `messages` need `rosbags`, `tokens` needs `xxhash`: the extra ``zacoustic[ros]``.
 They are imported when the first is made, and their absence is an error that names the extra.
 """
+
+from zacoustic.ros.types import message_class, ros_type
+
+__all__ = ["message_class", "ros_type"]

@@ -16,6 +16,7 @@ from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper
+from zacoustic.ros.names import UNSTAMPED
 from zacoustic.ros.overlays import OverlayField
 
 HEADER: Final = "std_msgs/msg/Header"
@@ -66,7 +67,7 @@ class RosMessage:
             if not has_header(interfaces, name):
                 raise ConfigError(f'stamp: "{stamp.value}"; allowed: exact, {name} has no header')
             omitted = OverlayField(field="header.stamp", omit=True)
-            mapped = mapper.map(name, called=f"{name}.unstamped", extra=[omitted])
+            mapped = mapper.map(name, called=name + UNSTAMPED, extra=[omitted])
         self.spec: TypeSpec = mapped.spec
         """What crosses."""
         self._read, self._write = mapped.read, mapped.write

@@ -23,6 +23,9 @@ from zacoustic.errors import ConfigError
 NO_HASH: Final = "TypeHashNotSupported"
 """What Humble has in place of a hash."""
 
+UNSTAMPED: Final = ".unstamped"
+"""Behind the name of a type whose `header.stamp` does not cross."""
+
 INTERFACE: Final = re.compile(r"[a-z][a-z0-9_]*/(msg|srv|action)/[A-Z][A-Za-z0-9_]*")
 """Full name of an interface."""
 
