@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zacoustic.config import Config, config_from_mapping, read_config
-from zacoustic.config.later import LATER_KEYS
+from zacoustic.config.later import LATER_VALUES
 from zacoustic.config.sections import ALLOWED, RECORDS, ServiceEntry, TopicEntry
 from zacoustic.core.qos import Priority, Reliability, Stamp
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -503,8 +503,23 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("nodes.1.lost_after_s", -3, ".nodes[1].lost_after_s: -3; allowed: seconds, above 0"),
     ("nodes.1.lost_after_s", "5m", '.nodes[1].lost_after_s: "5m"; allowed: seconds, above 0'),
     # later
-    ("ros", {"domain": 0}, '.ros: {"domain": 0} is not available yet: ROS 2; allowed: types, to'),
-    ("overlays", [], ".overlays: [] is not available yet: bounds for ROS 2 types; allowed: "),
+    ("ros", {"domain": 233}, ".ros.domain: 233; allowed: a number, 0..232"),
+    ("ros", {"distro": "jezzy"}, '.ros.distro: "jezzy"; allowed: humble, iron, jazzy'),
+    ("ros", {"namspace": "a"}, ".ros.namspace: unknown key; allowed: distro, domain, namespace"),
+    ("ros", {"namespace": "a b"}, '.ros.namespace: "a b"; allowed: a ROS namespace'),
+    ("ros", {"packages": "nowhere"}, '.ros.packages: "nowhere" is no folder; allowed: a folder'),
+    ("overlays", [{"type": "a"}], ".overlays[0].fields: is missing; allowed: a list of"),
+    (
+        "overlays",
+        [{"type": "std_msgs/msg/Bool", "fields": [{"field": "dat"}]}],
+        '.overlays[0].fields[0].field: "dat" names no member of std_msgs/msg/Bool; allowed: ',
+    ),
+    (
+        "overlays",
+        [{"type": "std_msgs/msg/Bool", "fields": [{"feld": "dat"}]}],
+        ".overlays[0].fields[0].feld: unknown key; allowed: field, range, step, unit, wraps",
+    ),
+    ("overlays", [{"type": "Nav", "fields": []}], '.overlays[0].type: "Nav" is no interface of'),
     (
         "links.0.wire",
         "rmw_desert",
@@ -518,7 +533,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.durability",
         "transient_local",
-        '"transient_local" is not available yet; allowed: v',
+        '"transient_local" of a topic without ros; allowed: "volatile"',
     ),
     (
         "streams.0.codec",
@@ -533,8 +548,9 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.ros",
         {},
-        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic, service and action of",
+        '.streams[0].type: "Nav"; allowed: a ROS type, such as "geometry_msgs/msg/Twist"',
     ),
+    ("streams.0.ros", {"stmp": 1}, ".streams[0].ros.stmp: unknown key; allowed: stamp"),
     (
         "streams.3",
         {"id": 30, "action": "auv1/goto", "goal": "Nav"},
@@ -791,10 +807,10 @@ def test_every_key_is_in_the_reference(record: type[msgspec.Struct]) -> None:
     assert set(record.__struct_encode_fields__) <= set(ALLOWED)
 
 
-def test_every_later_key_is_in_the_reference() -> None:
-    for keys in LATER_KEYS.values():
-        for key in keys:
-            assert f"`{key}`" in DOCUMENT
+def test_every_later_word_is_in_the_reference() -> None:
+    for key, words in LATER_VALUES.items():
+        for word in words:
+            assert f'`{key}: "{word}"`' in DOCUMENT
 
 
 def test_examples_of_the_reference_are_read(tmp_path: Path) -> None:
