@@ -220,7 +220,8 @@ async def test_health_is_answered_published_and_stays_on_its_island(pair: Pair) 
     names = ("dropped", "journal", "ledger", "link", "objects", "peers", "streams")
     keys = {f"@acoustic/2/{name}" for name in names}
     replies = await get(pair.auv, "@acoustic/**")
-    assert set(replies.good) == keys
+    # An answer of the other modem may have told how far away it is.
+    assert set(replies.good) - {"@acoustic/2/peer/1/range"} == keys
     assert b'"state":"up"' in replies.payload("@acoustic/2/link")
     assert b'"cause":"payload"' in replies.payload("@acoustic/2/ledger")
     while {str(sample.key_expr) for sample in here.samples} < {"@acoustic/2/link"}:
