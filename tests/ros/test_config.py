@@ -104,6 +104,10 @@ def test_ros_does_not_change_what_crosses() -> None:
             r"wildcards: with ros; allowed: \{node\} alone",
         ),
         (
+            {"id": 3, "service": "arm", "type": "Nav", "server": 2},
+            'type: "Nav"; allowed: a ROS type, such as "std_srvs/srv/SetBool"',
+        ),
+        (
             {"id": 3, "service": "/arm", "type": STRING, "server": 2, "ros": {}},
             "for a service; allowed: PACKAGE/srv/Name",
         ),
