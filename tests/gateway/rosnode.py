@@ -164,11 +164,11 @@ class Node:
             assert query.attachment is not None
             beside = read_attachment(query.attachment.to_bytes())
             assert beside is not None
+            self._kept.append(query)  # before anybody can look for it
             value = answer(request.read(query.payload.to_bytes())[0])
-            if value is None:
-                self._kept.append(query)
-                return
-            reply(query, response.write(value))
+            if value is not None:
+                self.forget(query)
+                reply(query, response.write(value))
 
         queryable = self.session.declare_queryable(
             str(self.key(name, interface)), take, complete=True

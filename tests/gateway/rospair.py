@@ -63,8 +63,8 @@ class Pair:
     def __init__(self, stack: AsyncExitStack) -> None:
         self._stack = stack
 
-    async def open(self, section: dict[str, Any], distro: str) -> None:
-        self.water = Water()
+    async def open(self, section: dict[str, Any], distro: str, frame_loss: float) -> None:
+        self.water = Water(frame_loss=frame_loss)
         self.a = await self._stack.enter_async_context(island(1, self.water, section=section))
         self.b = await self._stack.enter_async_context(island(2, self.water, section=section))
         self.domain = section["ros"].get("domain", 0)
@@ -82,7 +82,7 @@ Test = Callable[[Pair], Awaitable[None]]
 
 
 def with_pair(
-    section: dict[str, Any] | None = None, *, distro: str = "jazzy"
+    section: dict[str, Any] | None = None, *, distro: str = "jazzy", frame_loss: float = 0.0
 ) -> Callable[[Test], Callable[[], None]]:
     """Run a test with a pair of islands."""
 
@@ -90,7 +90,7 @@ def with_pair(
         async def opened() -> None:
             async with AsyncExitStack() as stack:
                 pair = Pair(stack)
-                await pair.open(section or SECTION, distro)
+                await pair.open(section or SECTION, distro, frame_loss)
                 await test(pair)
 
         def runs() -> None:

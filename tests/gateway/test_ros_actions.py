@@ -190,3 +190,25 @@ async def test_two_goals_are_told_apart(pair: Pair) -> None:
     second, _ = await results[1].next()
     assert sorted((first["status"], second["status"])) == [4, 6]
     await client.until_status(first["status"], second["status"])
+
+
+@with_pair(frame_loss=0.3)
+async def test_over_water_that_loses_a_third_a_goal_runs_once_and_ends(pair: Pair) -> None:
+    server, client = await opened(pair)
+    assert await client.send(10)
+    goal = await server.goals.next()
+    result = client.result()
+    numbers = [0, 1]
+    for _ in range(10):
+        numbers.append(numbers[-1] + numbers[-2])
+        server.feed(goal, numbers)
+    await server.end(4, numbers)
+    value, beside = await result.next()
+    assert value == {"status": 4, "result": {"sequence": numbers}}
+    assert beside.sequence == 1
+    await client.until_status(4)
+    assert server.goals.empty()
+    # Of the feedback nothing is wrong, whatever has arrived.
+    while not client.feedback.empty():
+        fed = (await client.feedback.next())[0]["feedback"]["sequence"]
+        assert fed == numbers[: len(fed)]

@@ -127,6 +127,25 @@ async def test_a_proxy_goes_when_a_program_here_serves_and_comes_back_after_it(p
     assert [value for value, _ in await client.call({"a": 2, "b": 3})] == [{"sum": 5}]
 
 
+def test_servers_of_a_node_that_is_lost_are_not_there_until_it_is_back() -> None:
+    async def main() -> None:
+        water = Water()
+        section = changed(heartbeat_s=1, lost_after_s=2)
+        async with AsyncExitStack() as stack:
+            a = await stack.enter_async_context(island(1, water, section=section))
+            node = Node(stack.enter_context(ros_session(a.port)), "operator", domain=7)
+            async with island(2, water, section=section):
+                assert await node.available(Entity.SERVER, "/add") is not None
+            await node.available(Entity.SERVER, "/add", is_there=False)
+            await node.available(Entity.SERVER, "/fibonacci/_action/send_goal", is_there=False)
+            # What is published may still come from somebody else.
+            assert await node.available(Entity.PUBLISHER, "/chat") is not None
+            async with island(2, water, section=section):
+                assert await node.available(Entity.SERVER, "/add") is not None
+
+    run(main())
+
+
 @with_pair()
 async def test_endpoints_that_do_not_fit_a_stream_are_explained(pair: Pair) -> None:
     for name, interface in (("/map", "std_msgs/msg/Int32"), ("/map", STRING)):

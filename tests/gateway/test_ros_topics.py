@@ -4,9 +4,22 @@ import time
 from contextlib import AsyncExitStack
 from typing import Final
 
-from tests.gateway.islands import Water, fence, get, hear, island, matched, run
+from tests.gateway.islands import (
+    Water,
+    config_of,
+    fence,
+    free_port,
+    get,
+    hear,
+    island,
+    matched,
+    run,
+    until,
+    zenoh_config,
+)
 from tests.gateway.rosnode import DEFAULT, LATCHED, Node, Told, ros_session
 from tests.gateway.rospair import FIX, SECTION, STRING, TWIST, Pair, changed, with_pair
+from zacoustic.gateway import Gateway
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.qos import RosQos
 from zacoustic.ros.tokens import Entity, gid_of
@@ -233,5 +246,56 @@ def test_one_end_may_be_of_ros_and_the_other_not() -> None:
             await matched(auv, "chat")
             auv.put("chat", b'{"data": "to ROS"}', encoding="application/json")
             assert (await told.next())[0] == {"data": "to ROS"}
+
+    run(main())
+
+
+ON_DEMAND: Final = {
+    "id": 14,
+    "topic": "/chat",
+    "type": STRING,
+    "ros": {},
+    "depth": 8,
+    "publishers": [2],
+    "forward": "on_demand",
+}
+
+
+@with_pair(changed(streams=[ON_DEMAND]))
+async def test_a_topic_on_demand_crosses_when_a_node_subscribes(pair: Pair) -> None:
+    await ready(pair.auv, "/chat", STRING)
+    publish = pair.auv.publisher("/chat", STRING)
+    publish({"data": "nobody listens"})
+    await fence(pair.auv.session)
+    told = await heard(pair.shore, "/chat", STRING)
+    wanted = {"subscribers": (1,), "stream": "chat"}
+    await until(
+        lambda: any(
+            all(getattr(notice, key, None) == value for key, value in wanted.items())
+            for notice in pair.b.notices
+        ),
+        pair.b.changed,
+    )
+    publish({"data": "somebody does"})
+    assert (await told.next())[0] == {"data": "somebody does"}
+
+
+def test_without_time_stamps_a_latched_topic_still_crosses() -> None:
+    async def main() -> None:
+        water = Water()
+        async with AsyncExitStack() as stack:
+            port = free_port()
+            settings = zenoh_config("router", listen=port)
+            settings.insert_json5("timestamping/enabled", "false")
+            config = config_of(1, settings, SECTION)
+            await stack.enter_async_context(
+                Gateway(config, link=water.medium.link(1), notify=lambda _: None)
+            )
+            b = await stack.enter_async_context(island(2, water, section=SECTION))
+            shore = Node(stack.enter_context(ros_session(port)), "operator", domain=7)
+            auv = Node(stack.enter_context(ros_session(b.port)), "mapper", domain=7)
+            told = await heard(shore, "/map", STRING, LATCHED)
+            auv.publisher("/map", STRING, LATCHED)({"data": "the map"})
+            assert (await told.next())[0] == {"data": "the map"}
 
     run(main())

@@ -140,6 +140,11 @@ class RosReader:
                 shown(name) if name is not None else "is missing",
                 allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
             )
+        elif kind != "topic" and name is not None:
+            place.at("type").complain(
+                allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
+                hint=f"other types: {', '.join(_PARTS[kind])}",
+            )
         if kind != "topic":
             written.pop("type", None)
         if is_ros:

@@ -298,8 +298,12 @@ class Dialects:
         """Declare what makes a job on a stream visible; in the worker."""
         return []
 
-    def is_served_here(self, stream: Stream) -> bool:
-        """Tell whether a program on the island itself serves a service or an action."""
+    def stands_back(self, stream: Stream) -> bool:
+        """Tell whether not to stand in for the server of a service or an action."""
+        return False
+
+    def note_peer(self, address: int, *, is_lost: bool) -> bool:
+        """Note that a node is lost, or is back; tells whether jobs may have changed."""
         return False
 
     def visible(self, stream: Stream) -> bool:

@@ -18,7 +18,7 @@ import zenoh
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.events import Event, PeerFound, PeerLost
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
@@ -282,6 +282,10 @@ class Junction:
 
     def _deliver(self, event: Event) -> None:
         self._exchange.deliver(event)
+        if isinstance(event, PeerLost | PeerFound):
+            is_lost = isinstance(event, PeerLost)
+            if self._dialects.note_peer(event.address, is_lost=is_lost):
+                self._routes.reconcile()
 
     def _tell(self, notice: Notice) -> None:
         if not self._is_closing:

@@ -8,7 +8,7 @@ deliver    a queryable                the keys that come from beyond the water; 
                                       a `get` from the last value and is not complete: a
                                       storage on the island may know more
 proxy      complete queryables        the service's name, or all keys of the action; not
-                                      while a program on the island is seen to serve it
+                                      while its dialect stands back
 serve      nothing of Zenoh's         a service of this node: what makes its client visible
 attend     a subscriber               the feedback of the program that serves the action
 watch      publishers that put        the keys of an on-demand topic that is delivered here:
@@ -113,7 +113,7 @@ class Routes:
             self._undeclare(key)
 
     def _proxies(self, stream: Stream) -> bool:
-        return self._siblings.proxies(stream) and not self._dialects.is_served_here(stream)
+        return self._siblings.proxies(stream) and not self._dialects.stands_back(stream)
 
     def _serves(self, stream: Stream) -> bool:
         is_ours = (

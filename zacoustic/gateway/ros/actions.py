@@ -95,6 +95,10 @@ class RosActionForm(ActionForm):
             which: Teller(graph.endpoint(Entity.PUBLISHER, key, topic.qos), wall_clock)
             for which, (key, topic) in self._topics.items()
         }
+        self._subscriptions = [
+            graph.endpoint(Entity.SUBSCRIPTION, key, topic.qos)
+            for key, topic in self._topics.values()
+        ]
         self._status = LatchedPublisher(
             self._keys[ActionKey.STATUS], action.status.qos.depth, island, self._priority
         )
@@ -117,11 +121,7 @@ class RosActionForm(ActionForm):
     def use(self) -> Sequence[Declared]:
         """Show a client; in the worker."""
         shown = [token for which in _SERVICES for token in self.ends[which].use()]
-        tokens = [
-            self._graph.endpoint(Entity.SUBSCRIPTION, key, topic.qos)
-            for key, topic in self._topics.values()
-        ]
-        return [*shown, *self._graph.announce(tokens)]
+        return [*shown, *self._graph.announce(self._subscriptions)]
 
     def put(self, which: ActionKey, payload: bytes) -> None:
         """Put feedback or status, on the loop."""

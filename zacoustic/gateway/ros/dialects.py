@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from zacoustic.config.ros import RosConfig
 from zacoustic.core.clock import Clock
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Declared, Dialects, ServiceDialect, TopicDialect
 from zacoustic.gateway.jobs import FORWARD, PROXY
@@ -53,6 +53,7 @@ class RosDialects(Dialects):
         self._topics: dict[int, RosTopicDialect] = {}
         self._services: dict[int, RosServiceDialect] = {}
         self._actions: dict[int, RosActionForm] = {}
+        self._lost: set[int] = set()
 
     def topic(self, stream: Stream) -> TopicDialect:
         """Make the dialect of a topic."""
@@ -110,14 +111,21 @@ class RosDialects(Dialects):
             return []
         return ends.offer() if job == PROXY else ends.use()
 
-    def is_served_here(self, stream: Stream) -> bool:
-        """Tell whether a program on the island itself serves a service or an action."""
+    def stands_back(self, stream: Stream) -> bool:
+        """Tell whether a program here serves it itself, or the node that serves it is lost."""
         if stream.stream_id in self._services:
-            return self._graph.serves(self._services[stream.stream_id].ends.key)
-        if stream.stream_id in self._actions:
+            ends = self._services[stream.stream_id].ends
+        elif stream.stream_id in self._actions:
             ends = self._actions[stream.stream_id].ends[ActionKey.SEND_GOAL]
-            return self._graph.serves(ends.key)
-        return False
+        else:
+            return False
+        assert isinstance(stream.spec, ServiceSpec | ActionSpec)
+        return stream.spec.server in self._lost or self._graph.serves(ends.key)
+
+    def note_peer(self, address: int, *, is_lost: bool) -> bool:
+        """Note that a node is lost, or is back: then nobody shall wait for its servers."""
+        (self._lost.add if is_lost else self._lost.discard)(address)
+        return bool(self._services or self._actions)
 
     def visible(self, stream: Stream) -> bool:
         """Tell whether calls from the water are made by something that programs can see."""

@@ -70,7 +70,8 @@ class Graph:
         self._declared: list[zenoh.LivelinessToken | zenoh.Subscriber[None]] = []
         self._guard = threading.Lock()
         self._seen: dict[str, Token] = {}
-        self._news: list[Token] = []
+        self._servers: dict[str, set[str]] = {}
+        self._news: dict[str, Token] = {}
         self._has_changed = False
         self._gids: set[bytes] = set()
 
@@ -115,19 +116,16 @@ class Graph:
     def take(self) -> bool:
         """Take in what was seen, on the loop; tells whether anybody came or went."""
         with self._guard:
-            news, self._news = self._news, []
+            news, self._news = self._news, {}
             has_changed, self._has_changed = self._has_changed, False
-        for token in news:
+        for token in news.values():
             self._compare(token)
         return has_changed
 
     def serves(self, key: RosKey) -> bool:
         """Tell whether a program on this island serves a service."""
         with self._guard:
-            return any(
-                token.kind is Entity.SERVER and token.topic == f"/{key.name}"
-                for token in self._seen.values()
-            )
+            return bool(self._servers.get(f"/{key.name}"))
 
     def is_gateway(self, gid: bytes) -> bool:
         """Tell whether a gid is one of a gateway's endpoints; on any thread."""
@@ -161,13 +159,19 @@ class Graph:
                 if is_there and len(self._gids) < TOKENS_LIMIT:
                     self._gids.add(gid_of(key))
                 return
-            if not is_there:
-                self._seen.pop(key, None)
-            elif len(self._seen) < TOKENS_LIMIT:
+            if is_there and len(self._seen) < TOKENS_LIMIT:
                 self._seen[key] = token
                 if token.topic in self._expected:
-                    self._news.append(token)
-            self._has_changed |= token.kind is Entity.SERVER
+                    self._news[key] = token
+            elif not is_there:
+                self._seen.pop(key, None)
+                self._news.pop(key, None)
+            if token.kind is Entity.SERVER:
+                keys = self._servers.setdefault(token.topic, set())
+                (keys.add if key in self._seen else keys.discard)(key)
+                if not keys:
+                    del self._servers[token.topic]
+                self._has_changed = True
         self._ring()
 
     def _compare(self, token: Token) -> None:

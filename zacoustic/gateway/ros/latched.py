@@ -2,9 +2,11 @@
 
 A subscription of rmw_zenoh that is *transient local* asks the caches of publishers, each under
 ``KEY/@adv/pub/…``. Zenoh's advanced publisher is such a cache. It is declared in the worker, and
-what arrives before that waits.
+what arrives before that waits. It needs samples with time stamps: where the file has turned those
+off there is no cache, and that is said.
 """
 
+import logging
 import threading
 from collections import deque
 
@@ -12,7 +14,9 @@ import zenoh
 import zenoh.ext
 
 from zacoustic.core.qos import Priority
-from zacoustic.island.session import Island, zenoh_priority
+from zacoustic.island.session import Island, one_line, zenoh_priority
+
+_logger = logging.getLogger(__name__)
 
 
 class LatchedPublisher:
@@ -31,20 +35,30 @@ class LatchedPublisher:
         self._island = island
         self._priority = priority
         self._guard = threading.Lock()
-        self._publisher: zenoh.ext.AdvancedPublisher | None = None
+        self._publisher: zenoh.ext.AdvancedPublisher | zenoh.Publisher | None = None
         self._waiting: deque[tuple[bytes, str, bytes | None]] = deque(maxlen=depth)
 
     def declare(self) -> None:
         """Declare it, and put what has waited; in the worker."""
-        publisher = zenoh.ext.declare_advanced_publisher(
-            self._island.session,
-            zenoh.KeyExpr(self._key),
-            priority=zenoh_priority(self._priority),
-            congestion_control=zenoh.CongestionControl.DROP,
-            allowed_destination=zenoh.Locality.REMOTE,
-            cache=zenoh.ext.CacheConfig(max_samples=self._depth),
-            publisher_detection=True,
-        )
+        publisher: zenoh.ext.AdvancedPublisher | zenoh.Publisher
+        try:
+            publisher = zenoh.ext.declare_advanced_publisher(
+                self._island.session,
+                zenoh.KeyExpr(self._key),
+                priority=zenoh_priority(self._priority),
+                congestion_control=zenoh.CongestionControl.DROP,
+                allowed_destination=zenoh.Locality.REMOTE,
+                cache=zenoh.ext.CacheConfig(max_samples=self._depth),
+                publisher_detection=True,
+            )
+        except zenoh.ZError as error:
+            _logger.warning("%s: late joiners get nothing: %s", self._key, one_line(error))
+            publisher = self._island.session.declare_publisher(
+                zenoh.KeyExpr(self._key),
+                priority=zenoh_priority(self._priority),
+                congestion_control=zenoh.CongestionControl.DROP,
+                allowed_destination=zenoh.Locality.REMOTE,
+            )
         with self._guard:
             self._publisher = publisher
             waiting = list(self._waiting)

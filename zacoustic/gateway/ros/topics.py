@@ -88,6 +88,7 @@ class RosTopicDialect(TopicDialect):
         self._before, self._behind = f"{whole.domain}/", f"/{whole.type}/{whole.hash}"
         self._tellers: dict[str, Teller] = {}
         self._latched: dict[str, LatchedPublisher] = {}
+        self._subscriptions: dict[str, Token] = {}
 
     def key(self, stream_key: str) -> str:
         """Return the key of rmw_zenoh."""
@@ -173,8 +174,11 @@ class RosTopicDialect(TopicDialect):
     def hear(self, address: int) -> Sequence[Declared]:
         """Declare the subscription to what this node publishes; in the worker."""
         (name,) = self._names([address])
-        token = self._graph.endpoint(Entity.SUBSCRIPTION, self.ros_key(name), self._topic.qos)
-        return self._graph.announce([token])
+        if name not in self._subscriptions:
+            self._subscriptions[name] = self._graph.endpoint(
+                Entity.SUBSCRIPTION, self.ros_key(name), self._topic.qos
+            )
+        return self._graph.announce([self._subscriptions[name]])
 
     def expect(self, addresses: Sequence[int]) -> None:
         """Have it said where an endpoint of the island does not fit."""
