@@ -25,10 +25,10 @@ def test_all_vectors_of_the_reference_are_there() -> None:
     assert len(VECTORS) == 124
 
 
-@pytest.mark.parametrize("vector", VECTORS.values(), ids=VECTORS)
-def test_each_packet_is_the_one_that_rmw_desert_sends(vector: Vector) -> None:
-    if vector.name == WITHOUT_FIELDS:
-        pytest.skip("a request is no message of ROS: see test_discovery")
+# A discovery request is no message of ROS: see test_discovery.
+@pytest.mark.parametrize("name", [name for name in VECTORS if name != WITHOUT_FIELDS])
+def test_each_packet_is_the_one_that_rmw_desert_sends(name: str) -> None:
+    vector = VECTORS[name]
     assert vector.encode().hex() == vector.packet.hex()
 
 

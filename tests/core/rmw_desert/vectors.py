@@ -54,15 +54,16 @@ def _vector(written: dict[str, Any]) -> Vector:
     fields, value, nested = [], {}, ()
     for index, (kind, content) in enumerate(written["fields"]):
         name, (shape, _, scalar) = f"f{index}", kind.rpartition("_")
-        field_type, settings = _SCALARS[scalar], {}
+        field_type = _SCALARS[scalar]
+        length = max_length = None
         if shape == "vec":
-            settings["max_length"] = 1000
+            max_length = 1000
             if field_type == "string":
                 field_type, nested = _TEXT.name, (_TEXT,)
                 content = [{"text": each} for each in content]
         elif shape == "arr":
-            settings["length"] = len(content)
-        fields.append(FieldSpec(name=name, type=field_type, **settings))
+            length = len(content)
+        fields.append(FieldSpec(name=name, type=field_type, length=length, max_length=max_length))
         value[name] = [_number(each) for each in content] if shape else _number(content)
     spec = TypeSpec(name="T", fields=tuple(fields))
     heard = written["real_decoded"]

@@ -29,7 +29,8 @@ REQUEST_TOPIC: Final = "/discovery_request"
 """Names of the two topics in the file of allowed topics."""
 
 _GID_BYTES: Final = 16
-_QOS: Final = Qos(priority=Priority.BACKGROUND, depth=1)
+_BEACON_QOS: Final = Qos(priority=Priority.BACKGROUND, depth=1)
+_REQUEST_QOS: Final = Qos(priority=Priority.DATA_LOW, depth=1)
 _BEACON: Final = TypeSpec(
     name="Beacon",
     fields=(
@@ -77,7 +78,7 @@ class Discovery:
             return
         self._has_begun = True
         if self._spec.request_id is not None:
-            self._say(self._spec.request_id, (), b"", now)
+            self._say(self._spec.request_id, b"", now, qos=_REQUEST_QOS)
         self._announce(now)
 
     def receive(self, message: Message, now: int) -> str | None:
@@ -112,7 +113,7 @@ class Discovery:
                 fields = self._codec.encode(beacon)
             except LocalError:  # a name too long for a beacon: it is found without one
                 continue
-            self._say(self._spec.beacon_id, (kind, stream.stream_id), fields, now)
+            self._say(self._spec.beacon_id, fields, now, which=(kind, stream.stream_id))
 
     def _entities(self) -> Iterator[tuple[EntityKind, Stream, str]]:
         """Yield what this node has: kind, stream, name of the type."""
@@ -130,7 +131,15 @@ class Discovery:
                 else:
                     yield EntityKind.CLIENT, stream, spec.request_type or ""
 
-    def _say(self, stream_id: int, which: tuple[int, ...], fields: bytes, now: int) -> None:
+    def _say(
+        self,
+        stream_id: int,
+        fields: bytes,
+        now: int,
+        *,
+        which: tuple[int, ...] = (),
+        qos: Qos = _BEACON_QOS,
+    ) -> None:
         item = Waiting(
             stream_id=stream_id,
             destination=BROADCAST,
@@ -141,4 +150,4 @@ class Discovery:
         )
         key = (stream_id, SAMPLE_LANE, *which)
         if self._queue.fits(item):
-            self._queue.replace(key, item, _QOS)
+            self._queue.replace(key, item, qos)
