@@ -23,7 +23,6 @@ LATER_KEYS: Final = {
 table; "" for the section."""
 
 LATER_VALUES: Final = {
-    "wire": {"rmw_desert": "native"},
     "durability": {"transient_local": "volatile"},
     "stamp": {"time": "none, age"},
 }

@@ -51,7 +51,8 @@ def read_vectors() -> list[Vector]:
 
 
 def _vector(written: dict[str, Any]) -> Vector:
-    fields, value, nested = [], {}, ()
+    fields, value = [], {}
+    nested: tuple[TypeSpec, ...] = ()
     for index, (kind, content) in enumerate(written["fields"]):
         name, (shape, _, scalar) = f"f{index}", kind.rpartition("_")
         field_type = _SCALARS[scalar]

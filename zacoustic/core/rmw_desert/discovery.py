@@ -31,7 +31,7 @@ REQUEST_TOPIC: Final = "/discovery_request"
 _GID_BYTES: Final = 16
 _BEACON_QOS: Final = Qos(priority=Priority.BACKGROUND, depth=1)
 _REQUEST_QOS: Final = Qos(priority=Priority.DATA_LOW, depth=1)
-_BEACON: Final = TypeSpec(
+BEACON: Final = TypeSpec(
     name="Beacon",
     fields=(
         FieldSpec(name="node", type="string"),
@@ -43,6 +43,7 @@ _BEACON: Final = TypeSpec(
         FieldSpec(name="leaves", type="bool"),
     ),
 )
+"""The fields of a beacon."""
 
 
 class Discovery:
@@ -69,7 +70,7 @@ class Discovery:
         self._spec = spec
         self._queue = queue
         self._emit = emit
-        self._codec = RmwDesertCodec(_BEACON, head_items=2, head_bytes=3)
+        self._codec = RmwDesertCodec(BEACON, head_items=2, head_bytes=3)
         self._has_begun = False
 
     def begin(self, now: int) -> None:

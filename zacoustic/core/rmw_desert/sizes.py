@@ -1,4 +1,4 @@
-"""How small and how large the fields of a type can be in a packet of rmw_desert."""
+"""How small and how large a message of a type can be in a packet of rmw_desert: bytes, items."""
 
 from zacoustic.core.payload.items import head_bytes, integer_bytes
 from zacoustic.core.rmw_desert.flattening import EMPTY
@@ -48,3 +48,29 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
         return 1, None
     each_bytes = _OCTET_BYTES if field.type == "bytes" else 1
     return 1, head_bytes(field.max_length) + each_bytes * field.max_length
+
+
+def item_counts(type_spec: TypeSpec) -> Sizes:
+    """Least and most items of a message of a type, without its head; None: no bound."""
+    if not type_spec.fields:
+        return 1, 1
+    counts = [_field_items(type_spec, field) for field in type_spec.fields]
+    most = [high for _, high in counts if high is not None]
+    is_bounded = len(most) == len(counts)
+    return sum(low for low, _ in counts), sum(most) if is_bounded else None
+
+
+def _field_items(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
+    low: int
+    high: int | None
+    low, high = 1, 1
+    if field.is_nested:
+        low, high = item_counts(type_spec.nested_type(field.type))
+    elif field.type == "bytes":
+        return 1, None if field.max_length is None else 1 + field.max_length
+    if field.length is not None:
+        return low * field.length, None if high is None else high * field.length
+    if field.is_bounded_array:
+        assert field.max_length is not None
+        return 1, None if high is None else 1 + high * field.max_length
+    return low, high
