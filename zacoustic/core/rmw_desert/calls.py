@@ -8,7 +8,8 @@ form on this wire: its client hears nothing and gives up by itself.
 An answer goes to all clients of the service, which tell theirs by the sequence id. Clients of
 rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two of
 them may draw the same one at the same time; both requests are served, since who leaves one out has
-told its client that it was done.
+told its client that it was done. But the very same bytes again, as long as a modem or the water may
+have made two of a frame, are one request: its answer is said again, if there is one.
 """
 
 import random
@@ -40,6 +41,9 @@ CALLS_LIMIT = 16
 """Calls of this node to one service that are under way at the same time."""
 SERVED_LIMIT = 64
 """Requests of one service that are not answered yet; further ones are dropped."""
+SETTLING_UNITS = 4
+"""A duplicate that a modem or the water makes arrives within as many times as the largest frame
+takes to arrive."""
 
 _REQUEST_LANE = 1
 _ANSWER_LANE = 2
@@ -55,10 +59,12 @@ class _Call(msgspec.Struct):
 
 
 class _Served(msgspec.Struct):
-    """A request that this node serves."""
+    """A request that this node serves, or has answered just now."""
 
     fields: bytes
-    deadline_at: int
+    forgotten_at: int
+    response: bytes | None = None
+    """Fields of the answer."""
 
 
 class DesertCalls:
@@ -94,6 +100,8 @@ class DesertCalls:
         self._calls: dict[int, _Call] = {}
         self._by_sequence: dict[tuple[int, int], int] = {}
         self._served: dict[CallKey, _Served] = {}
+        self.settling_ns = 0
+        """Time within which a duplicate of a frame can still arrive, ns."""
 
     # As client
 
@@ -131,12 +139,15 @@ class DesertCalls:
 
     def reply(self, key: CallKey, value: object, now: int) -> bool:
         """Answer a request; see `Engine.reply`."""
-        if self._served.pop(key, None) is None:
+        served = self._served.get(key)
+        if served is None or served.response is not None:
             return False
+        del self._served[key]
         stream = self._table.by_id(key.stream_id)
-        fields = stream.response_codec.encode(value)
-        deadline_at = now + self._timeout_ns(stream)
-        self._send(Kind.RESPONSE, stream, key.number, fields, now, expires_at=deadline_at)
+        served.response = stream.response_codec.encode(value)
+        self._respond(stream, key.number, served.response, now)
+        served.forgotten_at = now + self.settling_ns
+        self._served[key] = served  # the newest of those that are answered
         return True
 
     def reply_error(self, key: CallKey) -> bool:
@@ -159,12 +170,12 @@ class DesertCalls:
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which a call fails, or a request is given up, ns."""
         instants = [call.deadline_at for call in self._calls.values()]
-        instants += [served.deadline_at for served in self._served.values()]
+        instants += [served.forgotten_at for served in self._served.values()]
         return min(instants, default=None)
 
     def expire(self, now: int) -> None:
         """The instant that `next_deadline_at` named has come."""
-        for key in [key for key, each in self._served.items() if each.deadline_at <= now]:
+        for key in [key for key, each in self._served.items() if each.forgotten_at <= now]:
             del self._served[key]
         for call_id in [each for each, call in self._calls.items() if call.deadline_at <= now]:
             text = "no answer in time; whether the service ran is unknown"
@@ -175,14 +186,18 @@ class DesertCalls:
     def _receive_request(
         self, source: int, stream: Stream, message: Message, now: int
     ) -> str | None:
-        pending = [key for key in self._served if key.stream_id == stream.stream_id]
-        if any(
-            key.number == message.sequence and self._served[key].fields == message.fields
-            for key in pending
-        ):
-            return "repeated_request"
-        if len(pending) >= SERVED_LIMIT:
-            return "too_many_calls"
+        known = [key for key in self._served if key.stream_id == stream.stream_id]
+        for key in known:
+            served = self._served[key]
+            if key.number == message.sequence and served.fields == message.fields:
+                if served.response is not None:
+                    self._respond(stream, key.number, served.response, now)
+                return "repeated_request"
+        if len(known) >= SERVED_LIMIT:
+            answered = [key for key in known if self._served[key].response is not None]
+            if not answered:
+                return "too_many_calls"
+            del self._served[answered[0]]
         try:
             value = stream.codec.decode(message.fields)
         except PayloadError:
@@ -195,6 +210,10 @@ class DesertCalls:
         count(self._stats.received, stream.stream_id)
         self._emit(RequestReceived(call=key, value=value, deadline_at=deadline_at))
         return None
+
+    def _respond(self, stream: Stream, sequence: int, fields: bytes, now: int) -> None:
+        expires_at = now + self._timeout_ns(stream)
+        self._send(Kind.RESPONSE, stream, sequence, fields, now, expires_at=expires_at)
 
     def _receive_response(self, stream: Stream, message: Message) -> str | None:
         call_id = self._by_sequence.get((stream.stream_id, message.sequence))

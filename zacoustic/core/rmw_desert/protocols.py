@@ -32,7 +32,7 @@ from zacoustic.core.payload import PayloadError
 from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.queue import SAMPLE_LANE, LaneKey, Waiting
-from zacoustic.core.rmw_desert.calls import DesertCalls
+from zacoustic.core.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.rmw_desert.discovery import Discovery
 from zacoustic.core.rmw_desert.entities import DiscoverySpec
 from zacoustic.core.rmw_desert.envelope import PacketEnvelope
@@ -188,6 +188,10 @@ class RmwDesertProtocols(Protocols):
         """Take a link, and drop what is too large for it."""
         self._port = port
         self._pieces.clear()
+        capabilities = port.capabilities
+        unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+        unit_ns += seconds_to_ns(capabilities.propagation_s)
+        self._calls.settling_ns = SETTLING_UNITS * unit_ns
         for _ in self.queue.limit(port.envelope.room_bytes):
             self._stats.drop("oversized")
 
