@@ -1,17 +1,19 @@
 """`wire: "rmw_desert"` in the configuration: what it refuses, and its own file of topics."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.core.rmw_desert.vectors import read_vectors
 from zacoustic.config import Config, config_from_mapping, read_config
 from zacoustic.core.rmw_desert.entities import DiscoverySpec
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
-from zacoustic.node import Node
 
+PAGE = Path(__file__).parents[1] / "docs" / "rmw_desert.md"
 EXAMPLE = Path(__file__).parents[1] / "examples" / "08_rmw_desert.json5"
 TOPICS = {"/discovery": 1, "/discovery_request": 2, "/pose": 3, "/off": 0, "/set": 255}
 SECTION: dict[str, Any] = {
@@ -188,6 +190,22 @@ def test_the_example_is_valid_and_finds_its_file() -> None:
     assert config.rules.discovery.beacon_id == 1
 
 
-def test_a_node_has_the_wire_of_its_file() -> None:
-    node = Node("shore-1", config=read(section()), link="desert/127.0.0.1:1")
-    assert node.name == "shore-1"
+def test_the_page_shows_a_valid_file_of_fifteen_lines_at_most(tmp_path: Path) -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    (written,) = re.findall(r"^```json5\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (topics,) = re.findall(r"^```json\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (tmp_path / "shore.json5").write_text(written, encoding="utf-8")
+    (tmp_path / "ros_allowed_topics.conf").write_text(topics, encoding="utf-8")
+    (stream,) = read_config(tmp_path / "shore.json5").table
+    assert (stream.stream_id, stream.name) == (4, "turtle1/cmd_vel")
+    assert len(written.splitlines()) <= 15
+
+
+def test_the_sizes_on_the_page_are_those_of_the_packets() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    vectors = {vector.name: vector.packet for vector in read_vectors()}
+    for text, name in (("NavSatFix` with", "navsatfix"), ("Imu` with", "imu")):
+        (size,) = re.findall(rf"{re.escape(text)}.*\| (\d+) \|", page)
+        assert int(size) == len(vectors[name])
+    assert len(vectors["twist_id4"]) == 26
+    assert "26 bytes on the socket" in page

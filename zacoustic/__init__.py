@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from zacoustic.core.measurements import Range
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
     from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
+    from zacoustic.core.rmw_desert.entities import RosEntitySeen
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
         ActionClient,
@@ -91,6 +92,7 @@ __all__ = [
     "Range",
     "RangeUnavailableError",
     "Reliability",
+    "RosEntitySeen",
     "Sample",
     "ServerGoalHandle",
     "Service",
@@ -112,6 +114,7 @@ _HOMES: Final = {
     "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
     "zacoustic.core.qos": ("Forward", "Priority", "Qos", "Reliability", "Stamp"),
+    "zacoustic.core.rmw_desert.entities": ("RosEntitySeen",),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",

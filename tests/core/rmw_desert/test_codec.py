@@ -30,7 +30,7 @@ def test_every_float_is_written_as_measured_and_read_as_it_was_meant(
     drawn = [dice.getrandbits(31) for _ in range(count(1_000_000))]
     for bits in (*edges, *drawn):
         for signed in (bits, bits | 1 << 31):
-            item = single_item(signed)
+            item = single_item(signed.to_bytes(4, "big"))
             assert item == peer._float(signed)
             number, end = read_float(item, 0)
             assert end == len(item)

@@ -39,7 +39,13 @@ from zacoustic.core.events import (
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
 from zacoustic.core.orders.words import Order, OrderKind
 from zacoustic.core.stats import Cause
-from zacoustic.errors import LocalError, PayloadInvalidError, PayloadTooLargeError, QueueFullError
+from zacoustic.errors import (
+    LocalError,
+    PayloadInvalidError,
+    PayloadTooLargeError,
+    QueueFullError,
+    RangeUnavailableError,
+)
 
 VECTORS = {vector.name: vector for vector in read_vectors()}
 POSE_ITEMS = (5.5, 5.5, 0.0, 0.0, -0.25)
@@ -271,6 +277,13 @@ def test_orders_do_not_cross() -> None:
     order = Order(kind=OrderKind.SILENCE, for_s=60.0)
     with pytest.raises(LocalError, match="no orders cross a link with wire: rmw_desert"):
         shore.engine.orders.send(VEHICLE, order, 0)
+
+
+def test_no_range_is_measured() -> None:
+    shore = node(SHORE, framed=True, addressed=True, acknowledges=True, measures_range=True)
+    with pytest.raises(RangeUnavailableError):
+        shore.engine.ranging.request(VEHICLE, 0, timeout_s=5)
+    assert said(shore, 0) == b""
 
 
 def test_a_packet_longer_than_the_link_takes_goes_in_pieces_and_alone() -> None:

@@ -27,17 +27,13 @@ from zacoustic.core.payload import PayloadError
 
 _HALF: Final = 0xF9
 _SINGLE: Final = 0xFA
-_BITS: Final = struct.Struct(">I")
+_SINGLE_HEAD: Final = bytes((_SINGLE,))
 _FLOAT: Final = struct.Struct(">f")
 _HALF_ITEM: Final = struct.Struct(">BH")
-_SINGLE_ITEM: Final = struct.Struct(">BI")
 _HALF_FLOAT: Final = struct.Struct(">e")
 _HALF_BYTES: Final = 3
 _SINGLE_BYTES: Final = 5
 
-_MANTISSA_BITS: Final = 23
-_LOST_BITS: Final = 13
-_LOST: Final = (1 << _LOST_BITS) - 1
 _SPECIAL: Final = 255
 _BIAS: Final = 112  # of float32, less that of a half
 _SUBNORMAL_ONES: Final = 0x3FF
@@ -46,34 +42,26 @@ _SUBNORMAL_HALVES: Final = frozenset(_SUBNORMAL_ONES >> shift for shift in range
 
 def float_item(number: float) -> bytes:
     """Return a float as the item that rmw_desert sends for it."""
-    return single_item(single_bits(number))
-
-
-def single_bits(number: float) -> int:
-    """Return the bits of the float32 that a float64 becomes; too large ones are infinite."""
     try:
-        single = _FLOAT.pack(number)
-    except OverflowError:
-        single = _FLOAT.pack(math.copysign(math.inf, number))
-    bits: int = _BITS.unpack(single)[0]
-    return bits
+        return single_item(_FLOAT.pack(number))
+    except OverflowError:  # C makes it infinite
+        return single_item(_FLOAT.pack(math.copysign(math.inf, number)))
 
 
-def single_item(bits: int) -> bytes:
-    """Return a float32, given by its bits, as the item that rmw_desert sends for it."""
-    sign = bits >> 31 << 15
-    exponent = bits >> _MANTISSA_BITS & 0xFF
-    mantissa = bits & ((1 << _MANTISSA_BITS) - 1)
-    is_short = not mantissa & _LOST
-    if exponent == 0 and is_short:
-        return _HALF_ITEM.pack(_HALF, sign)
+def single_item(single: bytes) -> bytes:
+    """Return a float32, given as its four bytes, as the item that rmw_desert sends for it."""
+    exponent = (single[0] & 0x7F) << 1 | single[1] >> 7
+    if not _is_half(exponent, single):
+        return _SINGLE_HEAD + single
+    half = (single[0] & 0x80) << 8
+    mantissa = (single[1] & 0x7F) << 3 | single[2] >> 5
     if exponent == _SPECIAL:
-        return _HALF_ITEM.pack(_HALF, sign | 0x7C00 | mantissa >> _LOST_BITS)
-    if 113 <= exponent <= 142 and is_short:
-        return _HALF_ITEM.pack(_HALF, sign | (exponent - _BIAS) << 10 | mantissa >> _LOST_BITS)
-    if 103 <= exponent <= _BIAS:
-        return _HALF_ITEM.pack(_HALF, sign | _SUBNORMAL_ONES >> (_BIAS - exponent))
-    return _SINGLE_ITEM.pack(_SINGLE, bits)
+        half |= 0x7C00 | mantissa
+    elif exponent > _BIAS:
+        half |= (exponent - _BIAS) << 10 | mantissa
+    elif exponent:
+        half |= _SUBNORMAL_ONES >> (_BIAS - exponent)
+    return _HALF_ITEM.pack(_HALF, half)
 
 
 def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
@@ -93,9 +81,16 @@ def read_float(buffer: bytes, offset: int) -> tuple[float, int]:
         return number, offset + _HALF_BYTES
     if initial != _SINGLE:
         raise PayloadError(f"{initial:#04x} where a float is expected")
-    bits: int = _SINGLE_ITEM.unpack_from(buffer, offset)[1]
     end = offset + _SINGLE_BYTES
-    if single_item(bits) != buffer[offset:end]:
-        raise PayloadError(f"the single {bits:#010x}, for which rmw_desert sends a half")
-    number = _FLOAT.unpack_from(buffer, offset + 1)[0]
+    single = buffer[offset + 1 : end]
+    number = _FLOAT.unpack(single)[0]
+    if _is_half((single[0] & 0x7F) << 1 | single[1] >> 7, single):
+        raise PayloadError(f"the single {single.hex()}, for which rmw_desert sends a half")
     return number, end
+
+
+def _is_half(exponent: int, single: bytes) -> bool:
+    """Tell whether rmw_desert sends a half for a float32."""
+    if 113 <= exponent <= 142 or not exponent:
+        return not single[3] and not single[2] & 0x1F  # a mantissa that is a multiple of 8192
+    return exponent == _SPECIAL or 103 <= exponent <= _BIAS

@@ -13,6 +13,8 @@ itself carries addresses.
 import random
 from collections.abc import Callable, Mapping
 
+import msgspec
+
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.composer import Composed
 from zacoustic.core.envelope import Damaged, Envelope, Opened
@@ -192,6 +194,8 @@ class RmwDesertProtocols(Protocols):
         unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         unit_ns += seconds_to_ns(capabilities.propagation_s)
         self._calls.settling_ns = SETTLING_UNITS * unit_ns
+        # Whatever the modem measures: nothing is sent on this wire for the sake of a range.
+        self.ranging.use_link(msgspec.structs.replace(capabilities, measures_range=False))
         for _ in self.queue.limit(port.envelope.room_bytes):
             self._stats.drop("oversized")
 
