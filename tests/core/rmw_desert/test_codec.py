@@ -11,9 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.core.rmw_desert import peer
+from tests.core.rmw_desert.vectors import read_vectors
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.rmw_desert.codec import RmwDesertCodec
 from zacoustic.core.rmw_desert.items import float_item, read_float, single_item
+from zacoustic.core.rmw_desert.messages import decode_message
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 
 
@@ -105,6 +107,18 @@ def test_a_sequence_of_messages_is_counted_and_a_fixed_array_is_not() -> None:
     assert nested.decode(fields) == value
     with pytest.raises(PayloadError, match="at most 3 elements"):
         nested.decode(bytes.fromhex("04 0102 0102 0102 0102 0304 0506 6161 6162"))
+
+
+def test_fixed_arrays_of_strings_are_read_as_rclpy_and_as_rclcpp_send_them() -> None:
+    labels = codec(FieldSpec(name="labels", type="string", length=2))
+    vectors = {vector.name: vector for vector in read_vectors()}
+    for name in ("arr_str_2_cpp", "arr_str_2_c"):
+        fields = decode_message(vectors[name].payload).fields
+        assert labels.decode(fields) == {"labels": ["ab", "c"]}
+    assert labels.encode({"labels": ["ab", "c"]}) == bytes.fromhex("6261626163")
+    for wrong in ("03626162616361", "016261626163", "02626162", ""):
+        with pytest.raises(PayloadError):
+            labels.decode(bytes.fromhex(wrong))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ bool, integers, enum (its position)      one
 float32, float64                         one, by the rule of `zacoustic.core.rmw_desert.items`
 string                                   one, UTF-8
 another type                             those of its fields, in place
-fixed array (`length`)                   those of its elements, in place
+fixed array (`length`)                   those of its elements, in place; a count before strings
+                                         is read, and not written
 bounded array                            the number of elements, then theirs
 bytes                                    as an array of uint8: their number, then one for each
 no field at all                          one, a zero: ROS gives an empty message one member
@@ -163,10 +164,16 @@ def _field_reader(type_spec: TypeSpec, field: FieldSpec) -> Read:
 
 
 def _array_reader(field: FieldSpec, read_element: Read) -> Read:
+    # From rclpy a fixed array of strings comes with its count, from rclcpp without.
+    is_text = field.type == "string"
+
     def read(buffer: bytes, offset: int) -> tuple[list[Any], int]:
         count = field.length or 0
-        if field.is_bounded_array:
-            count, offset = _read_count(buffer, offset)
+        if field.is_bounded_array or (is_text and buffer[offset] >> 5 == UNSIGNED):
+            counted, offset = _read_count(buffer, offset)
+            if field.length not in (None, counted):
+                raise PayloadError(f"{counted} elements where {field.length} are expected")
+            count = counted
         elements = []
         for _ in range(count):
             element, offset = read_element(buffer, offset)

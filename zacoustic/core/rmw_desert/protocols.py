@@ -183,6 +183,11 @@ class RmwDesertProtocols(Protocols):
 
     # The life of the engine
 
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return super().is_idle and not self._pieces
+
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Nothing of a former life is gone on with but its boot epoch."""
 
