@@ -232,7 +232,11 @@ MISTAKES: list[tuple[str, object, str]] = [
         2,
         ".nodes[0].nmae: unknown key; allowed: address, name, heartbeat_s, lost_after_s (did",
     ),
-    ("links.0.locater", 2, ".links[0].locater: unknown key; allowed: locator, wire, access (did "),
+    (
+        "links.0.locater",
+        2,
+        ".links[0].locater: unknown key; allowed: locator, wire, allowed_topics, access (did ",
+    ),
     ("types.0.feilds", 2, ".types[0].feilds: unknown key; allowed: name, fields, python (did you"),
     (
         "types.0.fields.0.rnage",
@@ -520,11 +524,7 @@ MISTAKES: list[tuple[str, object, str]] = [
         ".overlays[0].fields[0].feld: unknown key; allowed: field, range, step, unit, wraps",
     ),
     ("overlays", [{"type": "Nav", "fields": []}], '.overlays[0].type: "Nav" is no interface of'),
-    (
-        "links.0.wire",
-        "rmw_desert",
-        '.links[0].wire: "rmw_desert" is not available yet; allowed: nat',
-    ),
+    ("links.0.wire", "rmw", '.links[0].wire: "rmw"; allowed: native, rmw_desert'),
     (
         "links.1",
         {"locator": "a/b"},

@@ -136,7 +136,9 @@ def test_every_verb_is_in_the_table() -> None:
         assert re.search(rf"`(zacoustic )?{verb}\b", table), verb
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/links.md", "docs/design.md"])
+@pytest.mark.parametrize(
+    "page", ["README.md", "docs/links.md", "docs/design.md", "docs/rmw_desert.md"]
+)
 def test_what_a_page_links_to_is_there(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     folder = (ROOT / page).parent

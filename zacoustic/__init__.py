@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from zacoustic.core.measurements import Range
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
     from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
+    from zacoustic.core.rmw_desert.entities import RosEntitySeen
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
         ActionClient,
@@ -100,6 +101,7 @@ __all__ = [
     "Range",
     "RangeUnavailableError",
     "Reliability",
+    "RosEntitySeen",
     "Sample",
     "ServerGoalHandle",
     "Service",
@@ -128,6 +130,7 @@ _HOMES: Final = {
     "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
     "zacoustic.core.qos": ("Forward", "Priority", "Qos", "Reliability", "Stamp"),
+    "zacoustic.core.rmw_desert.entities": ("RosEntitySeen",),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",

@@ -14,8 +14,8 @@ import math
 from typing import Final, Literal
 
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
 from zacoustic.link import LinkConfig
-from zacoustic_desert.framing import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
 
 READ_LIMIT_BYTES: Final = 4096
 """Largest `max_read_length` of DESERT, bytes: beyond it a buffer of its own overflows."""

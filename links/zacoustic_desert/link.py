@@ -29,10 +29,10 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitOutcome,
 )
+from zacoustic.core.rmw_desert.packets import PacketDecoder, encode_packet
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic_desert.config import DesertConfig
-from zacoustic_desert.framing import PacketDecoder, encode_packet
 from zacoustic_desert.pacing import Pacer
 
 LAST_DELAY_S: Final = 2.0

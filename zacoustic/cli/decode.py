@@ -30,6 +30,10 @@ class DecodeCommand(Command):
         parser.add_argument(
             "--source", type=int, default=0, metavar="N", help="address of the sender"
         )
+        parser.add_argument(
+            "--wire", choices=("native", "rmw_desert"),
+            help="what is spoken (default: as the configuration says, native without one)",
+        )  # fmt: skip
         parser.add_argument("--json", action="store_true", help="one JSON object for each frame")
         parser.epilog = (
             "example:\n"
@@ -46,6 +50,7 @@ class DecodeCommand(Command):
         """
         import msgspec
 
+        from zacoustic.core.wireprofile import WireProfile
         from zacoustic.tools.decode import FrameDecoder
 
         table = None
@@ -54,7 +59,8 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
-        decoder, destinations = FrameDecoder(table), _Destinations()
+        wire = None if arguments.wire is None else WireProfile(arguments.wire)
+        decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
         written = [_Written(text) for text in arguments.frames]
         for each in written or _frames_in(sys.stdin):
             frame = _from_hex(each.text)

@@ -9,7 +9,6 @@ from typing import Final
 from zacoustic.config.complaints import Place
 
 LATER_VALUES: Final = {
-    "wire": {"rmw_desert": "native"},
     "stamp": {"time": "none, age"},
 }
 """Values that are refused, and what is allowed instead, by key."""

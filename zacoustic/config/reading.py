@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from zacoustic.config.access import read_access
+from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
+from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
+from zacoustic.config.onrmwdesert import check_section
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
 from zacoustic.config.ros import RosConfig, RosReader
@@ -39,12 +42,15 @@ from zacoustic.core.types import (
     struct_from_type,
     type_from_struct,
 )
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_zenoh_config
 
 if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
     import zenoh
 
+ALLOWED_TOPICS_WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
+"""What the key `allowed_topics` of a link goes with."""
 FIRST_ADDRESS: Final = 1
 LAST_ADDRESS: Final = 254
 """Node addresses are 1…254."""
@@ -176,6 +182,7 @@ def config_from_mapping(
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
     place = Place(source, _with_steps(section))
+    place, topics = _read_allowed_topics(place, folder or Path())
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
@@ -184,12 +191,16 @@ def config_from_mapping(
     ros_types = ros.types(place.at("streams"))
     types, python_types = _read_types(place.at("types"), written.types, ros_types)
     objects = read_objects(place.at("objects"), written.objects)
+    wire = WireProfile(links[0].wire) if links else WireProfile.NATIVE
+    if wire is WireProfile.RMW_DESERT:
+        check_section(place, written)
     read = read_model(place.at("model"), written.model, folder or Path())
     fleet = Fleet(
         nodes=nodes,
         types=types,
         largest_bytes=objects.largest_bytes,
         model=read.model if read is not None else None,
+        wire=wire,
     )
     table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
@@ -205,7 +216,7 @@ def config_from_mapping(
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
         ros=ros.config() if ros.streams else None,
-        rules=_read_rules(place, written, fleet, own, objects),
+        rules=_read_rules(place, written, fleet, own, objects, topics),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
 
@@ -230,6 +241,23 @@ def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
     if ratio is None or not int(ratio[2]):
         return field
     return {**field, "step": int(ratio[1]) / int(ratio[2])}
+
+
+def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopics | None]:
+    """Read rmw_desert's file, if a link names one; return the section with the ids from it."""
+    for index, _ in enumerate(place.at("links").entries):
+        here = place.at("links").at(index)
+        written = here.at("allowed_topics").written
+        if not isinstance(written, str):
+            continue
+        if here.at("wire").written != WireProfile.RMW_DESERT.value:
+            here.at("allowed_topics").complain(
+                f"{written} without {ALLOWED_TOPICS_WIRE}", allowed=f"with {ALLOWED_TOPICS_WIRE}"
+            )
+        topics = read_allowed_topics(here.at("allowed_topics"), written, folder)
+        streams = give_ids(place.at("streams"), topics)
+        return Place(place.source, place.written | {"streams": streams}), topics
+    return place, None
 
 
 def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:
@@ -275,11 +303,11 @@ def _read_links(
 ) -> tuple[LinkEntry, ...]:
     for index, entry in enumerate(entries):
         here = place.at(index)
-        check_word(here.at("wire"), entry.wire, ("native",))
+        check_word(here.at("wire"), entry.wire, tuple(each.value for each in WireProfile))
         if "/" not in entry.locator.partition("#")[0].lstrip("/"):
             here.at("locator").complain(allowed='NAME/ADDRESS, such as "sim/127.0.0.1:7000"')
     if locator is not None:
-        wire = entries[0].wire if entries else "native"
+        wire = entries[0].wire if entries else WireProfile.NATIVE.value
         return (LinkEntry(locator=locator, wire=wire),)
     if len(entries) > 1:
         place.complain(
@@ -302,7 +330,12 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
 
 
 def _read_rules(
-    place: Place, written: Section, fleet: Fleet, own: int, objects: ObjectLimits
+    place: Place,
+    written: Section,
+    fleet: Fleet,
+    own: int,
+    objects: ObjectLimits,
+    topics: AllowedTopics | None,
 ) -> TransmitRules:
     """Read what is said of transmitting; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
@@ -311,6 +344,8 @@ def _read_rules(
         read_access(place.at("links").at(index).at("access"), entry.access, fleet.nodes)
         for index, entry in enumerate(written.links)
     ]
+    if fleet.wire is WireProfile.RMW_DESERT and accesses:
+        check_access_on_desert(place.at("links").at(0).at("access"), accesses[0])
     for index, address in enumerate(written.orders_from or ()):
         check_address(place.at("orders_from").at(index), address, fleet)
     orders_from = None if written.orders_from is None else frozenset(written.orders_from)
@@ -321,6 +356,7 @@ def _read_rules(
         orders_from=orders_from,
         contact=read_contact(place, written, own),
         objects=objects,
+        discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
     )
 
 

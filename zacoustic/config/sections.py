@@ -13,6 +13,7 @@ from zacoustic.core.encoding import TYPED_ENCODINGS
 from zacoustic.core.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
 from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.ros.interfaces import DEFAULT_DISTRO
 from zacoustic.ros.overlays import Overlay, OverlayField
 
@@ -21,7 +22,8 @@ ALLOWED: Final = {
     "id": "a number, 1..175",
     "name": "a text",
     "locator": 'a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
-    "wire": '"native"',
+    "wire": ", ".join(f'"{profile.value}"' for profile in WireProfile),
+    "allowed_topics": "a text, rmw_desert's file of topics, such as ros_allowed_topics.conf",
     "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "polling" | "delegated", … }',
     "method": "the name of a medium access",
     "slots": "a list of addresses",
@@ -142,8 +144,10 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
 
     locator: str
     """Which link, where, with which settings: ``NAME/ADDRESS#key=value``."""
-    wire: str = "native"
+    wire: str = WireProfile.NATIVE.value
     """Wire profile."""
+    allowed_topics: str | None = None
+    """rmw_desert's file of topics and ids, relative to the file's; none: ids are in the streams."""
     access: dict[str, Any] | None = None
     """Medium access, read by `zacoustic.config.access`; none: as the link says."""
 

@@ -18,6 +18,7 @@ from zacoustic.core.qos import PRIORITY_NAMES, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import TypeTable
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 
 E = TypeVar("E", bound=StreamEntry)
@@ -38,6 +39,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """What a fit says of the dense streams."""
     largest_bytes: int = LARGEST_BYTES
     """Largest sample that the node sends or takes, bytes."""
+    wire: WireProfile = WireProfile.NATIVE
+    """What is spoken on the link."""
 
 
 def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> StreamTable:
@@ -52,7 +55,7 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
     Raises:
         ConfigError: The first entry that is wrong.
     """
-    table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model)
+    table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model, wire=fleet.wire)
     for index in range(count):
         here = place.at(index)
         spec = _read_stream(here, fleet, ros)

@@ -21,12 +21,16 @@ Who does what::
                                 MediumAccess: when a frame may start
     ranging.request, .repeat ──► Composer: frames for the sake of the range
     measurements ◄── handle_measurement, handle_frame
+
+What is said and heard depends on the wire profile of the stream table (`StreamTable.wire`); the
+rest, when a frame may go and what is booked for it, does not.
 """
 
 import random
 from collections import deque
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Final
 
 from zacoustic.core.envelope import Opened
 from zacoustic.core.events import (
@@ -39,6 +43,7 @@ from zacoustic.core.events import (
 from zacoustic.core.journal import JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import (
+    UNKNOWN_SOURCE,
     LinkCapabilities,
     LinkState,
     Measurement,
@@ -50,6 +55,7 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.measurements import Measurements
 from zacoustic.core.orders.orders import Orders
 from zacoustic.core.protocols import Protocols
+from zacoustic.core.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats
@@ -57,8 +63,13 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.core.trace import Tracer, TraceSink
 from zacoustic.core.transmitter import Transmitter
+from zacoustic.core.wireprofile import WireProfile
 
 _NO_RULES = TransmitRules()
+_PROTOCOLS: Final[dict[WireProfile, type[Protocols]]] = {
+    WireProfile.NATIVE: Protocols,
+    WireProfile.RMW_DESERT: RmwDesertProtocols,
+}
 
 
 class Engine:
@@ -98,7 +109,7 @@ class Engine:
         self._events: deque[Event] = deque()
         emit = self._events.append
         self._journal = journal = JournalPort()
-        self._protocols = protocols = Protocols(
+        self._protocols = protocols = _PROTOCOLS[table.wire](
             address,
             table,
             epoch,
@@ -142,12 +153,14 @@ class Engine:
         self.stats.bytes_received += len(frame.frame_bytes)
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
-            if isinstance(opened, Opened) and reason in (None, "not_for_us"):
+            is_known = isinstance(opened, Opened) and opened.source != UNKNOWN_SOURCE
+            if isinstance(opened, Opened) and is_known and reason in (None, "not_for_us"):
                 self._protocols.contact.heard(opened.source, now)
             if reason is None and isinstance(opened, Opened):
-                self.measurements.note(opened.source, frame.metrics, frame.received_at)
+                if is_known:
+                    self.measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, now)
-                streams = self._protocols.receiver.handle(opened, frame, now)
+                streams = self._protocols.receive(opened, frame, now)
                 self._trace.note(
                     now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams
                 )
@@ -286,7 +299,7 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        delivery_id = self._protocols.topics.publish(
+        return self._protocols.publish(
             stream_id,
             value,
             now,
@@ -295,8 +308,6 @@ class Engine:
             delete=delete,
             queued_at=queued_at,
         )
-        self._protocols.deadlines.published(stream_id, instance, now, deleted=delete)
-        return delivery_id
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.
@@ -324,12 +335,12 @@ class Engine:
             QueueFullError: 16 calls to this service are under way, or have been just now.
         """
         self._now = now
-        return self._protocols.services.call(stream_id, value, now, timeout_s=timeout_s)
+        return self._protocols.call(stream_id, value, now, timeout_s=timeout_s)
 
     def cancel(self, call_id: int, now: int) -> None:
         """Give up a call: its request is not sent if it still waits, and no event follows."""
         self._now = now
-        self._protocols.services.cancel(call_id, now)
+        self._protocols.cancel(call_id, now)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
         """Answer a request; False when it is too late or was answered before.
@@ -342,12 +353,12 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        return self._protocols.services.reply(call, value, now)
+        return self._protocols.reply(call, value, now)
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
         """Answer a request with an error; the text is cut to 48 bytes. False as for `reply`."""
         self._now = now
-        return self._protocols.services.reply_error(call, failure, text, now)
+        return self._protocols.reply_error(call, failure, text, now)
 
     # Outputs
 
@@ -419,9 +430,7 @@ class Engine:
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self._protocols.queue.pending(stream_id) + self._protocols.large.objects.pending(
-            stream_id
-        )
+        return self._protocols.pending(stream_id)
 
     @property
     def expired(self) -> dict[int, int]:

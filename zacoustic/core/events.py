@@ -11,6 +11,7 @@ from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeas
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Priority
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.rmw_desert.entities import RosEntitySeen
 
 
 class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -308,5 +309,6 @@ Event = (
     | RangeMeasured
     | RangeFailed
     | ObjectProgress
+    | RosEntitySeen
     | ActionEvent
 )

@@ -14,6 +14,8 @@ from zacoustic.core.clock import seconds_to_ns
 
 BROADCAST: Final = 255
 """Destination address that every node hears. Node addresses are 1…254; 0 means unknown."""
+UNKNOWN_SOURCE: Final = 0
+"""In place of the address of a sender that neither the link nor the frame names."""
 
 
 class LinkState(enum.Enum):

@@ -17,6 +17,7 @@ from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.envelope import Damaged, Envelope, Opened
 from zacoustic.core.linktypes import (
     BROADCAST,
+    UNKNOWN_SOURCE,
     LinkCapabilities,
     ReceivedFrame,
     Transmission,
@@ -38,6 +39,7 @@ class LinkPort:
         address: Address of this node.
         rng: For the back-off of the medium access.
         access: What the config says of medium access, or None.
+        envelope: What goes around a frame; None: what the link lacks.
 
     Raises:
         ConfigError: That choice cannot work on this link.
@@ -49,9 +51,11 @@ class LinkPort:
         address: int,
         rng: random.Random,
         access: AccessSpec | None = None,
+        *,
+        envelope: Envelope | None = None,
     ) -> None:
         self.capabilities = capabilities
-        self.envelope = Envelope(capabilities, address)
+        self.envelope = envelope or Envelope(capabilities, address)
         self.access: MediumAccess = choose(access, capabilities, address, rng)
         self.listening = Listening(capabilities)
         """The pauses of this node and of the others."""
@@ -180,7 +184,7 @@ class LinkPort:
         return "echo" if self._is_echo(opened.source, frame) else None
 
     def _is_echo(self, source: int, frame: ReceivedFrame) -> bool:
-        if not self.capabilities.framed:
+        if not self.capabilities.framed or source == UNKNOWN_SOURCE:
             return False  # one piece of a byte stream may hold several equal frames
         last_bytes, last_at = self._last_frame.get(source, (b"", 0))
         self._last_frame[source] = (frame.frame_bytes, frame.received_at)

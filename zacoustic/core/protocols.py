@@ -2,6 +2,9 @@
 
 They share the transmit queue, the handshake and the journal, and know nothing of the link but its
 airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+
+Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
+the rest asleep: `zacoustic.core.rmw_desert.protocols`.
 """
 
 import random
@@ -16,14 +19,21 @@ from zacoustic.core.contact import Contact
 from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
-from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.envelope import Envelope, Opened
+from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples
-from zacoustic.core.linktypes import Transmission, TransmitReport
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    ReceivedFrame,
+    Transmission,
+    TransmitReport,
+)
 from zacoustic.core.port import LinkPort
-from zacoustic.core.queue import TransmitQueue
+from zacoustic.core.queue import LaneKey, TransmitQueue
 from zacoustic.core.ranging import Ranging
 from zacoustic.core.receiver import Receiver
 from zacoustic.core.repeating import Repeater
@@ -60,6 +70,7 @@ class Protocols:
         rng: random.Random,
         emit: Callable[[Event], None],
     ) -> None:
+        self._address = address
         self._journal = journal
         self._stats = stats
         self._emit = emit
@@ -168,6 +179,80 @@ class Protocols:
         """Nothing waits."""
         return not self.queue and self.large.objects.is_idle
 
+    # Commands
+
+    def publish(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        delete: bool,
+        queued_at: int | None,
+    ) -> int:
+        """Queue a sample; see `Engine.publish`."""
+        delivery_id = self.topics.publish(
+            stream_id,
+            value,
+            now,
+            instance=instance,
+            encoding=encoding,
+            delete=delete,
+            queued_at=queued_at,
+        )
+        self.deadlines.published(stream_id, instance, now, deleted=delete)
+        return delivery_id
+
+    def pending(self, stream_id: int) -> int:
+        """Count the payloads of a stream that wait."""
+        return self.queue.pending(stream_id) + self.large.objects.pending(stream_id)
+
+    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
+        """Call a service; see `Engine.call`."""
+        return self.services.call(stream_id, value, now, timeout_s=timeout_s)
+
+    def cancel(self, call_id: int, now: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+        self.services.cancel(call_id, now)
+
+    def reply(self, call: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+        return self.services.reply(call, value, now)
+
+    def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
+        """Answer a request with an error; see `Engine.reply_error`."""
+        return self.services.reply_error(call, failure, text, now)
+
+    # What is said and heard
+
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a frame on a link."""
+        return Envelope(capabilities, self._address)
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        return self.composer.due_at(now)
+
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame that is worth most now, or return None."""
+        return self.composer.compose(port.envelope, now)
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, or return None."""
+        return self.composer.compose_only(port.envelope, lane, now)
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, or return None."""
+        return self.composer.speak(port, now)
+
+    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+        """Take a frame apart; returns the streams of what was in it."""
+        return self.receiver.handle(opened, frame, now)
+
+    # The life of the engine
+
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
         self.demand.recover(stored)
@@ -186,6 +271,10 @@ class Protocols:
 
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
+        self.receiver.handle_access, self.receiver.handle_call = (
+            port.handle_control,
+            port.handle_call,
+        )
         self.composer.port = port
         capabilities = port.capabilities
         self.handshake.use_link(capabilities)

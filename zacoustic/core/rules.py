@@ -5,6 +5,7 @@ import msgspec
 from zacoustic.core.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.contact import ContactRules
 from zacoustic.core.objects.limits import ObjectLimits
+from zacoustic.core.rmw_desert.entities import DiscoverySpec
 from zacoustic.core.silence import QuietWindow
 
 
@@ -25,6 +26,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     """Addresses of the nodes whose orders over the water this one obeys; None: those listed."""
     contact: ContactRules = ContactRules()
     """How often the node is to be heard, and when it misses others."""
+    discovery: DiscoverySpec | None = None
+    """Beacons of rmw_desert, where that is spoken; None: none."""
 
     @property
     def clock_error_s(self) -> float:

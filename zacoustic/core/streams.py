@@ -10,7 +10,8 @@ its journal, is left out; each end may tune it alone. The timeouts of services a
 it: from them both ends derive how long a number has to be remembered.
 
 One stream is in every table and in no digest of a table, since nobody can define it in another way:
-that of orders (`zacoustic.core.orders`). A table that gives its id to a stream of its own has none.
+that of orders (`zacoustic.core.orders`). A table that gives its id to a stream of its own has none,
+nor has one for a link on which another wire profile is spoken.
 """
 
 import hashlib
@@ -31,6 +32,7 @@ from zacoustic.core.orders.words import (
 )
 from zacoustic.core.payload import PayloadCodec, TypedCodec
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.rmw_desert import specs as rmw_desert
 from zacoustic.core.streamspecs import (
     CODECS,
     DENSE,
@@ -40,8 +42,10 @@ from zacoustic.core.streamspecs import (
     StreamSpec,
     TopicSpec,
     check,
+    check_times,
 )
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 EVERY_NODE: Final = 0
@@ -74,10 +78,16 @@ class Stream:
         types: TypeTable,
         node_names: Mapping[int, str],
         *,
+        wire: WireProfile = WireProfile.NATIVE,
         is_built_in: bool = False,
     ) -> None:
-        if not is_built_in:
+        on_desert = wire is WireProfile.RMW_DESERT
+        if on_desert:
+            rmw_desert.check_spec(spec)
+        elif not is_built_in:
             check(spec)
+        if not is_built_in:
+            check_times(spec)
         self.spec = spec
         self.is_built_in = is_built_in
         """Every table has it."""
@@ -87,9 +97,15 @@ class Stream:
         wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
         self.keys = KeyPattern(spec.name, wildcards, node_names)
         """The keys that the name stands for."""
-        used = [types.by_name(name) if name is not None else None for name in _type_names(spec)]
-        typed, opaque = CODECS[spec.codec], OPAQUE_CODECS[spec.codec]
-        codecs: list[PayloadCodec] = [typed(each) if each else opaque() for each in used]
+        names = _type_names(spec)
+        used = [types.by_name(name) if name is not None else None for name in names.values()]
+        codecs: list[PayloadCodec]
+        if on_desert:
+            keyed = zip(names, used, strict=True)
+            codecs = [rmw_desert.payload_codec(spec, key, each) for key, each in keyed]
+        else:
+            typed, opaque = CODECS[spec.codec], OPAQUE_CODECS[spec.codec]
+            codecs = [typed(each) if each else opaque() for each in used]
         self.type: TypeSpec | None = used[0]
         """Type of samples, requests or goals; None: opaque."""
         self.response_type: TypeSpec | None = used[-1]
@@ -182,6 +198,7 @@ class StreamTable:
         types: The types that they name.
         nodes: Name of each node by address; empty when the fleet is not listed.
         model: What a fit says of the dense streams.
+        wire: What is spoken on the link.
 
     Raises:
         ConfigError: A duplicate id or name, or anything `Stream` refuses.
@@ -194,15 +211,18 @@ class StreamTable:
         types: TypeTable | None = None,
         nodes: Mapping[int, str] | None = None,
         model: Model | None = None,
+        wire: WireProfile = WireProfile.NATIVE,
     ) -> None:
         self.types = types or TypeTable()
+        self.wire = wire
+        """What is spoken on the link."""
         self.nodes: dict[int, str] = dict(nodes or {})
         """Name of each node by address."""
         self.model = model
         """What a fit says of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
-        self._built_in = {ORDERS_STREAM_ID: _orders()}
+        self._built_in = {ORDERS_STREAM_ID: _orders()} if wire is WireProfile.NATIVE else {}
         self._digest: bytes | None = None
         for spec in specs:
             self.declare(spec)
@@ -213,7 +233,7 @@ class StreamTable:
         Raises:
             ConfigError: The id or the name is taken, or `Stream` refuses the spec.
         """
-        stream = Stream(spec, self.types, self.nodes)
+        stream = Stream(spec, self.types, self.nodes, wire=self.wire)
         known = self._by_id.get(stream.stream_id)
         if known is not None:
             raise ConfigError(
@@ -305,14 +325,19 @@ def _orders() -> Stream:
     return Stream(spec, order_types(), {}, is_built_in=True)
 
 
-def _type_names(spec: StreamSpec) -> tuple[str | None, ...]:
+def _type_names(spec: StreamSpec) -> dict[str, str | None]:
+    """Return the types of a stream, by the key of the configuration."""
     match spec:
         case TopicSpec():
-            return (spec.type_name,)
+            return {"type": spec.type_name}
         case ServiceSpec():
-            return (spec.request_type, spec.response_type)
+            return {"request": spec.request_type, "response": spec.response_type}
         case ActionSpec():
-            return (spec.goal_type, spec.feedback_type, spec.result_type)
+            return {
+                "goal": spec.goal_type,
+                "feedback": spec.feedback_type,
+                "result": spec.result_type,
+            }
 
 
 def aged(type_spec: TypeSpec) -> TypeSpec:

@@ -146,7 +146,7 @@ def _check_dense(spec: StreamSpec) -> None:
 
 
 def check(spec: StreamSpec) -> None:
-    """Check what is said of a stream.
+    """Check what the native wire says of a stream.
 
     Raises:
         ConfigError: Something of it is not allowed.
@@ -158,6 +158,14 @@ def check(spec: StreamSpec) -> None:
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")
+
+
+def check_times(spec: StreamSpec) -> None:
+    """Check server and timeouts, whatever is spoken on the link.
+
+    Raises:
+        ConfigError: Something of it is not allowed.
+    """
     if isinstance(spec, ActionSpec):
         if not 0 < spec.result_timeout_s < float("inf"):
             raise ConfigError(f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0")

@@ -51,12 +51,13 @@ class Transmitter:
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
         """Begin with a link, or with other capabilities of it."""
-        port = LinkPort(capabilities, self._address, self._rng, self._rules.access)
+        envelope = self._protocols.envelope(capabilities)
+        port = LinkPort(
+            capabilities, self._address, self._rng, self._rules.access, envelope=envelope
+        )
         self.port = port
         if self._clock is not None:
             port.access.handle_clock(*self._clock, now)
-        receiver = self._protocols.receiver
-        receiver.handle_access, receiver.handle_call = port.handle_control, port.handle_call
         self._protocols.use_link(port, now)
 
     def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
@@ -74,17 +75,17 @@ class Transmitter:
         port = self.port
         if port is None:
             return None
-        composer = self._protocols.composer
+        protocols = self._protocols
         composed = None
         granted = self._silence.granted(now)
         if granted is not None:
             if _is_over(self._last_word_at(granted, now), now):
-                composed = composer.compose_only(port.envelope, granted, now)
+                composed = protocols.compose_only(port, granted, now)
                 self._silence.use_grant()
         elif _is_over(self._transmit_at(now), now):
-            composed = composer.compose(port.envelope, now)
+            composed = protocols.compose(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
-            composed = composer.speak(port, now)
+            composed = protocols.speak(port, now)
         if composed is None:
             return None
         transmission = Transmission(
@@ -126,7 +127,7 @@ class Transmitter:
             return None
         if not self._protocols.may_speak:
             return None
-        due_at = self._protocols.composer.due_at(now)
+        due_at = self._protocols.due_at(now)
         if due_at is None:
             return None
         self.port.listening.exclusive = self._protocols.large.objects.is_exclusive

@@ -26,10 +26,12 @@ from zacoustic.core.events import (
 from zacoustic.core.linktypes import ModemRead, PeerMeasured
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.rmw_desert.entities import RosEntitySeen
 from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
+    EntityHeard,
     JournalChanged,
     LinkChanged,
     Notify,
@@ -168,6 +170,16 @@ class Exchange:
                 self._health.note_delivery(event)
             case ObjectProgress():
                 self._objects.note(event)
+            case RosEntitySeen():
+                self._notify(
+                    EntityHeard(
+                        node=f"{event.namespace.rstrip('/')}/{event.node}",
+                        kind=event.kind.name.lower(),
+                        topic=event.topic,
+                        type=event.type,
+                        leaves=event.leaves,
+                    )
+                )
             case DeliveryStored():
                 pass  # for who publishes in this process
             case _:

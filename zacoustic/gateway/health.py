@@ -35,6 +35,7 @@ from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.encoding import JSON
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, PeerSeen, StreamsDiffer
+from zacoustic.core.linktypes import UNKNOWN_SOURCE
 from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.streams import Stream
@@ -113,7 +114,7 @@ class Health:
 
     def trace(self, record: TraceRecord) -> None:
         """Take notice of whatever the engine does; its trace sink."""
-        if record.what == "receive":
+        if record.what == "receive" and record.peer != UNKNOWN_SOURCE:
             self._heard_at_unix_s[record.peer] = time.time()
         self.touch()
 

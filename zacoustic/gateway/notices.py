@@ -250,6 +250,26 @@ class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
         return [f"router    {self.state}"]
 
 
+class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
+    """A node of rmw_desert has told what it has, or that it has it no more."""
+
+    node: str
+    """Namespace and name of the node."""
+    kind: str
+    """``publisher``, ``subscription``, ``client`` or ``service``."""
+    topic: str
+    """Topic or service; empty when it leaves."""
+    type: str
+    """Its type; empty when it leaves."""
+    leaves: bool = False
+    """It is there no more."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        what = "leaves" if self.leaves else f"{self.topic} {self.type}"
+        return [f"entity    {self.node}: {self.kind} {what}"]
+
+
 class Stopped(Notice, frozen=True, kw_only=True, tag="stopped"):
     """The gateway has ended."""
 

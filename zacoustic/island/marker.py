@@ -30,7 +30,7 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
     """What the attachment says."""
 
     acoustic: int
-    """Acoustic address that it came from, 1…254."""
+    """Acoustic address that it came from, 1…254; 0 where the wire does not tell (rmw_desert)."""
     age_s: float | None = None
     """Age, s, ≥ 0; infinity: over an hour; None: not known."""
     call: str | None = None

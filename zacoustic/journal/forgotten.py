@@ -2,6 +2,7 @@
 
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.wireprofile import WireProfile
 
 
 def forgotten(table: StreamTable, address: int) -> str:
@@ -15,6 +16,8 @@ def forgotten(table: StreamTable, address: int) -> str:
         One line that names services and actions served here, topics that ask for a journal, and
         on-demand topics published here; empty when the table has none of them.
     """
+    if table.wire is WireProfile.RMW_DESERT:
+        return ""  # a journal would keep nothing either: what is said there is said once
     services, topics, actions, demanded = [], [], [], []
     for stream in table:
         spec = stream.spec

@@ -29,6 +29,7 @@ from zacoustic.core.measurements import Range
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.ranging import RangeFailed, RangeFailure
+from zacoustic.core.rmw_desert.entities import RosEntitySeen
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import StreamSpec
@@ -59,6 +60,7 @@ NodeEvent = (
     | SilenceChanged
     | StreamTuned
     | ObjectProgress
+    | RosEntitySeen
 )
 """What a node tells beside samples and calls; on Zenoh the first kind only."""
 

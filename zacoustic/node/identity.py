@@ -25,7 +25,10 @@ class Identity(msgspec.Struct, frozen=True, kw_only=True):
         if config is None:
             return StreamTable()
         specs = [stream.spec for stream in config.table]
-        return StreamTable(specs, types=config.types, nodes=config.nodes)
+        table = config.table
+        return StreamTable(
+            specs, types=config.types, nodes=config.nodes, model=table.model, wire=table.wire
+        )
 
 
 def identify(

@@ -21,11 +21,14 @@ from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
 from zacoustic.core.qos import Stamp
+from zacoustic.core.rmw_desert.codec import RmwDesertCodec
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
+from zacoustic.tools import checkdesert
 from zacoustic.tools.bits import SampleBits, sample_bits
 
 _ID_BYTES = 1
@@ -101,6 +104,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """The modems."""
     digest: str
     """Digest of the stream table: equal on both ends, or typed streams stop."""
+    wire: str
+    """Wire profile: what is spoken on the link."""
     profile: str
     """Name of the modem profile of the airtimes."""
     mtu_bytes: int
@@ -119,6 +124,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
 def report_of(config: Config, profile: ModemProfile) -> Report:
     """Make the report of a configuration."""
+    on_desert = config.table.wire is WireProfile.RMW_DESERT
     rows = tuple(
         row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
     )
@@ -129,10 +135,14 @@ def report_of(config: Config, profile: ModemProfile) -> Report:
         nodes=config.nodes,
         links=links,
         digest=config.table.digest.hex(),
+        wire=config.table.wire.value,
         profile=profile.name,
         mtu_bytes=profile.mtu_bytes,
         streams=rows,
-        types=tuple(_type_row(CborCodec(spec)) for spec in config.types),
+        types=tuple(
+            _type_row(RmwDesertCodec(spec) if on_desert else CborCodec(spec))
+            for spec in config.types
+        ),
         journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
         forgotten="" if config.journal else forgotten(config.table, config.address),
         notes=tuple(_notes(config, links, rows, profile)),
@@ -143,15 +153,18 @@ def _rows(
     stream: Stream, profile: ModemProfile, typical: Mapping[int, float]
 ) -> Iterator[StreamRow]:
     spec = stream.spec
+    on_desert = isinstance(stream.codec, RmwDesertCodec)
     if isinstance(spec, TopicSpec):
         stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
         head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
+        if on_desert:
+            head_bytes = checkdesert.head_bytes(stream)
         yield _row(
             stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
             codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
         )  # fmt: skip
         return
-    head_bytes = _ID_BYTES + _CALL_BYTES
+    head_bytes = checkdesert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
     server = (spec.server,)
     if isinstance(spec, ActionSpec):
         for kind, type_name, codec, audience in (
@@ -238,6 +251,29 @@ def _link_row(locator: str, address: int) -> LinkRow:
 def _notes(
     config: Config, links: tuple[LinkRow, ...], rows: tuple[StreamRow, ...], profile: ModemProfile
 ) -> Iterator[str]:
+    if config.table.wire is WireProfile.RMW_DESERT:
+        yield from checkdesert.notes(config.table)
+    else:
+        yield from _room_notes(rows, profile)
+    for link in links:
+        if link.mtu_bytes not in (None, profile.mtu_bytes):
+            yield (
+                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
+                f"sizes and airtimes here is for up to {profile.mtu_bytes}"
+            )
+    if not links:
+        yield "no link: give one in the file (links: [ { locator } ]) or by --link"
+    if not rows:
+        yield "no streams: nothing crosses the water"
+    if config.journal is not None and not _is_writable(config.journal):
+        yield f"journal: this user cannot write {config.journal}: the node would not start"
+    yield from _access_notes(config, profile)
+    if config.ros is not None:
+        ids = ", ".join(map(str, sorted(config.ros.streams)))
+        yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
+
+
+def _room_notes(rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
     # The engine takes a record only if it fits beside a TAG: it may have to be sent with one.
     room_bytes = profile.mtu_bytes - TAG_BYTES
     for row in rows:
@@ -257,22 +293,6 @@ def _notes(
                 f"{what}: up to {row.largest_bytes} bytes; what does not fit the "
                 f"{room_bytes} bytes of a frame is refused"
             )
-    for link in links:
-        if link.mtu_bytes not in (None, profile.mtu_bytes):
-            yield (
-                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
-                f"sizes and airtimes here is for up to {profile.mtu_bytes}"
-            )
-    if not links:
-        yield "no link: give one in the file (links: [ { locator } ]) or by --link"
-    if not rows:
-        yield "no streams: nothing crosses the water"
-    if config.journal is not None and not _is_writable(config.journal):
-        yield f"journal: this user cannot write {config.journal}: the node would not start"
-    yield from _access_notes(config, profile)
-    if config.ros is not None:
-        ids = ", ".join(map(str, sorted(config.ros.streams)))
-        yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
 
 
 def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.tools.bits import SampleBits
 from zacoustic.tools.check import Report, StreamRow, TypeRow
 from zacoustic.tools.columns import align
@@ -27,6 +28,8 @@ def _paragraphs(report: Report) -> Iterator[str]:
     for link in report.links:
         reason = link.error.removeprefix(f"{link.locator}: ")
         yield f"link {link.locator}" + (f": {reason}" if reason else "")
+    if report.wire != WireProfile.NATIVE.value:
+        yield f"wire {report.wire}: sizes are those of its packets"
     if report.journal:
         yield f"journal {report.journal}"
     if report.forgotten:

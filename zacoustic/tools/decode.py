@@ -10,8 +10,6 @@ import json
 from collections.abc import Mapping
 from typing import Any, assert_never
 
-import msgspec
-
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.actions.wire import (
     Operation,
@@ -52,11 +50,14 @@ from zacoustic.core.objects.wire import (
     Lacks,
     Refused,
 )
-from zacoustic.core.payload import PayloadCodec, PayloadError
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.streams import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import UnknownStreamError
+from zacoustic.tools.decoded import DecodedItem, decoded, printable
+from zacoustic.tools.decodedesert import DesertWords
 from zacoustic.tools.overheard import Overheard
 
 _WHY_STRAY = {
@@ -72,26 +73,6 @@ _CALL_TEXTS = {
     Call.WINDOW: "; a listen window begins now",
     Call.NONE: "",
 }
-
-
-class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """One control or record of a frame."""
-
-    kind: str
-    """`hello`, `tag`, `confirm`, `ask`, `table`, `sample`, `delete`, `request`, `response`,
-    `error`, `call_confirm`, `goal`, `goal_accepted`, `goal_claim`, `goal_refused`,
-    `goal_confirm`, `goal_cancel`, `goal_feedback`, `goal_result`, `fragment`, `feedback`,
-    `subscribe`, `dense`, `dense_ack`, `record` (not decoded) or `stray`."""
-    text: str
-    """One line for people."""
-    stream_id: int = 0
-    """The stream, 0 where there is none."""
-    name: str = ""
-    """The key of a sample or the name of a service or action; empty without a configuration."""
-    value: object = None
-    """The value, bytes in hexadecimal; None when there is none or it does not decode."""
-    fault: str = ""
-    """Why it is not decoded; empty when it is."""
 
 
 def decode_frame(
@@ -112,10 +93,15 @@ class FrameDecoder:
 
     Args:
         table: The streams; None: values stay in hexadecimal.
+        wire: What is spoken; None: as the table says, native without one.
     """
 
-    def __init__(self, table: StreamTable | None = None) -> None:
+    def __init__(
+        self, table: StreamTable | None = None, *, wire: WireProfile | None = None
+    ) -> None:
         self._table = table
+        wire = wire or (table.wire if table is not None else WireProfile.NATIVE)
+        self._desert = DesertWords(table) if wire is WireProfile.RMW_DESERT else None
         self._overheard = Overheard(table) if table is not None else None
 
     def decode(
@@ -128,6 +114,8 @@ class FrameDecoder:
             source: Address of the sender, where it is known.
             unicast: The frame is known to be for one node.
         """
+        if self._desert is not None:
+            return self._desert.explain(records, source)
         reader = _Reader(self._table, source)
         items: list[DecodedItem] = []
         for item in parse_frame(records, reader.measure, unicast=unicast):
@@ -282,7 +270,7 @@ class _Reader:
             payload = payload[1:]
         if prefixes.encoding is not None:
             head += f", {prefixes.encoding}"
-        return _decoded("sample", head, stream.stream_id, key, stream.codec, payload)
+        return decoded("sample", head, stream.stream_id, key, stream.codec, payload)
 
 
 def _key(stream: Stream, source: int, instance: Instance) -> str:
@@ -359,7 +347,7 @@ def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> Dec
     age_s, payload = split_age(stream, payload)
     head += "" if age_s is None else f", {age_s:g} s old"
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
-    return _decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
+    return decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
 
 
 def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> DecodedItem:
@@ -382,14 +370,14 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
     found = (stream.stream_id, stream.name)
     match operation:
         case Operation.GOAL:
-            return _decoded(kind, text, *found, stream.codec, payload)
+            return decoded(kind, text, *found, stream.codec, payload)
         case Operation.FEEDBACK:
-            return _decoded(kind, text, *found, stream.feedback_codec, payload)
+            return decoded(kind, text, *found, stream.feedback_codec, payload)
         case Operation.RESULT:
             status, result = decode_result(payload) or (None, payload or None)
             text += f" {'unreadable' if status is None else status.name.lower()}"
             if result is not None:
-                return _decoded(kind, text, *found, stream.response_codec, result)
+                return decoded(kind, text, *found, stream.response_codec, result)
         case Operation.REFUSED:
             refusal = decode_refusal(payload)
             if refusal is None:
@@ -401,20 +389,6 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
         case _:
             pass
     return DecodedItem(kind=kind, text=text, stream_id=stream.stream_id, name=stream.name)
-
-
-def _decoded(
-    kind: str, head: str, stream_id: int, name: str, codec: PayloadCodec, payload: bytes
-) -> DecodedItem:
-    try:
-        value = printable(codec.decode(payload))
-    except PayloadError as error:
-        return DecodedItem(
-            kind=kind, text=f"{head}: {payload.hex()} does not decode: {error}",
-            stream_id=stream_id, name=name, fault=str(error),
-        )  # fmt: skip
-    text = f"{head}: {json.dumps(value, ensure_ascii=False)}"
-    return DecodedItem(kind=kind, text=text, stream_id=stream_id, name=name, value=value)
 
 
 def _unread(record: Record) -> DecodedItem:
@@ -430,14 +404,3 @@ def _unread(record: Record) -> DecodedItem:
         stream_id=record.stream_id,
         value=record.content.hex(),
     )
-
-
-def printable(value: object) -> object:
-    """Return a value as JSON can carry it: bytes in hexadecimal."""
-    if isinstance(value, bytes):
-        return value.hex()
-    if isinstance(value, dict):
-        return {str(name): printable(part) for name, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [printable(part) for part in value]
-    return value

@@ -84,7 +84,9 @@ class Orders:
         """
         if not 1 <= node <= 254:
             raise LocalError(f"node {node}; allowed: 1..254")
-        rival = self._table.by_id(ORDERS_STREAM_ID)
+        rival = self._table.get(ORDERS_STREAM_ID)
+        if rival is None:
+            raise LocalError(f"no orders cross a link with wire: {self._table.wire.value}")
         if not rival.is_built_in:
             raise LocalError(
                 f"stream {ORDERS_STREAM_ID} is {rival.name}, so no orders cross the water",

@@ -1,4 +1,4 @@
-"""The packets of rmw_desert on the byte stream of DESERT's socket.
+"""The packets of rmw_desert on a byte stream, such as that of DESERT's socket.
 
 They are::
 

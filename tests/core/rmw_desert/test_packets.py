@@ -9,14 +9,14 @@ from tests.links.desert.byte_pieces import BYTES, SIZES, cut, damaged, is_subseq
 from zacoustic.core.envelope import Damaged as Refused
 from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.linktypes import ReceivedFrame
-from zacoustic_desert.config import DesertConfig
-from zacoustic_desert.framing import (
+from zacoustic.core.rmw_desert.packets import (
     OVERHEAD_BYTES,
     PAYLOAD_LIMIT_BYTES,
     RECEIVED_LIMIT_BYTES,
     PacketDecoder,
     encode_packet,
 )
+from zacoustic_desert.config import DesertConfig
 
 LONGEST = RECEIVED_LIMIT_BYTES + OVERHEAD_BYTES
 

@@ -1,0 +1,459 @@
+import itertools
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.core.rig import End
+from tests.core.rmw_desert import peer
+from tests.core.rmw_desert.peer import REQUEST, RESPONSE, SAMPLE, Heard, Peer, packet
+from tests.core.rmw_desert.vectors import read_vectors
+from tests.core.rmw_desert.vehicle import (
+    ADD,
+    COMMAND,
+    EMPTY,
+    FLAGS,
+    MANY,
+    NOTE,
+    POSE,
+    SHORE,
+    SPECS,
+    TRIGGER,
+    TWIST,
+    VEHICLE,
+    node,
+    said,
+    table,
+)
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+)
+from zacoustic.core.linktypes import LinkState, TransmitOutcome
+from zacoustic.core.orders.words import Order, OrderKind
+from zacoustic.core.stats import Cause
+from zacoustic.errors import (
+    LocalError,
+    PayloadInvalidError,
+    PayloadTooLargeError,
+    QueueFullError,
+    RangeUnavailableError,
+)
+
+VECTORS = {vector.name: vector for vector in read_vectors()}
+POSE_ITEMS = (5.5, 5.5, 0.0, 0.0, -0.25)
+
+
+def hear(end: End, data: bytes, now: int = 0) -> None:
+    end.hear(data, now, source=0)
+
+
+def samples(end: End) -> list[tuple[int, Any]]:
+    return [(each.stream_id, each.value) for each in end.got(SampleReceived)]
+
+
+def test_a_sample_goes_as_the_packet_of_rmw_desert_and_nothing_else_goes() -> None:
+    shore = node(SHORE)
+    assert said(shore, 0) == b""
+    shore.engine.publish(COMMAND, TWIST, 0)
+    assert said(shore, 0) == VECTORS["twist_id4"].packet
+    assert said(shore, 10 * NS_PER_S) == b""
+    assert shore.engine.is_idle
+
+
+def test_a_sample_of_a_peer_is_that_of_the_only_publisher_there_is() -> None:
+    shore = node(SHORE)
+    hear(shore, packet(SAMPLE, POSE, *POSE_ITEMS))
+    hear(shore, packet(SAMPLE, NOTE, "hello"))
+    pose, note = shore.got(SampleReceived)
+    assert (pose.source, pose.instance, pose.age_s) == (VEHICLE, (), None)
+    assert pose.value["angular_velocity"] == -0.25
+    assert (note.source, note.value) == (0, {"data": "hello"})
+    assert shore.engine.peers() == {}
+    assert shore.engine.measurements.addresses() == []
+
+
+def test_an_empty_message_is_one_zero() -> None:
+    shore, vehicle = node(SHORE), node(VEHICLE)
+    shore.engine.publish(EMPTY, {}, 0)
+    data = said(shore, 0)
+    assert data == packet(SAMPLE, EMPTY, 0)
+    hear(vehicle, data * 3)
+    assert samples(vehicle) == [(EMPTY, {})] * 3
+
+
+def test_what_the_table_gives_to_others_is_dropped() -> None:
+    shore, vehicle = node(SHORE), node(VEHICLE)
+    hear(shore, packet(SAMPLE, COMMAND, *(0.0,) * 6))
+    with pytest.raises(LocalError, match="not a publisher"):
+        vehicle.engine.publish(COMMAND, TWIST, 0)
+    assert samples(shore) == []
+    assert shore.engine.stats.dropped == {"not_publisher": 1}
+
+
+def test_a_call_is_asked_once_and_answered_by_its_sequence_id() -> None:
+    shore, vehicle = node(SHORE), Peer()
+    call_id = shore.engine.call(ADD, {"a": 2, "b": -3}, 0)
+    (asked,) = vehicle.hear(said(shore, 0))
+    sequence = asked.items[0]
+    assert asked == Heard(REQUEST, ADD, [sequence, 2, -3])
+    assert 1000 <= sequence <= 65535  # never one that rmw_desert draws
+    hear(shore, packet(RESPONSE, ADD, 999, 7))  # for a client of rmw_desert
+    assert shore.got(ResponseReceived) == []
+    hear(shore, packet(RESPONSE, ADD, sequence, -1))
+    hear(shore, packet(RESPONSE, ADD, sequence, -1))
+    (answer,) = shore.got(ResponseReceived)
+    assert (answer.call_id, answer.stream_id, answer.value) == (call_id, ADD, {"sum": -1})
+    assert shore.engine.stats.dropped == {"unexpected_answer": 2}
+    assert said(shore, 100 * NS_PER_S) == b""
+    assert shore.engine.is_idle
+
+
+def test_a_call_without_an_answer_fails_and_is_never_repeated() -> None:
+    shore = node(SHORE)
+    call_id = shore.engine.call(ADD, {"a": 1, "b": 1}, 0, timeout_s=5)
+    assert said(shore, 0)
+    for second in range(1, 5):
+        assert said(shore, second * NS_PER_S) == b""
+    assert shore.engine.poll_timeout() == 5 * NS_PER_S
+    shore.engine.handle_timeout(5 * NS_PER_S)
+    shore.settle()
+    (failed,) = shore.got(CallFailed)
+    assert (failed.call_id, failed.failure) == (call_id, CallFailure.TIMED_OUT)
+    assert shore.engine.is_idle
+
+
+def test_a_call_that_is_cancelled_or_too_old_does_not_leave() -> None:
+    shore = node(SHORE)
+    shore.engine.handle_link_state(LinkState.DOWN, 0)
+    shore.engine.cancel(shore.engine.call(ADD, {"a": 1, "b": 1}, 0), 0)
+    shore.engine.call(ADD, {"a": 2, "b": 2}, 0, timeout_s=1)
+    shore.engine.handle_timeout(NS_PER_S)
+    shore.engine.handle_link_state(LinkState.UP, NS_PER_S, shore.capabilities)
+    assert said(shore, NS_PER_S) == b""
+    assert [each.failure for each in shore.got(CallFailed)] == [CallFailure.TIMED_OUT]
+
+
+def test_sixteen_calls_to_a_service_are_under_way_at_most() -> None:
+    shore = node(SHORE)
+    for number in range(16):
+        shore.engine.call(ADD, {"a": number, "b": 0}, 0)
+    with pytest.raises(QueueFullError, match="16 calls"):
+        shore.engine.call(ADD, {"a": 16, "b": 0}, 0)
+    heard = Peer().hear(said(shore, 0))
+    assert [each.items[1] for each in heard] == list(range(16))
+    assert len({each.items[0] for each in heard}) == 16
+
+
+def test_requests_are_served_with_their_sequence_id_whatever_it_is() -> None:
+    for sequence in (0, 23, 999, 2**63):
+        shore, client = node(SHORE), Peer()
+        hear(shore, packet(REQUEST, TRIGGER, sequence, 0))
+        (request,) = shore.got(RequestReceived)
+        assert request.value == {}
+        answer = {"success": True, "message": ""}
+        assert shore.engine.reply(request.call, answer, 0)
+        assert not shore.engine.reply(request.call, answer, 0)
+        (heard,) = client.hear(said(shore, 0))
+        assert heard == Heard(RESPONSE, TRIGGER, [sequence, True, ""])
+
+
+def test_a_response_is_the_packet_of_rmw_desert() -> None:
+    shore = node(SHORE)
+    hear(shore, VECTORS["req_trigger_id254"].packet)
+    (request,) = shore.got(RequestReceived)
+    shore.engine.reply(request.call, {"success": True, "message": ""}, 0)
+    assert said(shore, 0) == VECTORS["resp_trigger_id254"].packet
+
+
+def test_two_clients_with_one_sequence_id_are_both_served() -> None:
+    vehicle = node(VEHICLE)
+    for a, b in ((1, 1), (2, 2)):
+        hear(vehicle, packet(REQUEST, ADD, 5, a, b))
+    first, second = vehicle.got(RequestReceived)
+    assert first.call != second.call
+    vehicle.engine.reply(second.call, {"sum": 4}, 0)
+    vehicle.engine.reply(first.call, {"sum": 2}, 0)
+    assert [each.items for each in Peer().hear(said(vehicle, 0))] == [[5, 4], [5, 2]]
+
+
+def test_a_request_that_comes_twice_runs_once_and_is_answered_again() -> None:
+    vehicle = node(VEHICLE, propagation_s=1.0)
+    request = packet(REQUEST, ADD, 5, 1, 1)
+    hear(vehicle, request * 2)
+    (only,) = vehicle.got(RequestReceived)
+    vehicle.engine.reply(only.call, {"sum": 2}, 0)
+    answer = said(vehicle, 0)
+    hear(vehicle, request, NS_PER_S)
+    assert said(vehicle, NS_PER_S) == answer == packet(RESPONSE, ADD, 5, 2)
+    assert not vehicle.engine.reply(only.call, {"sum": 3}, 0)
+    assert vehicle.engine.stats.dropped == {"repeated_request": 2}
+    forgotten_at = vehicle.engine.poll_timeout()
+    assert forgotten_at is not None
+    assert 4 * NS_PER_S < forgotten_at < 5 * NS_PER_S
+    vehicle.engine.handle_timeout(forgotten_at)
+    hear(vehicle, request, forgotten_at)  # one of a thousand numbers, drawn again
+    assert len(vehicle.got(RequestReceived)) == 2
+
+
+def test_an_error_of_a_handler_has_no_form_and_a_late_answer_is_none() -> None:
+    shore = node(SHORE)
+    hear(shore, packet(REQUEST, TRIGGER, 5, 0))
+    hear(shore, packet(REQUEST, TRIGGER, 6, 0))
+    first, second = shore.got(RequestReceived)
+    assert not shore.engine.reply_error(first.call, CallFailure.HANDLER, "no", 0)
+    assert shore.engine.poll_timeout() == second.deadline_at
+    shore.engine.handle_timeout(second.deadline_at)
+    assert not shore.engine.reply(second.call, {"success": True, "message": ""}, 61 * NS_PER_S)
+    assert said(shore, 61 * NS_PER_S) == b""
+
+
+def test_requests_for_others_and_too_many_of_them_are_dropped() -> None:
+    shore, vehicle = node(SHORE), node(VEHICLE)
+    hear(shore, packet(REQUEST, ADD, 1, 2, 3))
+    assert shore.engine.stats.dropped == {"not_for_us": 1}
+    for sequence in range(70):
+        hear(vehicle, packet(REQUEST, ADD, sequence, 2, 3))
+    requests = vehicle.got(RequestReceived)
+    assert len(requests) == 64
+    assert vehicle.engine.stats.dropped == {"too_many_calls": 6}
+    vehicle.engine.reply(requests[3].call, {"sum": 5}, 0)
+    hear(vehicle, packet(REQUEST, ADD, 99, 2, 3))
+    assert len(vehicle.got(RequestReceived)) == 65
+
+
+NOT_TO_BE_SENT = (
+    (NOTE, {"data": "x" * 128}, PayloadInvalidError, "String.data has 128 bytes"),
+    (NOTE, {"data": "é" * 64}, PayloadInvalidError, "String.data has 128 bytes"),
+    (NOTE, {"data": "a\0b"}, PayloadInvalidError, "String.data has a NUL"),
+    (FLAGS, {"flags": [True]}, PayloadInvalidError, "Flags.flags is a sequence of booleans"),
+)
+
+
+@pytest.mark.parametrize(("stream_id", "value", "error", "text"), NOT_TO_BE_SENT)
+def test_what_would_crash_its_receiver_is_refused(
+    stream_id: int, value: Any, error: type[Exception], text: str
+) -> None:
+    shore = node(SHORE)
+    with pytest.raises(error, match=text):
+        shore.engine.publish(stream_id, value, 0)
+    assert said(shore, 0) == b""
+
+
+def test_sixty_four_items_and_255_bytes_go_and_no_more() -> None:
+    shore, vehicle = node(SHORE), Peer()
+    value = {"numbers": [1] * 60, "floats": []}
+    shore.engine.publish(MANY, value, 0)
+    (heard,) = vehicle.hear(said(shore, 0))
+    assert len(heard.items) + 2 == 64
+    with pytest.raises(PayloadTooLargeError, match=r"Many: 65 items .* allowed: 64"):
+        shore.engine.publish(MANY, {"numbers": [1] * 61, "floats": []}, 0)
+    longest = {"numbers": [1] * 4, "floats": [0.1] * 49}
+    shore.engine.publish(MANY, longest, 0)
+    data = said(shore, 0)
+    assert data[2] == 255
+    assert vehicle.hear(data)[0].items[:6] == [4, 1, 1, 1, 1, 49]
+    with pytest.raises(PayloadTooLargeError, match=r"Many: 256 bytes .* allowed: 255"):
+        shore.engine.publish(MANY, longest | {"numbers": [24, 1, 1, 1]}, 0)
+
+
+def test_a_delete_and_another_encoding_are_refused() -> None:
+    shore = node(SHORE)
+    with pytest.raises(PayloadInvalidError, match="delete"):
+        shore.engine.publish(COMMAND, None, 0, delete=True)
+    with pytest.raises(PayloadInvalidError, match="text/plain; allowed: application/cbor"):
+        shore.engine.publish(COMMAND, TWIST, 0, encoding="text/plain")
+
+
+def test_orders_do_not_cross() -> None:
+    shore = node(SHORE)
+    order = Order(kind=OrderKind.SILENCE, for_s=60.0)
+    with pytest.raises(LocalError, match="no orders cross a link with wire: rmw_desert"):
+        shore.engine.orders.send(VEHICLE, order, 0)
+
+
+def test_no_range_is_measured() -> None:
+    shore = node(SHORE, framed=True, addressed=True, acknowledges=True, measures_range=True)
+    with pytest.raises(RangeUnavailableError):
+        shore.engine.ranging.request(VEHICLE, 0, timeout_s=5)
+    assert said(shore, 0) == b""
+
+
+def test_a_packet_longer_than_the_link_takes_goes_in_pieces_and_alone() -> None:
+    shore, vehicle = node(SHORE), Peer()
+    shore.engine.publish(NOTE, {"data": "x" * 127}, 0)
+    shore.engine.publish(NOTE, {"data": "y"}, 0)
+    sizes, heard = [], []
+    while (transmission := shore.send(0)) is not None:
+        sizes.append(len(transmission.frame_bytes))
+        heard += vehicle.hear(transmission.frame_bytes)
+    assert sizes == [64, 64, 8, 9]
+    assert [each.items for each in heard] == [["x" * 127], ["y"]]
+
+
+def test_a_piece_that_was_lost_takes_the_rest_of_its_packet_with_it() -> None:
+    shore = node(SHORE)
+    shore.engine.publish(NOTE, {"data": "x" * 127}, 0)
+    shore.engine.publish(NOTE, {"data": "y"}, 0)
+    piece = shore.poll(0)
+    assert piece is not None
+    shore.report(piece, TransmitOutcome.ABORTED)
+    assert Peer().hear(said(shore, 0)) == [Heard(SAMPLE, NOTE, ["y"])]
+
+
+def test_a_link_with_frames_carries_the_message_alone() -> None:
+    shore = node(SHORE, framed=True)
+    vehicle = node(VEHICLE, framed=True)
+    shore.engine.publish(COMMAND, TWIST, 0)
+    message = VECTORS["twist_id4"].payload
+    assert said(shore, 0) == message
+    hear(vehicle, message)
+    hear(vehicle, message)  # a second one that says the same is no echo
+    assert [value["linear"]["x"] for _, value in samples(vehicle)] == [2.0, 2.0]
+    with pytest.raises(PayloadTooLargeError, match="room for 64"):
+        shore.engine.publish(NOTE, {"data": "x" * 127}, 0)
+
+
+def test_the_ledger_has_every_byte() -> None:
+    shore = node(SHORE)
+    shore.engine.publish(COMMAND, TWIST, 0)
+    shore.engine.publish(NOTE, {"data": "x" * 127}, 0)
+    shore.engine.call(ADD, {"a": 1, "b": 2}, 0)
+    data = said(shore, 0)
+    ledger = shore.engine.stats.ledger()
+    assert sum(each.transmitted_bytes for each in ledger) == len(data)
+    assert {each.cause for each in ledger} == {Cause.PAYLOAD, Cause.HEADER, Cause.ENVELOPE}
+
+
+def test_pieces_and_merges_of_the_stream_make_no_difference() -> None:
+    packets = [packet(SAMPLE, NOTE, f"{number}" * 40) for number in range(10)]
+    stream = b"".join(packets)
+    for cut in (1, 2, 3, 17, 64, len(stream)):
+        shore = node(SHORE)
+        for at in range(0, len(stream), cut):
+            hear(shore, stream[at : at + cut])
+        assert [value["data"][0] for _, value in samples(shore)] == [str(n) for n in range(10)]
+        assert shore.engine.stats.dropped == {}
+
+
+def test_half_a_packet_is_given_up_after_a_silence_and_hides_nothing() -> None:
+    shore = node(SHORE)
+    good = packet(SAMPLE, NOTE, "good")
+    hear(shore, b"\x99\x99\xf0" + good, now=NS_PER_S)
+    assert samples(shore) == []
+    due_at = shore.engine.poll_timeout()
+    assert due_at is not None
+    shore.now = due_at
+    shore.engine.handle_timeout(due_at)
+    shore.settle()
+    assert samples(shore) == [(NOTE, {"data": "good"})]
+    assert shore.engine.stats.dropped == {"no_packet": 1}
+    assert shore.engine.is_idle
+
+
+def test_a_new_connection_begins_with_nothing() -> None:
+    shore = node(SHORE)
+    good = packet(SAMPLE, NOTE, "good")
+    hear(shore, good[:5])
+    shore.engine.handle_link_state(LinkState.DOWN, 0)
+    shore.engine.handle_link_state(LinkState.UP, 0, shore.capabilities)
+    hear(shore, good)
+    assert samples(shore) == [(NOTE, {"data": "good"})]
+
+
+# What its sender can put on the socket, and what a broken channel makes of it.
+
+CRASHERS = (
+    "999903010a0755",  # kind 1
+    "999902031455",  # a response without its sequence id
+    "999907000a1affffffff55",  # a sequence of 2**32-1 elements
+    "99990500caf5f5f555",  # booleans, too few
+    "999907000a64fffe999955",  # not UTF-8
+    "99990400186fc055",  # a tag
+    "99990f00c89bffffffffffffffff0102030455",  # an array of 2**64-1
+    "999900",
+    "99990055",
+    "9999015555",
+)
+
+
+@pytest.mark.parametrize("data", CRASHERS)
+def test_what_crashes_its_receiver_is_counted_here(data: str) -> None:
+    shore = node(SHORE)
+    hear(shore, bytes.fromhex(data))
+    shore.engine.handle_timeout(NS_PER_S)
+    shore.settle()
+    assert samples(shore) == []
+    assert sum(shore.engine.stats.dropped.values()) >= 1
+
+
+ALL_PACKETS = [vector.packet for vector in VECTORS.values()]
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=80),
+            st.sampled_from(ALL_PACKETS),
+            st.sampled_from([b"\x99", b"\x99\x99", b"\x55", b"\x99\x99\xff"]),
+        ),
+        max_size=20,
+    ),
+    st.lists(st.integers(0, 5000), max_size=10),
+)
+def test_no_bytes_harm_an_engine(parts: list[bytes], cuts: list[int]) -> None:
+    ends = (node(SHORE), node(VEHICLE))
+    stream = b"".join(parts)
+    edges = sorted({0, len(stream), *(cut % (len(stream) + 1) for cut in cuts)})
+    for end in ends:
+        for start, stop in itertools.pairwise(edges):
+            hear(end, stream[start:stop])
+        end.now = 3600 * NS_PER_S
+        end.engine.handle_timeout(end.now)
+        end.settle()
+        hear(end, packet(SAMPLE, NOTE, "after"), end.now)
+        assert samples(end)[-1] == (NOTE, {"data": "after"})
+
+
+def test_flipped_bits_never_raise_and_are_mostly_dropped(count: Callable[[int], int]) -> None:
+    dice = random.Random(1)
+    accepted = 0
+    tries = count(50_000)
+    for _ in range(tries):
+        end = node(VEHICLE)
+        data = bytearray(VECTORS["twist_id4"].packet)
+        bit = dice.randrange(len(data) * 8)
+        data[bit // 8] ^= 1 << bit % 8
+        hear(end, bytes(data))
+        end.engine.handle_timeout(NS_PER_S)
+        end.settle()
+        accepted += len(samples(end))
+    assert 0 < accepted < tries
+
+
+def test_an_engine_and_a_peer_understand_each_other(count: Callable[[int], int]) -> None:
+    dice = random.Random(2)
+    shore, vehicle = node(SHORE), Peer()
+    for _ in range(count(10_000)):
+        value = {
+            part: {axis: dice.choice((0.0, 1.5, dice.uniform(-9, 9))) for axis in "xyz"}
+            for part in ("linear", "angular")
+        }
+        shore.engine.publish(COMMAND, value, 0)
+        (heard,) = vehicle.hear(said(shore, 0))
+        numbers = [number for part in value.values() for number in part.values()]
+        assert heard.items == pytest.approx(numbers, rel=1e-6)
+        assert packet(SAMPLE, COMMAND, *numbers) == packet(SAMPLE, COMMAND, *heard.items)
+
+
+def test_the_table_has_no_stream_of_orders() -> None:
+    assert table().get(175) is None
+    assert len(table()) == len(SPECS)
+    assert peer.SAMPLE == 0

@@ -1,0 +1,67 @@
+"""`wire: "rmw_desert"`: which keys of the section have no counterpart on that wire."""
+
+from typing import Final
+
+from zacoustic.config.complaints import Place, shown
+from zacoustic.config.sections import Section
+from zacoustic.core.access.spec import AccessSpec, PollingSpec, TdmaSpec
+from zacoustic.core.wireprofile import WireProfile
+
+_WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
+_REASONS: Final = {
+    "heartbeat_s": "nothing on it says that a node is there",
+    "lost_after_s": "nothing on it says who sends",
+    "ranging": "nothing on it asks a modem for a range",
+    "orders_from": "no orders cross it",
+    "objects": "what is larger than a packet does not cross",
+    "model": "no stream is dense on it",
+}
+
+
+def check_section(place: Place, written: Section) -> None:
+    """Refuse keys of the section that this wire has nothing for.
+
+    Args:
+        place: The section.
+        written: What is written.
+
+    Raises:
+        ConfigError: Names the first such key.
+    """
+    for key, reason in _REASONS.items():
+        if getattr(written, key) not in (None, ()):
+            _refuse(place.at(key), reason)
+    for index, node in enumerate(written.nodes):
+        for key in ("heartbeat_s", "lost_after_s"):
+            if getattr(node, key) is not None:
+                _refuse(place.at("nodes").at(index).at(key), _REASONS[key])
+
+
+def check_access(place: Place, access: AccessSpec | None) -> None:
+    """Refuse medium access that has something to say.
+
+    Args:
+        place: Of the table `access`.
+        access: What is written.
+
+    Raises:
+        ConfigError: Its words do not exist on this wire.
+    """
+    if isinstance(access, PollingSpec):
+        place.at("method").complain(
+            f'"polling" with {_WIRE}: its turns are told in frames of the native wire',
+            allowed='"aloha", "carrier_sense", "tdma", "delegated"',
+        )
+    if isinstance(access, TdmaSpec) and access.clock is not None:
+        place.at("clock").complain(
+            f"{access.clock} with {_WIRE}: the time is told in frames of the native wire",
+            allowed="none, UTC then",
+        )
+
+
+def _refuse(place: Place, reason: str) -> None:
+    place.complain(
+        f"{shown(place.written)} with {_WIRE}: {reason}",
+        allowed="none",
+        hint=f"leave {place.path.rpartition('.')[2]} out",
+    )
