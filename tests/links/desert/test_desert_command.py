@@ -77,7 +77,7 @@ def test_emulation_serves_reports_in_json_and_ends_cleanly(
         records: list[dict[str, Any]] = [json.loads(line) for line in process.stdout]
         assert process.wait(10.0) == 0
     events = [record["event"] for record in records]
-    assert sorted(events[:2]) == ["client", "client"]
+    assert events.count("client") == 2
     packet = [record for record in records if record["size_bytes"]]
     assert [record["event"] for record in packet] == ["read", "sent", "delivered"]
     assert {record["size_bytes"] for record in packet} == {18}
