@@ -72,8 +72,11 @@ class _Heard:
 
     def __init__(self, codec: DenseCodec) -> None:
         self.listener = Listener(codec)
+        self.said_mark: int | None = None
+        """What was acknowledged last."""
         self.unsaid_bytes = 0
-        """Size of the strings that it does not know to be held here."""
+        """Size of the strings since then. One that is the same as before counts as well: it will
+        be so for ever, as long as it stands on the same reference."""
 
 
 class DenseStreams:
@@ -148,9 +151,8 @@ class DenseStreams:
             if codec is None:
                 raise PayloadError("a source without dense streams")
             heard = self._heard[source] = _Heard(codec)
-        mark = heard.listener.mark
         decoded = heard.listener.decode(string)
-        if heard.listener.mark != mark:
+        if heard.listener.mark != heard.said_mark:
             heard.unsaid_bytes += len(string)
         # What comes twice is read once, and an application may change what it is given.
         return copy.deepcopy(decoded.samples)
@@ -168,7 +170,7 @@ class DenseStreams:
             ack = DenseAck(address, heard.listener.mark).encode()
             if len(taken) + len(ack) <= room_bytes:
                 taken += ack
-                heard.unsaid_bytes = 0
+                heard.said_mark, heard.unsaid_bytes = heard.listener.mark, 0
         return taken
 
     # What changes
