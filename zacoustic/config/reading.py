@@ -1,16 +1,17 @@
 """From a section to a `Config`: addresses and names, types, streams."""
 
 import importlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
 from zacoustic.config.access import read_access
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
-from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.later import check_word
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.quiet import read_quiet
@@ -47,6 +48,7 @@ if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh
 FIRST_ADDRESS: Final = 1
 LAST_ADDRESS: Final = 254
 """Node addresses are 1…254."""
+_RATIO: Final = re.compile(r" *([0-9]{1,15}) */ *([0-9]{1,15}) *")
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,9 +175,7 @@ def config_from_mapping(
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
-    refuse_later_keys(place, "")
-    for index, _ in enumerate(place.at("links").entries):
-        refuse_later_keys(place.at("links").at(index), "links")
+    place = Place(source, _with_steps(section))
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
@@ -208,6 +208,28 @@ def config_from_mapping(
         rules=_read_rules(place, written, fleet, own, objects),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
+
+
+def _with_steps(section: dict[str, Any]) -> dict[str, Any]:
+    """Put numbers in place of steps that are written as ratios, "1/60000"."""
+    types = section.get("types")
+    if not isinstance(types, list):
+        return section
+    entries = []
+    for entry in types:
+        fields = entry.get("fields") if isinstance(entry, dict) else None
+        if isinstance(fields, list):
+            entry = {**entry, "fields": [_with_step(field) for field in fields]}
+        entries.append(entry)
+    return {**section, "types": entries}
+
+
+def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
+    step = field.get("step") if isinstance(field, dict) else None
+    ratio = _RATIO.fullmatch(step) if isinstance(step, str) else None
+    if ratio is None or not int(ratio[2]):
+        return field
+    return {**field, "step": int(ratio[1]) / int(ratio[2])}
 
 
 def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:

@@ -70,6 +70,7 @@ ALLOWED: Final = {
     "priority": ", ".join(PRIORITY_NAMES),
     "depth": "a number, 1..65535",
     "lifespan_s": "seconds, above 0",
+    "deadline_s": "seconds, 0.1 or more, above min_interval_s",
     "min_interval_s": "seconds, 0 or more",
     "linger_s": "seconds, 0 or more",
     "timeout_s": "seconds, above 0",
@@ -85,7 +86,7 @@ ALLOWED: Final = {
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
     "lost_after_s": "seconds, above 0",
     "range": "a list of two numbers, [low, high]",
-    "step": "a number above 0",
+    "step": 'a number above 0, or a ratio as "1/60000"',
     "unit": "a text",
     "wraps": "true, false",
     "outside": "reject, clamp, escape",
@@ -243,6 +244,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Samples kept per key while they wait."""
     lifespan_s: float | None = None
     """A sample older than this is not sent any more, s."""
+    deadline_s: float | None = None
+    """A sample of each key is promised at least so often, s."""
     min_interval_s: float = 0.0
     """Least time between two samples of one key on the water, s."""
     stamp: str = "none"

@@ -7,7 +7,7 @@ from typing import Final, TypeVar
 import msgspec
 
 from zacoustic.config.complaints import Place, shown
-from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.later import check_word
 from zacoustic.config.ros import RosReader
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.dense import Model
@@ -64,7 +64,6 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
 
 
 def _read_stream(place: Place, fleet: Fleet, ros: RosReader) -> StreamSpec:
-    refuse_later_keys(place, "streams")
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:
         what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
@@ -104,6 +103,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             reliability=Reliability(entry.reliability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
+            deadline_s=entry.deadline_s,
             min_interval_s=entry.min_interval_s,
             linger_s=entry.linger_s,
             max_airtime=entry.max_airtime,
@@ -240,9 +240,11 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
     if entry.codec is not None:
         check_word(place.at("codec"), entry.codec, tuple(CODECS))
-        if not is_typed:
+        if entry.codec == "cbor" and not is_typed:
             place.at("codec").complain(
-                f'"{entry.codec}" for opaque bytes', allowed="typed streams", hint="add a type"
+                f'"{entry.codec}" for opaque bytes',
+                allowed="typed streams; here packed, for topics dense, or none",
+                hint="add a type",
             )
     if entry.encoding is None:
         return

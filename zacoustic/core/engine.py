@@ -114,6 +114,8 @@ class Engine:
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
         self.demand = protocols.demand
         """Commands about on-demand topics: `want`; and who wants them of this node."""
+        self.deadlines = protocols.deadlines
+        """Of what a sample is awaited; to be read only."""
         self.contact = protocols.contact
         """Who is lost; to be read only."""
         self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
@@ -284,7 +286,7 @@ class Engine:
             PayloadTooLargeError: It fits no frame of this link.
         """
         self._now = now
-        return self._protocols.topics.publish(
+        delivery_id = self._protocols.topics.publish(
             stream_id,
             value,
             now,
@@ -293,6 +295,8 @@ class Engine:
             delete=delete,
             queued_at=queued_at,
         )
+        self._protocols.deadlines.published(stream_id, instance, now, deleted=delete)
+        return delivery_id
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.

@@ -13,6 +13,7 @@ from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
 from zacoustic.core.contact import Contact
+from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.events import Event, SampleReceived
@@ -76,8 +77,10 @@ class Protocols:
             handshake=handshake,
             journal=journal,
             changed=self._audience_changed,
+            unsubscribed=self._unsubscribed,
             emit=emit,
         )
+        self.deadlines = Deadlines(address, table, self.demand, stats, emit)
         self.dense = DenseStreams(address, table, handshake, self.demand)
         self.sending = ReliableSending(
             address,
@@ -233,6 +236,7 @@ class Protocols:
         self.large.at(now).objects.expire(now)
         self.ranging.expire(now)
         self.contact.expire(now)
+        self.deadlines.expire(now)
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
@@ -245,6 +249,7 @@ class Protocols:
             self.large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),
             self.contact.next_deadline_at(),
+            self.deadlines.next_deadline_at(),
         )
         return min((at for at in instants if at is not None), default=None)
 
@@ -268,6 +273,10 @@ class Protocols:
     def _epoch_kept(self, now: int) -> None:
         self._epochs_to_keep -= 1
 
-    def _hand_on(self, sample: SampleReceived) -> None:
+    def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        self.large.unsubscribed(stream_id, sources, now)
+
+    def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
+        self.deadlines.handed_on(sample, now)
         self._emit(sample)

@@ -78,12 +78,19 @@ def tune(stream: Stream, qos: Qos | None) -> None:
             f"{stream.name}: depth: {qos.depth}; allowed: {own.depth}, as it is defined: both ends "
             "of a reliable topic must agree on it"
         )
+    deadline_s = own.deadline_s if qos.deadline_s is None else qos.deadline_s
+    if deadline_s is not None and deadline_s <= qos.min_interval_s:
+        raise ConfigError(
+            f"{stream.name}: min_interval_s: {qos.min_interval_s:g}; allowed: below deadline_s, "
+            f"which is {deadline_s:g}"
+        )
     stream.qos = msgspec.structs.replace(
         qos,
         stamp=own.stamp,
         reliability=own.reliability,
         forward=own.forward,
         depth=own.depth if reliable else qos.depth,
+        deadline_s=deadline_s,
     )
 
 

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    DeadlineMissed,
     DeliveryEnded,
     JournalStateChanged,
     LinkStateChanged,
@@ -50,6 +51,7 @@ NodeEvent = (
     | PeerLost
     | PeerFound
     | SubscribersChanged
+    | DeadlineMissed
     | StreamsDiffer
     | PeerMeasured
     | ModemRead
