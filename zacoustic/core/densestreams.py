@@ -46,6 +46,9 @@ _RECOVERED: Final = 1
 # An acknowledgement is three bytes; it may save about as many in each string that follows. So where
 # the strings themselves are that small, several share one.
 _WORTH_AN_ACK_BYTES: Final = 6
+# A steady command is one string again and again, which shrinks when its source learns that it is
+# held here; so that is said now and then.
+_REPEATED_BYTES: Final = 1
 
 
 class Savings:
@@ -150,8 +153,8 @@ class DenseStreams:
             heard = self._heard[source] = _Heard(codec)
         mark = heard.listener.mark
         decoded = heard.listener.decode(string)
-        if heard.listener.mark != mark:
-            heard.unsaid_bytes += len(string)
+        is_new = heard.listener.mark != mark
+        heard.unsaid_bytes += len(string) if is_new else _REPEATED_BYTES
         # What comes twice is read once, and an application may change what it is given.
         return copy.deepcopy(decoded.samples)
 
