@@ -17,7 +17,7 @@ from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
 from zacoustic.core.qos import Stamp
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError
-from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.names import check_namespace, is_interface, stream_name
 from zacoustic.ros.qos import RosDurability, RosQos, RosReliability
 from zacoustic.ros.streams import (
@@ -36,6 +36,7 @@ DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
 """Environment variable with the domain."""
 _LAST_DOMAIN: Final = 232
 _TRANSIENT_LOCAL: Final = "transient_local"
+_EXACT: Final = "exact"
 
 _KINDS: Final = {"topic": "msg", "service": "srv", "action": "action"}
 _TYPE_KEYS: Final = {
@@ -109,7 +110,7 @@ class RosReader:
                     for spec in self._types_of(here, key, name):
                         found[spec.name] = spec
         for place in self._field_types():
-            spec = self._message(place, place.written, "exact").spec
+            spec = self._message(place, place.written, _EXACT).spec
             found[spec.name] = spec
         return list(found.values())
 
@@ -210,12 +211,25 @@ class RosReader:
         """Return the types that cross of an interface which a stream names."""
         if key == "type" and name.split("/")[1] != "msg":
             return [
-                self._message(place.at(key), each, "exact").spec
+                self._message(place.at(key), each, _EXACT).spec
                 for each in messages_of(name)
                 if each in self._load()
             ]
-        stamp = _stamp_of(place) if key == "type" else "exact"
+        stamp = self._stamp(place, name) if key == "type" else _EXACT
         return [self._message(place.at(key), name, stamp).spec]
+
+    def _stamp(self, place: Place, name: str) -> str:
+        """Return what becomes of `header.stamp` of a topic."""
+        here = place.at("ros")
+        if here.written is None:
+            return _EXACT
+        stamp, words = here.convert(StreamRosEntry).stamp or _EXACT, (_EXACT, "drop", "age")
+        if stamp not in words:
+            here.at("stamp").complain(allowed=", ".join(words))
+        interfaces = self._load()
+        if stamp != _EXACT and name in interfaces and not has_header(interfaces, name):
+            here.at("stamp").complain(allowed=f"{_EXACT}: {name} has no header")
+        return stamp
 
     def _field_types(self) -> list[Place]:
         """Return where fields of types name interfaces."""
@@ -238,7 +252,7 @@ class RosReader:
         for key in _PARTS[kind]:
             if key != "type" and place.at(key).written is not None:
                 place.at(key).complain("beside type", allowed="one of them")
-        stamp = _stamp_of(place) if kind == "topic" else "exact"
+        stamp = self._stamp(place, name) if kind == "topic" else _EXACT
         return {
             key: self._message(place.at("type"), name + suffix, stamp).spec.name
             for key, suffix in _PARTS[kind].items()
@@ -256,13 +270,13 @@ class RosReader:
         except ConfigError as error:
             place.at(kind).complain(str(error.args[0]), hint=error.hint)
         messages = {
-            each: self._message(place.at("type"), each, "exact")
+            each: self._message(place.at("type"), each, _EXACT)
             for each in messages_of(name)
             if kind != "topic"
         }
-        stamp = _stamp_of(place)
         changed: dict[str, Any] = {kind: called}
         if kind == "topic":
+            stamp = self._stamp(place, name)
             if place.at("wildcards").entries:
                 place.at("wildcards").complain("with ros", allowed="{node} alone")
             topic = RosTopic(
@@ -290,18 +304,6 @@ _EXAMPLES: Final = {
     "action": "example_interfaces/action/Fibonacci",
 }
 _ARTICLES: Final = {"topic": "a topic", "service": "a service", "action": "an action"}
-
-
-def _stamp_of(place: Place) -> str:
-    """Return what becomes of `header.stamp`."""
-    here = place.at("ros")
-    if here.written is None:
-        return "exact"
-    entry = here.convert(StreamRosEntry)
-    words = ("exact", "drop", "age")
-    if entry.stamp is not None and entry.stamp not in words:
-        here.at("stamp").complain(allowed=", ".join(words))
-    return entry.stamp or "exact"
 
 
 def _qos(written: Mapping[str, Any]) -> RosQos:

@@ -46,6 +46,9 @@ _RECOVERED: Final = 1
 # An acknowledgement is three bytes; it may save about as many in each string that follows. So where
 # the strings themselves are that small, several share one.
 _WORTH_AN_ACK_BYTES: Final = 6
+# A string that comes again though it was acknowledged says that this was lost; it is said again now
+# and then.
+_REPEATED_BYTES: Final = 1
 
 
 class Savings:
@@ -75,8 +78,8 @@ class _Heard:
         self.said_mark: int | None = None
         """What was acknowledged last."""
         self.unsaid_bytes = 0
-        """Size of the strings since then. One that is the same as before counts as well: it will
-        be so for ever, as long as it stands on the same reference."""
+        """Size of the strings since then. A steady stream is one string again and again, and stays
+        so until its source learns that it is held here: each of them counts."""
 
 
 class DenseStreams:
@@ -152,8 +155,8 @@ class DenseStreams:
                 raise PayloadError("a source without dense streams")
             heard = self._heard[source] = _Heard(codec)
         decoded = heard.listener.decode(string)
-        if heard.listener.mark != heard.said_mark:
-            heard.unsaid_bytes += len(string)
+        is_unsaid = heard.listener.mark != heard.said_mark
+        heard.unsaid_bytes += len(string) if is_unsaid else _REPEATED_BYTES
         # What comes twice is read once, and an application may change what it is given.
         return copy.deepcopy(decoded.samples)
 

@@ -5,9 +5,10 @@ module for each noun:
 
 - `gateway`, `junction`: the life of it all; the session is a `zacoustic.island`;
 - `mailbox`: from Zenoh's threads to the loop, bounded;
-- `routes`: what is declared for each stream; `siblings`, `presence`: who does it when there are
-  several gateways on one island;
-- `exchange`, `topics`, `services`: samples and calls, both ways; `lastvalues`;
+- `routes`, `jobs`: what is declared for each stream; `siblings`, `presence`: who does it when there
+  are several gateways on one island;
+- `exchange`, `topics`, `services`, `actions`: samples, calls and goals, both ways; `lastvalues`;
+- `dialects`: what streams look like on the island, for Zenoh programs; `ros`: for nodes of ROS 2;
 - `health`, `soundings`, `complaints`, `notices`: what it says of itself and of the water.
 """
 

@@ -16,6 +16,8 @@ from zacoustic.ros.tokens import EXTRA_HINT
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+HEADER: Final = "std_msgs/msg/Header"
+"""What has a stamp and a frame."""
 DEFAULT_DISTRO: Final = "jazzy"
 """The distribution where nothing is said."""
 
@@ -103,6 +105,14 @@ class Interfaces:
                 if member.is_nested:
                     self._used(member.type, found)
         return found
+
+
+def has_header(interfaces: Interfaces, name: str) -> bool:
+    """Tell whether a message has a header."""
+    return any(
+        member.name == "header" and member.type == HEADER and not member.is_sequence
+        for member in interfaces.members(name)
+    )
 
 
 def distros() -> tuple[str, ...]:

@@ -14,12 +14,11 @@ from rosbags.serde import SerdeError
 
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
-from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.mapping import TypeMapper
 from zacoustic.ros.names import UNSTAMPED
 from zacoustic.ros.overlays import OverlayField
 
-HEADER: Final = "std_msgs/msg/Header"
 TIME: Final = "builtin_interfaces/msg/Time"
 
 _NS_PER_S: Final = 1_000_000_000
@@ -114,11 +113,3 @@ class RosMessage:
             return bytes(self._store.serialize_cdr(message, self.name, little_endian=True))
         except (SerdeError, struct.error, ValueError, TypeError) as error:
             raise PayloadInvalidError(f"no {self.name}: {error}") from error
-
-
-def has_header(interfaces: Interfaces, name: str) -> bool:
-    """Tell whether a message has a header."""
-    return any(
-        member.name == "header" and member.type == HEADER and not member.is_sequence
-        for member in interfaces.members(name)
-    )

@@ -79,10 +79,12 @@ class Graph:
 
     def endpoint(self, kind: Entity, key: RosKey, qos: RosQos) -> Token:
         """Make the token of an own endpoint; it becomes visible by `announce`."""
-        self._numbers += 1
+        with self._guard:
+            self._numbers += 1
+            number = self._numbers
         token = Token(
             node=self.node,
-            number=self._numbers,
+            number=number,
             kind=kind,
             topic=f"/{key.name}",
             type=key.type,
