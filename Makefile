@@ -13,6 +13,8 @@ export PYTHONUNBUFFERED := 1
 
 VENV_PYTHON := .venv/bin/python
 PYTEST := ZACOUSTIC_SOAK= $(VENV_PYTHON) -m pytest
+# Many tests wait for sockets, serial ports and processes: three at a time keep two cores busy.
+WORKERS ?= 3
 STEP = @echo && echo "== $@:
 
 help:
@@ -30,7 +32,7 @@ test: format lint types contracts unit examples package
 	@echo "make test: every step passed"
 
 soak: venv-test
-	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 $(ARGS)
+	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 -n auto --dist worksteal $(ARGS)
 
 bench: venv-test
 	@set -e; for script in tests/benchmarks/bench_*.py; do \
@@ -65,7 +67,8 @@ contracts: venv-test
 
 unit: venv-test
 	$(STEP) pytest, without the two steps below"
-	@$(PYTEST) --ignore=tests/test_examples.py --ignore=tests/test_packaging.py $(ARGS)
+	@$(PYTEST) --ignore=tests/test_examples.py --ignore=tests/test_packaging.py \
+	    -n $(WORKERS) --dist worksteal $(ARGS)
 
 examples: venv-test
 	$(STEP) every example runs and exits 0"

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from zacoustic.config import Config, config_from_mapping, read_config
-from zacoustic.config.later import LATER_KEYS
+from zacoustic.config.later import LATER_VALUES
 from zacoustic.config.sections import ALLOWED, RECORDS, ServiceEntry, TopicEntry
 from zacoustic.core.qos import Priority, Reliability, Stamp
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -47,6 +47,7 @@ SECTION: dict[str, Any] = {
             "priority": "real_time",
             "depth": 3,
             "lifespan_s": 60,
+            "deadline_s": 90,
             "min_interval_s": 0.5,
             "linger_s": 2,
             "stamp": "age",
@@ -113,6 +114,7 @@ def test_section_is_read() -> None:
     qos = topic.qos
     assert (qos.priority, qos.stamp, qos.depth) == (Priority.REAL_TIME, Stamp.AGE, 3)
     assert (qos.lifespan_s, qos.min_interval_s, qos.linger_s) == (60, 0.5, 2)
+    assert qos.deadline_s == 90
     assert config.table.by_id(11).keys.key(1, (1,)) == "fleet/shore/usbl"
     service = config.table.by_id(20).spec
     assert isinstance(service, ServiceSpec)
@@ -293,6 +295,7 @@ MISTAKES: list[tuple[str, object, str]] = [
         ["a", 2],
         '.types[0].fields[0].range[0]: "a"; allowed: a list of two',
     ),
+    ("types.0.fields.0.step", "1/0", '.types[0].fields[0].step: "1/0"; allowed: a number above 0'),
     ("types.0.fields.0.step", "x", '.types[0].fields[0].step: "x"; allowed: a number above 0'),
     ("types.0.fields.1.values", "a", '.types[0].fields[1].values: "a"; allowed: a list of texts'),
     (
@@ -443,6 +446,13 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("streams.0.depth", 0, ".streams[0].depth: 0; allowed: 1..65535"),
     ("streams.0.lifespan_s", 0, ".streams[0].lifespan_s: 0; allowed: above 0"),
     ("streams.0.min_interval_s", -1, ".streams[0].min_interval_s: -1; allowed: 0 or more"),
+    ("streams.0.deadline_s", 0, ".streams[0].deadline_s: 0; allowed: 0.1 or more"),
+    (
+        "streams.0.deadline_s",
+        0.5,
+        ".streams[0].deadline_s: 0.5; allowed: above min_interval_s, which is 0.5",
+    ),
+    ("streams.2.deadline_s", 9, ".streams[2].deadline_s: unknown key"),
     ("streams.2.linger_s", -1, ".streams[2].linger_s: -1; allowed: 0 or more"),
     ("ranging", {}, ".ranging: {}; allowed: a list of { to, every_s }"),
     ("ranging.0.to", "auv1", '.ranging[0].to: "auv1"; allowed: the address of another node'),
@@ -473,7 +483,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.1.codec",
         "cbor",
-        '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams',
+        '.streams[1].codec: "cbor" for opaque bytes; allowed: typed streams; here packed',
     ),
     (
         "streams.0.reliability",
@@ -497,8 +507,23 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("nodes.1.lost_after_s", -3, ".nodes[1].lost_after_s: -3; allowed: seconds, above 0"),
     ("nodes.1.lost_after_s", "5m", '.nodes[1].lost_after_s: "5m"; allowed: seconds, above 0'),
     # later
-    ("ros", {"domain": 0}, '.ros: {"domain": 0} is not available yet: ROS 2; allowed: types, to'),
-    ("overlays", [], ".overlays: [] is not available yet: bounds for ROS 2 types; allowed: "),
+    ("ros", {"domain": 233}, ".ros.domain: 233; allowed: a number, 0..232"),
+    ("ros", {"distro": "jezzy"}, '.ros.distro: "jezzy"; allowed: humble, iron, jazzy'),
+    ("ros", {"namspace": "a"}, ".ros.namspace: unknown key; allowed: distro, domain, namespace"),
+    ("ros", {"namespace": "a b"}, '.ros.namespace: "a b"; allowed: a ROS namespace'),
+    ("ros", {"packages": "nowhere"}, '.ros.packages: "nowhere" is no folder; allowed: a folder'),
+    ("overlays", [{"type": "a"}], ".overlays[0].fields: is missing; allowed: a list of"),
+    (
+        "overlays",
+        [{"type": "std_msgs/msg/Bool", "fields": [{"field": "dat"}]}],
+        '.overlays[0].fields[0].field: "dat" names no member of std_msgs/msg/Bool; allowed: ',
+    ),
+    (
+        "overlays",
+        [{"type": "std_msgs/msg/Bool", "fields": [{"feld": "dat"}]}],
+        ".overlays[0].fields[0].feld: unknown key; allowed: field, range, step, unit, wraps",
+    ),
+    ("overlays", [{"type": "Nav", "fields": []}], '.overlays[0].type: "Nav" is no interface of'),
     ("links.0.wire", "rmw", '.links[0].wire: "rmw"; allowed: native, rmw_desert'),
     (
         "links.1",
@@ -508,7 +533,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.durability",
         "transient_local",
-        '"transient_local" is not available yet; allowed: v',
+        '"transient_local" of a topic without ros; allowed: "volatile"',
     ),
     (
         "streams.0.codec",
@@ -523,13 +548,9 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.0.ros",
         {},
-        ".streams[0].ros: {} is not available yet: ROS 2; allowed: topic, service and action of",
+        '.streams[0].type: "Nav"; allowed: a ROS type, such as "geometry_msgs/msg/Twist"',
     ),
-    (
-        "streams.0.deadline_s",
-        3,
-        ".streams[0].deadline_s: 3 is not available yet: deadlines; allowed: lif",
-    ),
+    ("streams.0.ros", {"stmp": 1}, ".streams[0].ros.stmp: unknown key; allowed: stamp"),
     (
         "streams.3",
         {"id": 30, "action": "auv1/goto", "goal": "Nav"},
@@ -786,10 +807,10 @@ def test_every_key_is_in_the_reference(record: type[msgspec.Struct]) -> None:
     assert set(record.__struct_encode_fields__) <= set(ALLOWED)
 
 
-def test_every_later_key_is_in_the_reference() -> None:
-    for keys in LATER_KEYS.values():
-        for key in keys:
-            assert f"`{key}`" in DOCUMENT
+def test_every_later_word_is_in_the_reference() -> None:
+    for key, words in LATER_VALUES.items():
+        for word in words:
+            assert f'`{key}: "{word}"`' in DOCUMENT
 
 
 def test_examples_of_the_reference_are_read(tmp_path: Path) -> None:
@@ -853,3 +874,15 @@ def test_any_change_of_a_section_is_a_config_or_a_config_error(data: st.DataObje
         if isinstance(target, dict) and data.draw(st.booleans()):
             target[data.draw(KEYS)] = data.draw(JSON_VALUES)
     read_or_refuse(section)
+
+
+def test_a_step_may_be_a_ratio_and_is_meant_exactly() -> None:
+    fields = SECTION["types"][0]["fields"]
+    section = changed("types.0.fields", [{**fields[0], "step": "1/60000"}, *fields[1:]])
+    spec = config_from_mapping(section, source="test").types.by_name("Nav")
+    lat = spec.fields[0]
+    assert lat.step == 1 / 60000
+    assert lat.quantiser is not None
+    for count in (0, 1, 7, 2_591_234, -5_400_000):
+        assert lat.quantiser.value(count) == count / 60000
+        assert lat.quantiser.count(count / 60000 + 0.4 / 60000) == count

@@ -31,7 +31,14 @@ from zacoustic.errors import (
 if TYPE_CHECKING:
     from zacoustic.config import Config, read_config
     from zacoustic.core.actions.news import GoalStatus
-    from zacoustic.core.events import DeliveryOutcome, PeerFound, PeerLost, SubscribersChanged
+    from zacoustic.core.events import (
+        DeadlineMissed,
+        DeadlineSide,
+        DeliveryOutcome,
+        PeerFound,
+        PeerLost,
+        SubscribersChanged,
+    )
     from zacoustic.core.measurements import Range
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
     from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
@@ -63,6 +70,8 @@ __all__ = [
     "Client",
     "Config",
     "ConfigError",
+    "DeadlineMissed",
+    "DeadlineSide",
     "Delivery",
     "DeliveryError",
     "DeliveryOutcome",
@@ -110,7 +119,14 @@ __all__ = [
 _HOMES: Final = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.actions.news": ("GoalStatus",),
-    "zacoustic.core.events": ("DeliveryOutcome", "PeerFound", "PeerLost", "SubscribersChanged"),
+    "zacoustic.core.events": (
+        "DeadlineMissed",
+        "DeadlineSide",
+        "DeliveryOutcome",
+        "PeerFound",
+        "PeerLost",
+        "SubscribersChanged",
+    ),
     "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
     "zacoustic.core.qos": ("Forward", "Priority", "Qos", "Reliability", "Stamp"),

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.cli.dive import section, write_config
+from tests.golden.vectors import bytes_table, vectors
 from zacoustic.cli import main
 from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.calls import (
@@ -181,6 +182,14 @@ def test_a_dense_string_that_stands_for_itself_is_decoded_with_a_table() -> None
     assert nav.value == {"lat": 43.1, "depth": 10.0, "heading": 90.0, "speed": 1.0}
     assert status.value == {"mode": "survey", "leak": False, "battery": 90}
     assert "auv1/status, 1.5 s old: {" in status.text
+
+
+def test_packed_bytes_are_decoded_with_a_table() -> None:
+    for name, line in (("packed_text", 0), ("dense_text", 1)):
+        (vector,) = (each for each in vectors() if each.name == name)
+        item = decode_frame(bytes.fromhex(vector.hex), bytes_table(), source=1)[line]
+        assert item.value == b"INF battery: 25.9 V, 2.8 A, 79 %".hex()
+        assert item.fault == ""
 
 
 def test_a_dense_string_that_refers_to_a_frame_that_is_not_there_says_so() -> None:

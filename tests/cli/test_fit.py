@@ -71,7 +71,7 @@ def test_a_model_that_does_not_help_is_said_to(
         elif line["s"] == "status":
             line["v"] = [2, 1, 3]
         else:
-            line["v"] = "~~~~~~~~"
+            line["v"] = "WRN disk nearly full: 97 %"
     code, out, err = fit(capsys, write(tmp_path / "a.jsonl", lines), "--config", fleet)
     assert code == 1
     assert err == "zacoustic fit: the model does not help: do without it\n"

@@ -299,6 +299,26 @@ def test_order_survives_both_ends(after_s: float) -> None:
         assert values(rig) == expected, seed
 
 
+def test_restarted_receiver_holds_what_is_behind_an_object_of_which_nothing_more_comes() -> None:
+    rig = ends()
+    publish(rig, KEPT, PHOTO)
+    rig.run(1, some_fragments(4))
+    rig.restart(2, fleet(), keeps=True)
+    # In a rhythm; the publisher marks none as long as the object is on its way, so that nothing
+    # is learned, and nothing asked for.
+    behind = [b"%d" % number for number in range(7)]
+    for value in behind:
+        publish(rig, KEPT, value)
+        rig.run(10, some_fragments(0))
+    assert values(rig) == []
+    sent = rig[2].engine.stats.frames_transmitted
+    rig.run(100, some_fragments(0))
+    assert values(rig) == []
+    assert rig[2].engine.stats.frames_transmitted <= sent + 1
+    rig.run(300)
+    assert values(rig) == [PHOTO, *behind]
+
+
 def test_a_large_sample_of_a_stream_that_is_defined_in_another_way_now() -> None:
     rig = ends()
     publish(rig, KEPT, PHOTO)

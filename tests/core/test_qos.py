@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from zacoustic.core.qos import PATIENCE_NS, PRIORITY_NAMES, Priority, Qos
+from zacoustic.core.qos import PATIENCE_NS, PRIORITY_NAMES, Priority, Qos, Tuning
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,8 @@ def test_patience_grows_from_priority_to_priority() -> None:
 def test_real_time_never_lingers() -> None:
     assert Qos(priority=Priority.REAL_TIME, linger_s=5).linger_ns == 0
     assert Qos(linger_s=5).linger_ns == 5_000_000_000
+
+
+def test_an_order_may_make_a_topic_rarer_than_its_deadline() -> None:
+    tuned = Tuning(min_interval_s=60.0).over(Qos(deadline_s=30.0))
+    assert tuned.min_interval_s == 60.0

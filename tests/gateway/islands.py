@@ -143,12 +143,15 @@ def zenoh_router() -> Iterator[int]:
 class Water:
     """Simulated water with nodes 1, 2 and 3, and what was sent in it."""
 
-    def __init__(self, *, profile: str = "ideal", time_scale: float = 1.0) -> None:
+    def __init__(
+        self, *, profile: str = "ideal", time_scale: float = 1.0, frame_loss: float = 0.0
+    ) -> None:
         nodes = [
             {"address": address, "position": [distance_m, 0, 10]}
             for address, distance_m in ((1, 0), (2, 1), (3, 0.5))
         ]
         settings = {"seed": 7, "profile": profile, "channel": "none", "nodes": nodes}
+        settings["loss"] = {"frame": frame_loss}
         scenario = scenario_from_mapping(settings, source="test")
         self.emissions: list[Emission] = []
         self.changed = asyncio.Event()

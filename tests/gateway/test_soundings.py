@@ -22,6 +22,7 @@ from tests.gateway.islands import (
 )
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.contact import Contact, ContactRules
+from zacoustic.core.engine import Engine
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.measurements import Measurements
 from zacoustic.core.streams import StreamTable
@@ -133,7 +134,10 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     known = Measurements()
     rules = ContactRules(lost_after_s={3: 50})
     contact = Contact(1, StreamTable(), rules, random.Random(1), lambda event: None)
-    soundings = Soundings(known, contact, clock=lambda: now, unix_s=lambda: unix_s)
+    engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
+    soundings = Soundings(
+        known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s
+    )
     assert soundings.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
     known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))

@@ -13,6 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Model, Speaker, StreamPrior
+from zacoustic.core.dense.packedbytes import PackedBytesCodec
 from zacoustic.core.dense.prior import Companion, First
 from zacoustic.core.types import FieldSpec, TypeSpec
 
@@ -116,6 +117,16 @@ def nav_samples(count: int) -> list[dict[str, Any]]:
 
 
 LINES: Final = ("INF mission: leg 1 of 12 started", "INF mission: leg 2 of 12 started", "Öl €", "")
+OCTETS: Final = (
+    b"",
+    b"\x00",
+    b"\x80\x81",
+    b"\xc0\xc1\xc2",
+    b"INF battery: 26.3 V, 3.4 A, 82 %",
+    b'{"lat":54.3,"lon":10.2,"depth":12.5}',
+    bytes.fromhex("a2 63 6c6174 fb 404b266666666666 65 6465707468 fa 41480000"),
+    b"Zw\xc3\xb6lf Boxk\xc3\xa4mpfer",
+)
 ODD: Final = (
     {"level": 4.5, "exact": 0.1, "raw": b"\x00\xff", "counts": [1, 2, 3], "big": 1 << 63},
     {"level": -3.25, "exact": -0.0, "raw": b"", "counts": [], "big": 0},
@@ -179,6 +190,9 @@ def vectors() -> dict[str, Any]:
             "together": _together(make()).hex(),
             "sha256 of 1500 frames": _long_run(make()),
         }
+    found["bytes without a type, packed"] = {
+        octets.hex(): PackedBytesCodec().encode(octets).hex() for octets in OCTETS
+    }
     return found
 
 

@@ -18,8 +18,9 @@ from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.actions.wire import (
     UNKNOWN_RESULT,
     Operation,
+    Refusal,
+    encode_cancel,
     encode_head,
-    encode_refusal,
     encode_result,
 )
 from zacoustic.core.arq.numbers import Ack
@@ -119,6 +120,7 @@ def vectors() -> Iterator[Vector]:
     yield from _orders()
     yield from _subscriptions()
     yield from _dense()
+    yield from _packed_bytes()
 
 
 def _vector(name: str, frame: bytes, meaning: str) -> Vector:
@@ -382,15 +384,29 @@ def _goals() -> Iterator[Vector]:
             "goal_refused",
             Operation.REFUSED,
             None,
-            encode_refusal(GoalFailure.REJECTED, "too deep"),
+            Refusal(GoalFailure.REJECTED, "too deep").encode(),
             "goal 5 is REFUSED: rejected: too deep",
         ),
         (
             "goal_cancel_refused",
             Operation.REFUSED,
             None,
-            encode_refusal(GoalFailure.CANCEL_REFUSED, ""),
+            Refusal(GoalFailure.CANCEL_REFUSED, "").encode(),
             "the cancel of goal 5 is REFUSED",
+        ),
+        (
+            "goal_cancel_again",
+            Operation.CANCEL_AGAIN,
+            None,
+            encode_cancel(1)[1],
+            "from the client: CANCEL goal 5, attempt 1",
+        ),
+        (
+            "goal_cancel_again_refused",
+            Operation.REFUSED,
+            None,
+            Refusal(GoalFailure.CANCEL_REFUSED, "too deep", 1).encode(),
+            "the cancel of goal 5 is REFUSED, attempt 1: too deep",
         ),
         (
             "goal_without_result",
@@ -533,6 +549,36 @@ def _dense() -> Iterator[Vector]:
         digest = dense_table().by_id(stream_id).digest
         name = f"digest_of_dense_stream_{stream_id}"
         yield _vector(name, digest, f"digest of the dense stream {stream_id}")
+
+
+def bytes_table() -> StreamTable:
+    """Return the table of the vectors of packed bytes: streams 51, and 52, which is dense."""
+    specs: list[StreamSpec] = [
+        *(stream.spec for stream in table()),
+        TopicSpec(stream_id=51, name="auv1/log", encoding="text/plain", codec="packed"),
+        TopicSpec(stream_id=52, name="auv1/talk", encoding="text/plain", codec="dense"),
+    ]
+    return StreamTable(specs, types=table().types, nodes=table().nodes)
+
+
+def _packed_bytes() -> Iterator[Vector]:
+    pair = _Pair(streams=bytes_table())
+
+    def publish(stream_id: int, octets: bytes) -> bytes:
+        return pair.frame(1, lambda engine, now: engine.publish(stream_id, octets, now))
+
+    line = b"INF battery: 25.9 V, 2.8 A, 79 %"
+    yield _vector("packed_text", publish(51, line), f"sample of stream 51, packed: {line.decode()}")
+    octets = bytes.fromhex("8f03ff77")
+    yield _vector("packed_octets", publish(51, octets), "sample of stream 51: 8f03ff77")
+    octets = bytes.fromhex("c803ff77")
+    yield _vector("packed_octets_marked", publish(51, octets), "sample of stream 51: c803ff77")
+    meaning = f"a dense string for itself: {line.decode()}"
+    yield _vector("dense_text", publish(52, line), meaning)
+    for stream_id in (51, 52):
+        digest = bytes_table().by_id(stream_id).digest
+        name = f"digest_of_bytes_stream_{stream_id}"
+        yield _vector(name, digest, f"digest of the stream {stream_id} of packed bytes")
 
 
 def _call(pair: _Pair) -> CallKey:

@@ -59,6 +59,11 @@ class Goal(msgspec.Struct):
     written: int
     is_calm: bool
     cancelled_at: int | None = None
+    cancels: int = 0
+    """Cancels that are to be answered each by itself."""
+    is_cancelling: bool = False
+    last_cancel_at: int = 0
+    """Instant of the cancel that is under way."""
     accepted: bool = False
     fed: int = 0
     ends: list[tuple[int, End]] = []
@@ -82,6 +87,8 @@ class GoalStory:
         self.outcomes: dict[str, int] = {}
         self.shown: dict[bytes, int] = {}
         """How often the server's application was shown a goal, by ticket."""
+        self.asked: dict[bytes, int] = {}
+        """How often it was asked to end one."""
         self.begun: set[bytes] = set()
         self.rejected: set[bytes] = set()
         self.finished: dict[bytes, tuple[GoalStatus, bytes]] = {}
@@ -188,6 +195,9 @@ class GoalStory:
         def cancel(engine: Engine, now: int) -> None:
             if goal.cancelled_at is None:
                 goal.cancelled_at = self.network.now
+            if not goal.is_cancelling:
+                goal.is_cancelling, goal.last_cancel_at = True, self.network.now
+                goal.cancels += 1
             engine.actions.cancel_goal(key, now)
 
         self.network.apply(key.client, cancel)
@@ -260,11 +270,16 @@ class GoalStory:
         if goal is None or goal.cancelled_at is None or goal.ticket not in self.begun:
             self._complain(f"{event} of {goal}")
             return
-        agrees = self._rng.random() < 0.7
+        self.asked[goal.ticket] = self.asked.get(goal.ticket, 0) + 1
+        if self.asked[goal.ticket] > goal.cancels:
+            self._complain(f"{goal}: the application is asked {self.asked[goal.ticket]} times")
+        agrees = self._rng.random() < 0.5
         ticket = goal.ticket
 
         def answer(engine: Engine, now: int) -> None:
-            engine.actions.answer_cancel(event.goal, now, accepted=agrees, text="not now")
+            engine.actions.answer_cancel(
+                event.goal, now, accepted=agrees, text=str(self.network.now)
+            )
             if agrees:
                 after_s = self._rng.choice((0.0, 10.0))
                 canceled = GoalStatus.CANCELED
@@ -272,7 +287,7 @@ class GoalStory:
                     after_s, lambda e, at: self._finish(e, event.goal, ticket, canceled, at)
                 )
 
-        self._later(0.0, answer)
+        self._later(self._rng.choice((0.0, 0.0, 5.0)), answer)
 
     # What the engines say
 
@@ -309,6 +324,7 @@ class GoalStory:
                 if event.tag != goal.ticket or self.network.life(goal.key.client) == goal.life:
                     self._complain(f"{event} of {goal}")
                 goal.accepted = False  # this life has to be told
+                goal.is_cancelling = False
             case GoalAnswered(accepted=True):
                 if goal.accepted or goal.ticket not in self.begun:
                     self._complain(f"{event} of {goal}")
@@ -324,7 +340,13 @@ class GoalStory:
             case CancelAnswered():
                 if goal.cancelled_at is None or not goal.accepted:
                     self._complain(f"{event} of {goal}")
+                if not event.accepted and int(event.text) < goal.last_cancel_at:
+                    self._complain(f"{event} answers an earlier cancel of {goal}")
+                goal.is_cancelling = False
                 self._count(f"cancel {'accepted' if event.accepted else 'refused'}")
+                if not event.accepted and self._rng.random() < 0.7:
+                    after_s = now / NS_PER_S + self._rng.choice((0.0, 0.0, 3.0, 60.0))
+                    self.network.at(after_s, lambda: self._cancel(goal))
             case _:
                 goal.ends.append((now, event))
 

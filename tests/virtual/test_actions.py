@@ -100,6 +100,14 @@ class Desk:
             goal.client, lambda engine, now: engine.actions.cancel_goal(goal, now)
         )
 
+    def answer_cancel(self, goal: GoalKey, *, accepted: bool, text: str = "") -> None:
+        """Answer a cancel at the server."""
+        self.serve(
+            lambda engine, now: engine.actions.answer_cancel(
+                goal, now, accepted=accepted, text=text
+            )
+        )
+
     def of(self, kind: type[Any], node: int | None = None) -> list[Any]:
         """Return the events of one kind."""
         return [
@@ -184,7 +192,7 @@ def test_cancel_is_answered_and_the_goal_ends_canceled() -> None:
     assert desk.cancel(goal)
     desk.run(25)
     assert len(desk.of(CancelRequested, 1)) == 1
-    desk.serve(lambda engine, now: engine.actions.answer_cancel(goal, now, accepted=True))
+    desk.answer_cancel(goal, accepted=True)
     desk.run(30)
     assert desk.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
     desk.finish(goal, CANCELED, None)
@@ -200,15 +208,74 @@ def test_refused_cancel_may_be_asked_for_again() -> None:
         desk.run(at_s)
         desk.cancel(goal)
         desk.run(at_s + 5)
-        desk.serve(
-            lambda engine, now: engine.actions.answer_cancel(
-                goal, now, accepted=False, text="too deep"
-            )
-        )
+        desk.answer_cancel(goal, accepted=False, text="too deep")
         desk.run(at_s + 15)
     refused = CancelAnswered(goal=goal, accepted=False, text="too deep")
     assert desk.of(CancelAnswered) == [refused, refused]
     assert len(desk.of(CancelRequested)) == 2
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+def test_copies_that_come_an_hour_late_neither_ask_again_nor_answer_another_cancel(
+    restarts: bool,
+) -> None:
+    # Each frame comes at once, and again after any time-out is over.
+    desk = Desk(result_timeout_s=20_000, disturb=lambda source, node, now: (0.0, 600.0, 3600.0))
+    goal = desk.send()
+    for number in range(6):
+        at_s = 20 + 570 * number
+        desk.run(at_s)
+        if restarts and number == 3:
+            desk.water.restart(2)
+        assert desk.cancel(goal)
+        desk.run(at_s + 60)
+        assert len(desk.of(CancelAnswered)) == number  # nobody has answered this one
+        desk.answer_cancel(goal, accepted=number == 5, text="" if number == 5 else str(number))
+        desk.run(at_s + 120)
+    answers = [(event.accepted, event.text) for event in desk.of(CancelAnswered)]
+    assert answers == [(False, str(number)) for number in range(5)] + [(True, "")]
+    desk.run(9000)
+    assert len(desk.of(CancelRequested)) == 6
+    assert len(desk.of(CancelAnswered)) == 6
+    # That it will end is final: whoever asks again is told at once.
+    frames = desk.water.engine(2).stats.frames_transmitted
+    assert desk.cancel(goal)
+    assert len(desk.of(CancelAnswered)) == 7
+    desk.run(9100)
+    assert desk.water.engine(2).stats.frames_transmitted == frames
+
+
+def test_cancel_of_a_client_that_dies_is_not_answered_to_its_next_life() -> None:
+    desk = Desk()
+    goal = desk.send()
+    desk.run(20)
+    desk.cancel(goal)
+    desk.run(25)
+    desk.water.crash(2)
+    desk.answer_cancel(goal, accepted=False)
+    desk.run(40)
+    desk.water.start(2)
+    desk.run(41)
+    desk.cancel(goal)
+    desk.run(60)
+    assert len(desk.of(CancelRequested)) == 2
+    assert desk.of(CancelAnswered) == []
+    desk.answer_cancel(goal, accepted=True)
+    desk.run(80)
+    assert desk.of(CancelAnswered) == [CancelAnswered(goal=goal, accepted=True)]
+
+
+def test_attempts_go_round_after_two_hundred_and_fifty_six() -> None:
+    desk = Desk(result_timeout_s=20_000)
+    goal = desk.send()
+    desk.run(20)
+    for number in range(300):
+        desk.cancel(goal)
+        desk.run(30 + 20 * number)
+        desk.answer_cancel(goal, accepted=False, text=str(number))
+        desk.run(40 + 20 * number)
+    assert [event.text for event in desk.of(CancelAnswered)] == [str(each) for each in range(300)]
+    assert len(desk.of(CancelRequested)) == 300
 
 
 def test_goal_that_was_not_sent_yet_is_cancelled_without_a_frame() -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import pytest
 
+from tests.telemetry.crossing import WAYS, Way, cross
 from tests.virtual.fleet import line
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos, Stamp
@@ -164,6 +165,25 @@ def test_receiver_that_never_speaks_costs_no_more_than_packed() -> None:
     assert sizes["dense"] <= 1.01 * sizes["packed"], sizes
 
 
+BYTE_S: Final = 0.0111
+NOISE: Final = TypeSpec(
+    name="Noise", fields=tuple(FieldSpec(name=f"n{place}", type="uint8") for place in range(4))
+)
+
+
+@pytest.mark.parametrize("way", WAYS, ids=[way.name for way in WAYS])
+def test_noise_costs_hardly_more_airtime_than_packed_whatever_comes_back(way: Way) -> None:
+    rng = random.Random(7)
+    values = [{f"n{place}": rng.randrange(256) for place in range(4)} for _ in range(150)]
+    dense, packed = (
+        cross(NOISE, values, codec, way, loss=0.1, seed=3) for codec in ("dense", "packed")
+    )
+    # What finding out may cost: six bytes at the beginning, what is acknowledged until then, and
+    # a byte in 32 frames.
+    assert dense.airtime_s <= packed.airtime_s + 20 * BYTE_S
+    assert dense.delivered >= packed.delivered > 100
+
+
 def test_age_is_part_of_a_dense_string() -> None:
     voyage = Voyage(3, stamp=Stamp.AGE, channel="none")
     ages = []
@@ -214,6 +234,41 @@ def test_an_attitude_comes_back_within_half_a_step() -> None:
     water.run(until_s=1100)
     assert len(errors) > 90
     assert max(errors) <= step / 2 + 1e-9
+
+
+def test_texts_without_a_type_cross_packed_and_in_dense_strings() -> None:
+    lines = [f"INF battery: {250 - number} V, {number} A".encode() for number in range(30)]
+    lines += [b"", b"\xff\xfe\xfd", bytes(range(40))]
+    sizes = {}
+    for codec in ("cbor", "packed", "dense"):
+        table = StreamTable(
+            [
+                TopicSpec(stream_id=10, name="log", codec=codec, subscribers=(2,)),
+                TopicSpec(stream_id=11, name="back", subscribers=(1,)),
+                TopicSpec(
+                    stream_id=12, name="aged", codec=codec, qos=Qos(stamp=Stamp.AGE),
+                    subscribers=(2,),
+                ),
+            ],
+            nodes={1: "n1", 2: "n2"},
+        )  # fmt: skip
+        arrived: dict[int, list[Any]] = defaultdict(list)
+
+        def look(address: int, event: Event, arrived: dict[int, list[Any]] = arrived) -> None:
+            if isinstance(event, SampleReceived):
+                arrived[event.stream_id].append(event.value)
+                assert (event.age_s is not None) == (event.stream_id == 12)
+
+        water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, deliver=look, digest=False)
+        for number, text in enumerate(lines):
+            water.at(20 * number, partial(water.publish, 1, 10, text))
+            water.at(20 * number + 5, partial(water.publish, 2, 11, b""))
+            water.at(20 * number + 10, partial(water.publish, 1, 12, text))
+        water.run(until_s=20 * len(lines) + 20)
+        assert arrived[10] == arrived[12] == lines
+        sizes[codec] = water.engine(1).stats.bytes_transmitted
+    assert sizes["packed"] < 0.65 * sizes["cbor"], sizes
+    assert sizes["dense"] < 0.9 * sizes["packed"], sizes
 
 
 def tell(seed: int) -> Voyage:

@@ -62,7 +62,7 @@ class FitCommand(Command):
         if not 0 < window_s < float("inf"):
             raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
         table = read_fleet(arguments.config, with_model=False).table
-        if all(stream.dense_type is None for stream in table):
+        if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
                 f"{arguments.config}: no stream is dense; allowed: topics with a type",
                 hint='say codec: "dense" for one',

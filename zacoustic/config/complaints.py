@@ -144,7 +144,8 @@ def _translate(
     unknown, missing = _UNKNOWN.fullmatch(message), _MISSING.fullmatch(message)
     if unknown:
         lists = [name for name, _ in _STEPS.findall(path) if name]
-        table = RECORDS[lists[-1]] if lists else record
+        outer = ".".join([name for name, _ in _STEPS.findall(below.path) if name][-2:])
+        table = (RECORDS.get(outer) or RECORDS[lists[-1]]) if lists else record
         unknown_key(below, unknown[1], table.__struct_encode_fields__)
     if missing:
         key = below.at(missing[1])

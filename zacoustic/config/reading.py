@@ -1,9 +1,10 @@
 """From a section to a `Config`: addresses and names, types, streams."""
 
 import importlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
@@ -11,13 +12,14 @@ from zacoustic.config.access import read_access
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
-from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.later import check_word
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
 from zacoustic.config.onrmwdesert import check_section
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
+from zacoustic.config.ros import RosConfig, RosReader
 from zacoustic.config.sections import (
     ALLOWED,
     FOLDER_ALLOWED,
@@ -33,7 +35,13 @@ from zacoustic.core.keys import fault_of_name
 from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
-from zacoustic.core.types import TypeSpec, TypeTable, check_agreement, type_from_struct
+from zacoustic.core.types import (
+    TypeSpec,
+    TypeTable,
+    check_agreement,
+    struct_from_type,
+    type_from_struct,
+)
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_zenoh_config
@@ -46,6 +54,7 @@ ALLOWED_TOPICS_WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
 FIRST_ADDRESS: Final = 1
 LAST_ADDRESS: Final = 254
 """Node addresses are 1…254."""
+_RATIO: Final = re.compile(r" *([0-9]{1,15}) */ *([0-9]{1,15}) *")
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,6 +81,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that are measured again and again, by this node and by others of the fleet."""
+    ros: RosConfig | None = None
+    """What the file says of ROS; None: no stream is of it."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, this node may transmit."""
     permit_log: Path | None = None
@@ -83,6 +94,18 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     def name(self) -> str | None:
         """Name of this node, or None when the fleet is not listed."""
         return self.nodes.get(self.address)
+
+    def class_of(self, type_name: str) -> type[msgspec.Struct]:
+        """Return the Python class of a type: the one that the file names, or a generated one.
+
+        Args:
+            type_name: As streams call it.
+
+        Raises:
+            ConfigError: There is no such type; lists those that there are.
+        """
+        spec = self.types.by_name(type_name)
+        return self.python_types.get(type_name) or struct_from_type(spec)
 
     def ranges_to(self) -> dict[int, float]:
         """Return the nodes to which this one measures the range, each with its period, s."""
@@ -144,7 +167,8 @@ def config_from_mapping(
         source: What it came from, named in errors.
         address: Address of this node, instead of the one in the section.
         locator: Locator of the modem, instead of those in the section.
-        folder: What the name of the model is relative to; the present one unless given.
+        folder: What the names of the model and of ROS packages are relative to; the present one
+            unless given.
 
     Raises:
         ConfigError: One line: source, key path, value, what is allowed, what to do.
@@ -157,15 +181,15 @@ def config_from_mapping(
     for key in section:
         if not isinstance(key, str):
             unknown_key(place, str(key), Section.__struct_fields__)
-    refuse_later_keys(place, "")
-    for index, _ in enumerate(place.at("links").entries):
-        refuse_later_keys(place.at("links").at(index), "links")
+    place = Place(source, _with_steps(section))
     place, topics = _read_allowed_topics(place, folder or Path())
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
     links = _read_links(place.at("links"), written.links, locator)
-    types, python_types = _read_types(place.at("types"), written.types)
+    ros = RosReader(place, written, folder or Path())
+    ros_types = ros.types(place.at("streams"))
+    types, python_types = _read_types(place.at("types"), written.types, ros_types)
     objects = read_objects(place.at("objects"), written.objects)
     wire = WireProfile(links[0].wire) if links else WireProfile.NATIVE
     if wire is WireProfile.RMW_DESERT:
@@ -178,7 +202,7 @@ def config_from_mapping(
         model=read.model if read is not None else None,
         wire=wire,
     )
-    table = read_streams(place.at("streams"), len(written.streams), fleet)
+    table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
     return Config(
         source=source,
@@ -191,9 +215,32 @@ def config_from_mapping(
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
         ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
+        ros=ros.config() if ros.streams else None,
         rules=_read_rules(place, written, fleet, own, objects, topics),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
     )
+
+
+def _with_steps(section: dict[str, Any]) -> dict[str, Any]:
+    """Put numbers in place of steps that are written as ratios, "1/60000"."""
+    types = section.get("types")
+    if not isinstance(types, list):
+        return section
+    entries = []
+    for entry in types:
+        fields = entry.get("fields") if isinstance(entry, dict) else None
+        if isinstance(fields, list):
+            entry = {**entry, "fields": [_with_step(field) for field in fields]}
+        entries.append(entry)
+    return {**section, "types": entries}
+
+
+def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
+    step = field.get("step") if isinstance(field, dict) else None
+    ratio = _RATIO.fullmatch(step) if isinstance(step, str) else None
+    if ratio is None or not int(ratio[2]):
+        return field
+    return {**field, "step": int(ratio[1]) / int(ratio[2])}
 
 
 def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopics | None]:
@@ -322,7 +369,7 @@ def _read_permit_log(place: Place, written: str | None) -> Path | None:
 
 
 def _read_types(
-    place: Place, entries: tuple[TypeEntry, ...]
+    place: Place, entries: tuple[TypeEntry, ...], others: list[TypeSpec]
 ) -> tuple[TypeTable, dict[str, type[msgspec.Struct]]]:
     python_types: dict[str, type[msgspec.Struct]] = {}
     specs: list[TypeSpec] = []
@@ -345,7 +392,7 @@ def _read_types(
             here.repeat(error)
     root = Place(place.source, {"types": place.written})
     try:
-        types = TypeTable(specs)
+        types = TypeTable([*specs, *others])
         for index, entry in enumerate(entries):
             if entry.fields is not None and entry.name in python_types:
                 stated = type_from_struct(python_types[entry.name], name=entry.name)

@@ -14,6 +14,8 @@ from zacoustic.core.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
 from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 from zacoustic.core.types import SCALAR_TYPES, FieldSpec
 from zacoustic.core.wireprofile import WireProfile
+from zacoustic.ros.interfaces import DEFAULT_DISTRO
+from zacoustic.ros.overlays import Overlay, OverlayField
 
 ALLOWED: Final = {
     "address": "an address, 1..254",
@@ -70,6 +72,7 @@ ALLOWED: Final = {
     "priority": ", ".join(PRIORITY_NAMES),
     "depth": "a number, 1..65535",
     "lifespan_s": "seconds, above 0",
+    "deadline_s": "seconds, 0.1 or more, above min_interval_s",
     "min_interval_s": "seconds, 0 or more",
     "linger_s": "seconds, 0 or more",
     "timeout_s": "seconds, above 0",
@@ -79,13 +82,13 @@ ALLOWED: Final = {
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
     "model": "a file that `zacoustic fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
-    "durability": '"volatile"',
+    "durability": '"volatile", with ros "transient_local"',
     "codec": '"cbor", "packed", for topics "dense"',
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
     "lost_after_s": "seconds, above 0",
     "range": "a list of two numbers, [low, high]",
-    "step": "a number above 0",
+    "step": 'a number above 0, or a ratio as "1/60000"',
     "unit": "a text",
     "wraps": "true, false",
     "outside": "reject, clamp, escape",
@@ -96,6 +99,15 @@ ALLOWED: Final = {
     "ranging": "a list of { to, every_s }",
     "to": "the address of another node",
     "by": "the address of a node",
+    "ros": "{ distro, domain, namespace, packages }; of a stream { stamp }",
+    "distro": "the name of a ROS 2 distribution",
+    "domain": "a number, 0..232",
+    "namespace": 'a ROS namespace, such as "/auv1"',
+    "packages": "a folder of PACKAGE/msg/Name.msg, PACKAGE/srv/Name.srv and so on",
+    "overlays": "a list of { type, fields }",
+    "field": "a text, members parted by dots; * stands for any one",
+    "constant": "a value",
+    "omit": "true, false",
     "every_s": f"seconds, {LEAST_PERIOD_S:g}..{LONGEST_PERIOD_S:g}",
 }
 """What each key takes, in words."""
@@ -180,6 +192,26 @@ class ObjectsEntry(Entry, frozen=True, kw_only=True):
     """Most bytes that all take together that are on their way to here."""
 
 
+class RosEntry(Entry, frozen=True, kw_only=True):
+    """ROS 2, for all streams that are of it."""
+
+    distro: str = DEFAULT_DISTRO
+    """Whose interfaces, and whose form of keys."""
+    domain: int | None = None
+    """``ROS_DOMAIN_ID``; none: that of the environment, or 0."""
+    namespace: str = ""
+    """What names without a leading slash are in."""
+    packages: str | None = None
+    """Folder with the definitions of own packages, relative to the file's."""
+
+
+class StreamRosEntry(Entry, frozen=True, kw_only=True):
+    """ROS 2, for one stream."""
+
+    stamp: str | None = None
+    """What becomes of `header.stamp`; none: it crosses as it is."""
+
+
 class StreamEntry(Entry, frozen=True, kw_only=True):
     """What topics, services and actions have in common."""
 
@@ -195,6 +227,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Codec on the water."""
     max_airtime: float | None = None
     """Share of the time that the stream may be on the air; none: no cap."""
+    ros: StreamRosEntry | None = None
+    """It is one of ROS 2, on rmw_zenoh; none: of Zenoh."""
 
 
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
@@ -214,6 +248,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Samples kept per key while they wait."""
     lifespan_s: float | None = None
     """A sample older than this is not sent any more, s."""
+    deadline_s: float | None = None
+    """A sample of each key is promised at least so often, s."""
     min_interval_s: float = 0.0
     """Least time between two samples of one key on the water, s."""
     stamp: str = "none"
@@ -239,6 +275,8 @@ class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
     """Key expression."""
     server: int
     """Address of the node that serves."""
+    type: str | None = None
+    """A ROS service, in place of `request` and `response`."""
     request: str | None = None
     """Type of a request; none: opaque bytes."""
     response: str | None = None
@@ -256,6 +294,8 @@ class ActionEntry(StreamEntry, frozen=True, kw_only=True):
     """Key expression."""
     server: int
     """Address of the node that serves."""
+    type: str | None = None
+    """A ROS action, in place of `goal`, `feedback` and `result`."""
     goal: str | None = None
     """Type of a goal; none: opaque bytes."""
     feedback: str | None = None
@@ -304,6 +344,10 @@ class Section(Entry, frozen=True, kw_only=True):
     """Ranges that are measured again and again."""
     quiet: tuple[QuietEntry, ...] = ()
     """Hours of each day at which nothing is transmitted."""
+    ros: RosEntry | None = None
+    """ROS 2, for all streams that are of it."""
+    overlays: tuple[Overlay, ...] = ()
+    """Bounds, steps and constants for ROS types."""
     objects: ObjectsEntry | None = None
     """How much memory samples may take that are larger than a frame."""
     max_airtime: float | None = None
@@ -328,5 +372,10 @@ RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "ranging": RangingEntry,
     "quiet": QuietEntry,
     "objects": ObjectsEntry,
+    "ros": RosEntry,
+    "streams.ros": StreamRosEntry,
+    "overlays": Overlay,
+    "overlays.fields": OverlayField,
 }
-"""The record of the table at a key, or of the entries of the list there; "" for the section."""
+"""The record of the table at a key, or of the entries of the list there; "" for the section. Where
+a key means something else below another one, that one stands before it."""

@@ -2,12 +2,13 @@
 
 import re
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeVar
 
 import msgspec
 
 from zacoustic.config.complaints import Place, shown
-from zacoustic.config.later import check_word, refuse_later_keys
+from zacoustic.config.later import check_word
+from zacoustic.config.ros import RosReader
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
 from zacoustic.core.dense import Model
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
@@ -19,6 +20,8 @@ from zacoustic.core.streamspecs import CODECS, ActionSpec, ServiceSpec, StreamSp
 from zacoustic.core.types import TypeTable
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
+
+E = TypeVar("E", bound=StreamEntry)
 
 _KINDS: Final = ("topic", "service", "action")
 # How `Qos` words its refusals: the key, the value, what is allowed.
@@ -40,8 +43,14 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """What is spoken on the link."""
 
 
-def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
+def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> StreamTable:
     """Read the list at `place`, which has `count` entries.
+
+    Args:
+        place: The list.
+        count: Its length.
+        fleet: What streams refer to.
+        ros: Reads what they say of ROS.
 
     Raises:
         ConfigError: The first entry that is wrong.
@@ -49,7 +58,7 @@ def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
     table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model, wire=fleet.wire)
     for index in range(count):
         here = place.at(index)
-        spec = _read_stream(here, fleet)
+        spec = _read_stream(here, fleet, ros)
         try:
             table.declare(spec)
         except ConfigError as error:
@@ -57,17 +66,22 @@ def read_streams(place: Place, count: int, fleet: Fleet) -> StreamTable:
     return table
 
 
-def _read_stream(place: Place, fleet: Fleet) -> StreamSpec:
-    refuse_later_keys(place, "streams")
+def _read_stream(place: Place, fleet: Fleet, ros: RosReader) -> StreamSpec:
     kinds = [kind for kind in _KINDS if kind in place.written]
     if len(kinds) != 1:
         what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
         place.complain(what, allowed=f"one of {', '.join(_KINDS)}")
     if kinds[0] == "topic":
-        return _read_topic(place, place.convert(TopicEntry), fleet)
+        return _read_topic(place, _resolved(place, "topic", TopicEntry, ros), fleet)
     if kinds[0] == "service":
-        return _read_service(place, place.convert(ServiceEntry), fleet)
-    return _read_action(place, place.convert(ActionEntry), fleet)
+        return _read_service(place, _resolved(place, "service", ServiceEntry, ros), fleet)
+    return _read_action(place, _resolved(place, "action", ActionEntry, ros), fleet)
+
+
+def _resolved(place: Place, kind: str, record: type[E], ros: RosReader) -> E:
+    """Read a table, with what its ROS types and names stand for."""
+    place.convert(record)
+    return msgspec.convert(ros.resolve(place, kind), record)
 
 
 def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
@@ -92,6 +106,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
             reliability=Reliability(entry.reliability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
+            deadline_s=entry.deadline_s,
             min_interval_s=entry.min_interval_s,
             linger_s=entry.linger_s,
             max_airtime=entry.max_airtime,
@@ -228,9 +243,11 @@ def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
     if entry.codec is not None:
         check_word(place.at("codec"), entry.codec, tuple(CODECS))
-        if not is_typed:
+        if entry.codec == "cbor" and not is_typed:
             place.at("codec").complain(
-                f'"{entry.codec}" for opaque bytes', allowed="typed streams", hint="add a type"
+                f'"{entry.codec}" for opaque bytes',
+                allowed="typed streams; here packed, for topics dense, or none",
+                hint="add a type",
             )
     if entry.encoding is None:
         return

@@ -41,7 +41,9 @@ def measure_content(
         server, offset = server_of(stream.spec, buffer, offset)
         return _measure_call(stream, buffer, offset, answers=source == server)
     if isinstance(stream.spec, ActionSpec):
-        return measure_message(stream, buffer, offset)
+        # A sender that is not known, in `zacoustic decode`, is taken for the server.
+        from_client = source not in (0, stream.spec.server)
+        return measure_message(stream, buffer, offset, from_client=from_client)
     offset += len(stream.keys.wildcards)
     if prefixes.acknowledged is not None:
         return measure_ack(buffer, offset)

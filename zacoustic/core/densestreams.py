@@ -8,6 +8,8 @@ is who listens:
   So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
 - A node tells the newest string that it has of a source in frames that go there anyway, in three
   bytes (`DenseAck`), and never makes a frame for that.
+- What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
+  While that is in the red, records go: a dense stream costs no more airtime than a packed one.
 - A peer that begins a new life, or asks who we are, holds nothing. A new epoch of this node begins
   anew as well.
 - A dense string takes the whole table, since one that cannot be read to its end cannot be read at
@@ -18,7 +20,7 @@ Of a dense stream, deletes and samples in an encoding of their own are records l
 
 import copy
 from collections.abc import Collection, Iterable, Sequence
-from typing import Any
+from typing import Any, Final
 
 from zacoustic.core.age import encode_age
 from zacoustic.core.demand.demand import Demand
@@ -31,14 +33,47 @@ from zacoustic.core.queue import Waiting
 from zacoustic.core.streams import AGE_FIELD, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 
+# A string may be so much larger than the records: what refers to it later gains.
+_INVESTED_BYTES: Final = 1
+# It goes in any case where it saves so much: an acknowledgement, which is the most it can cost.
+_CERTAIN_BYTES: Final = 4
+# The balance is in 1/32 of a byte. It begins with the price of finding out, and gets some of that
+# back with every frame that goes without strings: one in a hundred is another try.
+_UNITS: Final = 32
+_CREDIT: Final = 6 * _UNITS
+_MOST: Final = 32 * _UNITS
+_RECOVERED: Final = 1
+# An acknowledgement is three bytes; it may save about as many in each string that follows. So where
+# the strings themselves are that small, several share one.
+_WORTH_AN_ACK_BYTES: Final = 6
+
+
+class Savings:
+    """Whether strings are worth what is paid for them."""
+
+    def __init__(self) -> None:
+        self._balance = _CREDIT
+
+    def is_worth(self, string_bytes: int, records_bytes: int) -> bool:
+        """Tell whether a string is to go where records would say the same."""
+        saved_bytes = records_bytes - string_bytes
+        if self._balance <= 0:
+            self._balance += _RECOVERED
+            return saved_bytes >= _CERTAIN_BYTES
+        return saved_bytes >= -_INVESTED_BYTES
+
+    def book(self, saved_bytes: int) -> None:
+        """Book what a string saves, or costs; or what an acknowledgement costs."""
+        self._balance = min(self._balance + saved_bytes * _UNITS, _MOST)
+
 
 class _Heard:
     """One source, as this node hears it."""
 
     def __init__(self, codec: DenseCodec) -> None:
         self.listener = Listener(codec)
-        self.is_unsaid = False
-        """It does not know of the newest string that is held here."""
+        self.unsaid_bytes = 0
+        """Size of the strings that it does not know to be held here."""
 
 
 class DenseStreams:
@@ -58,6 +93,8 @@ class DenseStreams:
         self._table = table
         self._handshake = handshake
         self._demand = demand
+        self.savings = Savings()
+        """What the strings of this node have saved."""
         self._speaker: Speaker | None = None
         self._heard: dict[int, _Heard] = {}
 
@@ -92,6 +129,7 @@ class DenseStreams:
         """Take what a peer says it has; returns why it is dropped, or None."""
         if ack.address not in (0, self._address):
             return None  # for another node
+        self.savings.book(-len(ack.encode()))
         if self._speaker is None or not self._speaker.acknowledged(source, ack.mark):
             return "unexpected_ack"
         return None
@@ -112,7 +150,8 @@ class DenseStreams:
             heard = self._heard[source] = _Heard(codec)
         mark = heard.listener.mark
         decoded = heard.listener.decode(string)
-        heard.is_unsaid = heard.is_unsaid or heard.listener.mark != mark
+        if heard.listener.mark != mark:
+            heard.unsaid_bytes += len(string)
         # What comes twice is read once, and an application may change what it is given.
         return copy.deepcopy(decoded.samples)
 
@@ -121,13 +160,15 @@ class DenseStreams:
         taken = b""
         for source in sorted(self._heard) if destination == BROADCAST else [destination]:
             heard = self._heard.get(source)
-            if heard is None or not heard.is_unsaid or heard.listener.mark is None:
+            if heard is None or heard.listener.mark is None:
+                continue
+            if heard.unsaid_bytes < _WORTH_AN_ACK_BYTES:
                 continue
             address = source if destination == BROADCAST else 0
             ack = DenseAck(address, heard.listener.mark).encode()
             if len(taken) + len(ack) <= room_bytes:
                 taken += ack
-                heard.is_unsaid = False
+                heard.unsaid_bytes = 0
         return taken
 
     # What changes

@@ -125,6 +125,8 @@ class Engine:
         """Commands about goals: `send_goal` and `cancel_goal`, `accept`, `finish` and others."""
         self.demand = protocols.demand
         """Commands about on-demand topics: `want`; and who wants them of this node."""
+        self.deadlines = protocols.deadlines
+        """Of what a sample is awaited; to be read only."""
         self.contact = protocols.contact
         """Who is lost; to be read only."""
         self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
@@ -428,9 +430,7 @@ class Engine:
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self._protocols.queue.pending(stream_id) + self._protocols.large.objects.pending(
-            stream_id
-        )
+        return self._protocols.pending(stream_id)
 
     @property
     def expired(self) -> dict[int, int]:

@@ -195,6 +195,38 @@ class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class DeadlineSide(enum.Enum):
+    """Who has missed a deadline; the words are those of DDS."""
+
+    OFFERED = "offered"
+    """This node, which has promised samples: nothing was published in time."""
+    REQUESTED = "requested"
+    """This node, to which they are promised: nothing has come in time."""
+
+
+class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a topic with `deadline_s` no sample came in time; once for each period without one."""
+
+    stream_id: int
+    """The topic's stream."""
+    source: int
+    """Address of the node that publishes it; that of this node, where `side` is OFFERED."""
+    instance: Instance
+    """Which of the topic's keys."""
+    key: str
+    """The key."""
+    side: DeadlineSide
+    """Who has missed it."""
+    missed: int
+    """How many periods were missed in all, of this key and node, in this life."""
+    is_first: bool
+    """There was a sample in the period before."""
+    last_at: int
+    """Instant of the last sample, ns."""
+    missed_at: int
+    """End of the period, ns."""
+
+
 class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
     """Nothing was heard of a node for as long as the config says."""
 
@@ -268,6 +300,7 @@ Event = (
     | PeerLost
     | PeerFound
     | SubscribersChanged
+    | DeadlineMissed
     | StreamsDiffer
     | DeliveryStored
     | DeliveryEnded

@@ -10,8 +10,6 @@ Samples of dense streams are taken as long as their packed records fit, or the s
 them does; the string is written at the end, where it is not larger than the records.
 """
 
-from typing import Final
-
 from zacoustic.core.age import encode_age
 from zacoustic.core.dense import Encoded
 from zacoustic.core.densestreams import DenseStreams
@@ -19,9 +17,6 @@ from zacoustic.core.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Contr
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import Waiting
 from zacoustic.core.stats import Cause, EngineStats, count
-
-# A string may be so much larger than the records: what refers to it later gains.
-_WORTH_BYTES: Final = 1
 
 
 class Filling:
@@ -134,9 +129,14 @@ class Filling:
         return self._packed_bytes(self._samples)
 
     def _packed_bytes(self, samples: list[Waiting]) -> int:
-        """Size of the records that say the same."""
-        delimiters_bytes = DELIMITER_BYTES * len(samples) * self._introduced
-        return sum(item.size_bytes for item in samples) + delimiters_bytes
+        """Size of the records that say the same, beside other records that all have an end.
+
+        The last record of a frame needs no end, but every record before a string does.
+        """
+        if not samples:
+            return 0
+        ends = max(0, self._ends + len(samples) * self._introduced - 1) - self._ends
+        return sum(item.size_bytes for item in samples) + DELIMITER_BYTES * ends
 
     def _write(self, samples: list[Waiting], room_bytes: int) -> Encoded | None:
         if room_bytes <= 0:
@@ -152,7 +152,9 @@ class Filling:
         string = self._string or self._write(self._samples, room_bytes)
         packed_bytes = self._packed_bytes(self._samples)
         if string is not None and packed_bytes <= room_bytes:
-            return string if len(string.frame) <= packed_bytes + _WORTH_BYTES else None
+            if not self._dense.savings.is_worth(len(string.frame), packed_bytes):
+                return None
+            self._dense.savings.book(packed_bytes - len(string.frame))
         return string
 
     def _record(self, item: Waiting, is_last: bool, stats: EngineStats) -> bytes:

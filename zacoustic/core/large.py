@@ -7,7 +7,7 @@ between the small ones. An object that is complete before any of that is known w
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from typing import Final
 
 import msgspec
@@ -32,6 +32,7 @@ from zacoustic.core.objects.sending import Sending
 from zacoustic.core.objects.stored import StoredObject
 from zacoustic.core.objects.wire import Reason
 from zacoustic.core.payload import PayloadError
+from zacoustic.core.qos import Reliability
 from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
@@ -125,6 +126,11 @@ class LargeSamples:
         audience = self._demand.audience(stream)
         if audience is not None:
             self.objects.keep_only(stream.stream_id, audience, NOBODY, now)
+
+    def unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        """This node does not want an on-demand topic of these nodes any more."""
+        self._now = now
+        self.objects.drop_unwanted(stream_id, sources)
 
     def check(self, stream: Stream, payload_bytes: int) -> None:
         """Refuse a payload that is too large for an object.
@@ -230,18 +236,23 @@ class LargeSamples:
     def admit(self, source: int, stream_id: int) -> Admission:
         """Tell what the table says of an object; stream 0: not yet known."""
         if not stream_id:
+            taken = [each for each in self._table if self._may_take(each, source)]
+            is_wanted = any(self._is_wanted(each, source) for each in taken)
             others = sorted(set(self._table.nodes) - {source})
-            return self._among(others, Admission())
-        epoch = self._handshake.last_epoch(source)
-        is_open = self._handshake.verdict(source, epoch, stream_id, self._now) is None
+            reason = None if taken else Reason.NOT_SUBSCRIBED
+            return self._among(others, Admission(reason, is_wanted))
+        is_open = self._is_open(source, stream_id)
         stream = self._table.get(stream_id)
         if stream is None or not isinstance(stream.spec, TopicSpec):
-            return Admission(Reason.NOT_SUBSCRIBED if is_open else None, is_open)
+            return Admission(Reason.NOT_SUBSCRIBED if is_open else None, is_open=is_open)
         if not (stream.may_publish(source) and stream.may_subscribe(self._address)):
-            return Admission(Reason.NOT_SUBSCRIBED, is_open)
+            return Admission(Reason.NOT_SUBSCRIBED, is_open=is_open)
         others = [each for each in self._receivers(stream) if each != source]
         admission = Admission(
-            is_open=is_open, largest_bytes=stream.spec.max_bytes, keeps=stream.spec.journal
+            is_wanted=self._is_wanted(stream, source),
+            is_open=is_open,
+            largest_bytes=stream.spec.max_bytes,
+            keeps=stream.spec.journal,
         )
         return self._among(others, admission)
 
@@ -255,6 +266,12 @@ class LargeSamples:
             self._now,
             is_turn=is_turn,
         )
+
+    def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
+        """An object is on its way that is not wanted, maybe for this node alone."""
+        if self._is_open(source, stream_id):
+            stream = self._table.by_id(stream_id)
+            self._demand.sample_received(source, stream, self._now, is_alone=is_alone)
 
     def expect(self, source: int, manifest: Manifest) -> None:
         """An object is on its way."""
@@ -285,6 +302,20 @@ class LargeSamples:
         self._receiving.take(stream, key, place, sample, self._now)
 
     # Below the methods above
+
+    def _is_open(self, source: int, stream_id: int) -> bool:
+        """Tell whether both ends are known to define a stream in the same way."""
+        epoch = self._handshake.last_epoch(source)
+        return self._handshake.verdict(source, epoch, stream_id, self._now) is None
+
+    def _may_take(self, stream: Stream, source: int) -> bool:
+        """Tell whether a large sample of a stream may be for this node."""
+        is_reliable = stream.qos.reliability is Reliability.RELIABLE
+        is_ours = stream.may_publish(source) and stream.may_subscribe(self._address)
+        return isinstance(stream.spec, TopicSpec) and is_reliable and is_ours
+
+    def _is_wanted(self, stream: Stream, source: int) -> bool:
+        return not stream.is_on_demand or source in self._demand.wanted(stream.stream_id)
 
     def _among(self, receivers: list[int], admission: Admission) -> Admission:
         """Say the how many-th receiver this node is."""

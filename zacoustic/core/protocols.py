@@ -16,6 +16,7 @@ from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
 from zacoustic.core.contact import Contact
+from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Envelope, Opened
@@ -87,8 +88,10 @@ class Protocols:
             handshake=handshake,
             journal=journal,
             changed=self._audience_changed,
+            unsubscribed=self._unsubscribed,
             emit=emit,
         )
+        self.deadlines = Deadlines(address, table, self.demand, stats, emit)
         self.dense = DenseStreams(address, table, handshake, self.demand)
         self.sending = ReliableSending(
             address,
@@ -190,7 +193,7 @@ class Protocols:
         queued_at: int | None,
     ) -> int:
         """Queue a sample; see `Engine.publish`."""
-        return self.topics.publish(
+        delivery_id = self.topics.publish(
             stream_id,
             value,
             now,
@@ -199,6 +202,12 @@ class Protocols:
             delete=delete,
             queued_at=queued_at,
         )
+        self.deadlines.published(stream_id, instance, now, deleted=delete)
+        return delivery_id
+
+    def pending(self, stream_id: int) -> int:
+        """Count the payloads of a stream that wait."""
+        return self.queue.pending(stream_id) + self.large.objects.pending(stream_id)
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
         """Call a service; see `Engine.call`."""
@@ -316,6 +325,7 @@ class Protocols:
         self.large.at(now).objects.expire(now)
         self.ranging.expire(now)
         self.contact.expire(now)
+        self.deadlines.expire(now)
 
     def next_deadline_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
@@ -328,6 +338,7 @@ class Protocols:
             self.large.objects.next_deadline_at(),
             self.ranging.next_deadline_at(),
             self.contact.next_deadline_at(),
+            self.deadlines.next_deadline_at(),
         )
         return min((at for at in instants if at is not None), default=None)
 
@@ -351,6 +362,10 @@ class Protocols:
     def _epoch_kept(self, now: int) -> None:
         self._epochs_to_keep -= 1
 
-    def _hand_on(self, sample: SampleReceived) -> None:
+    def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        self.large.unsubscribed(stream_id, sources, now)
+
+    def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
+        self.deadlines.handed_on(sample, now)
         self._emit(sample)

@@ -44,6 +44,10 @@ PATIENCE_NS: Final = {
 """How much longer than an INTERACTIVE_HIGH payload one of this priority waits, ns."""
 
 
+LEAST_DEADLINE_S: Final = 0.1
+"""Shorter than any frame; so a missed deadline is told of ten times a second at most."""
+
+
 class Reliability(enum.Enum):
     """What becomes of a sample that is lost."""
 
@@ -84,6 +88,9 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     a newer one pushes out the oldest."""
     lifespan_s: float | None = None
     """A sample older than this is not sent any more, s, > 0; None: never too old."""
+    deadline_s: float | None = None
+    """A sample of each key is promised at least so often, s, ≥ 0.1, > min_interval_s; None: no
+    promise (`zacoustic.core.deadlines`)."""
     min_interval_s: float = 0.0
     """Least time between two samples of one key on the water, s, ≥ 0; the newest wins."""
     linger_s: float = 0.0
@@ -113,8 +120,23 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
             value = getattr(self, name)
             if not 0 <= value < float("inf"):
                 raise ValueError(f"{name} is {value}; allowed: 0 or more")
+        if self.deadline_s is not None:
+            if not LEAST_DEADLINE_S <= self.deadline_s < float("inf"):
+                raise ValueError(
+                    f"deadline_s is {self.deadline_s}; allowed: {LEAST_DEADLINE_S} or more"
+                )
+            if self.deadline_s <= self.min_interval_s:
+                raise ValueError(
+                    f"deadline_s is {self.deadline_s}; "
+                    f"allowed: above min_interval_s, which is {self.min_interval_s:g}"
+                )
         if self.max_airtime is not None and not 0 < self.max_airtime <= 1:
             raise ValueError(f"max_airtime is {self.max_airtime}; allowed: above 0, at most 1")
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """How often a sample of each key is promised, ns; None: no promise."""
+        return None if self.deadline_s is None else seconds_to_ns(self.deadline_s)
 
     @property
     def linger_ns(self) -> int:
@@ -136,7 +158,10 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
         """Return what holds of a QoS then."""
         interval_s = qos.min_interval_s if self.min_interval_s is None else self.min_interval_s
         priority = qos.priority if self.priority is None else self.priority
-        return msgspec.structs.replace(qos, min_interval_s=interval_s, priority=priority)
+        # The promise was made before, and what is missed by an order is missed.
+        return msgspec.structs.replace(
+            qos, min_interval_s=interval_s, priority=priority, deadline_s=None
+        )
 
 
 UNTUNED: Final = Tuning()

@@ -24,6 +24,7 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
 ``too_many_calls        more requests or goals of one client than two lives of it can have
 too_many_goals``
+``old_cancel``          a cancel of a goal, or its refusal, before the last one
 ``object_answer         what a receiver says of no object of ours, or says again; an object that
 object_digest           was not what its digest says; more transfers than are kept
 object_room``
@@ -185,7 +186,7 @@ class Receiver:
             self._stats.drop("dense")
             return []
         for stream_id, value in samples:
-            reason = self._topics.receive_dense(source, stream_id, value, received)
+            reason = self._topics.receive_dense(source, stream_id, value, received, now)
             if reason is not None:
                 self._stats.drop(reason)
         return [stream_id for stream_id, _ in samples]

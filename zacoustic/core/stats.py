@@ -79,6 +79,8 @@ class EngineStats:
         """Records transmitted, by stream."""
         self.received: dict[int, int] = {}
         """Records delivered to the application, by stream."""
+        self.deadlines_missed: dict[int, int] = {}
+        """Periods in which no sample came that was promised, of all keys, by stream."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
     def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
@@ -100,6 +102,6 @@ class EngineStats:
         ]
 
 
-def count(counter: dict[int, int], key: int) -> None:
-    """Add one to a counter by key."""
-    counter[key] = counter.get(key, 0) + 1
+def count(counter: dict[int, int], key: int, times: int = 1) -> None:
+    """Add one, or more, to a counter by key."""
+    counter[key] = counter.get(key, 0) + times

@@ -16,7 +16,7 @@ nor has one for a link on which another wire profile is spoken.
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
@@ -30,15 +30,13 @@ from zacoustic.core.orders.words import (
     RESPONSE_TYPE,
     order_types,
 )
-from zacoustic.core.payload import (
-    OpaqueCodec,
-    PayloadCodec,
-)
+from zacoustic.core.payload import PayloadCodec, TypedCodec
 from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
 from zacoustic.core.rmw_desert import specs as rmw_desert
 from zacoustic.core.streamspecs import (
     CODECS,
     DENSE,
+    OPAQUE_CODECS,
     ActionSpec,
     ServiceSpec,
     StreamSpec,
@@ -55,6 +53,12 @@ EVERY_NODE: Final = 0
 
 AGE_FIELD: Final = "zacoustic_age"
 """What stands for the age of a sample in a dense string, as its code."""
+
+_OCTETS_FIELD: Final = "octets"
+_OCTETS: Final = TypeSpec(
+    name="zacoustic/Octets", fields=(FieldSpec(name=_OCTETS_FIELD, type="bytes"),)
+)
+"""What a dense string has of a sample without a type."""
 
 DIGEST_BYTES: Final = 4
 """Size of the digests of a stream and of a table."""
@@ -100,8 +104,8 @@ class Stream:
             keyed = zip(names, used, strict=True)
             codecs = [rmw_desert.payload_codec(spec, key, each) for key, each in keyed]
         else:
-            typed = CODECS[spec.codec]
-            codecs = [typed(each) if each else OpaqueCodec() for each in used]
+            typed, opaque = CODECS[spec.codec], OPAQUE_CODECS[spec.codec]
+            codecs = [typed(each) if each else opaque() for each in used]
         self.type: TypeSpec | None = used[0]
         """Type of samples, requests or goals; None: opaque."""
         self.response_type: TypeSpec | None = used[-1]
@@ -137,6 +141,22 @@ class Stream:
         """Tell whether that node listens to this topic; always for others."""
         subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
         return subscribers is None or address in subscribers
+
+    def dense_value(self, value: object) -> tuple[dict[str, Any], bytes]:
+        """Return what a dense string says of a value of the application, and its payload.
+
+        Raises:
+            PayloadInvalidError: The value is not of the stream's type.
+        """
+        if isinstance(self.codec, TypedCodec):
+            normal = self.codec.normalised(value)
+            return normal, self.codec.write(normal)
+        payload = self.codec.encode(value)
+        return {_OCTETS_FIELD: self.codec.decode(payload)}, payload
+
+    def dense_sample(self, value: dict[str, Any]) -> object:
+        """Return the value for the application of what a dense string says, without its age."""
+        return value if self.type is not None else value[_OCTETS_FIELD]
 
     @property
     def _publishers(self) -> tuple[int, ...] | None:
@@ -327,6 +347,7 @@ def aged(type_spec: TypeSpec) -> TypeSpec:
 
 
 def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None:
-    if spec.codec != DENSE or type_spec is None:
+    if spec.codec != DENSE:
         return None
+    type_spec = type_spec or _OCTETS
     return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec

@@ -4,8 +4,9 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.dense.packedbytes import PackedBytesCodec
 from zacoustic.core.keys import Wildcard
-from zacoustic.core.payload import CborCodec, PackedCodec, TypedCodec
+from zacoustic.core.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
 from zacoustic.core.qos import Qos, Reliability
 from zacoustic.errors import ConfigError
 
@@ -21,6 +22,13 @@ CODECS: Final[dict[str, type[TypedCodec]]] = {
 """How the values of a type can be written in a record, by the word of the configuration. Those of a
 dense stream are in records only where they are in no dense string (`zacoustic.core.densestreams`).
 """
+
+OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
+    "cbor": OpaqueCodec,
+    "packed": PackedBytesCodec,
+    "dense": PackedBytesCodec,
+}
+"""How what has no type is written in a record, by the same words."""
 
 DENSE: Final = "dense"
 """The codec of dense streams."""
@@ -45,7 +53,7 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How typed samples are written on the water, one of `CODECS`."""
+    """How samples are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """How samples wait."""
     max_bytes: int | None = None
@@ -75,7 +83,7 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How typed payloads are written on the water, one of `CODECS`."""
+    """How payloads are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
     calls."""
@@ -110,7 +118,7 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How typed goals, feedback and results are written on the water, one of `CODECS`."""
+    """How goals, feedback and results are written on the water, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
     lifespan do not apply."""

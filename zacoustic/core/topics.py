@@ -20,7 +20,7 @@ from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.payload import PayloadError, TypedCodec
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
@@ -44,7 +44,7 @@ class Topics:
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
         demand: Knows who has subscribed to on-demand topics.
-        emit: Takes the events.
+        emit: Takes the samples, and the instant.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Topics:
         sending: ReliableSending,
         receiving: ReliableReceiving,
         demand: Demand,
-        emit: Callable[[SampleReceived], None],
+        emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -96,9 +96,8 @@ class Topics:
         lifespan_s = stream.qos.lifespan_s
         expires_at = None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s)
         dense_value = None
-        if stream.dense_type is not None and not prefix and isinstance(stream.codec, TypedCodec):
-            dense_value = stream.codec.normalised(value)
-            payload = stream.codec.write(dense_value)
+        if stream.dense_type is not None and not prefix:
+            dense_value, payload = stream.dense_value(value)
         else:
             payload = b"" if delete else stream.codec.encode(value)
         stamped = stream.qos.stamp is Stamp.AGE and not delete
@@ -211,11 +210,16 @@ class Topics:
             if self.large is not None:
                 self.large.at(now).objects.look_again(source)
             return reason
-        self._emit(sample)
+        self._emit(sample, now)
         return None
 
     def receive_dense(
-        self, source: int, stream_id: int, value: dict[str, Any], received: ReceivedFrame
+        self,
+        source: int,
+        stream_id: int,
+        value: dict[str, Any],
+        received: ReceivedFrame,
+        now: int,
     ) -> str | None:
         """Take a sample of a dense string; returns why it is dropped, or None."""
         stream = self._table.by_id(stream_id)
@@ -226,14 +230,14 @@ class Topics:
             stream_id=stream_id,
             source=source,
             instance=(),
-            value=value,
+            value=stream.dense_sample(value),
             deleted=False,
             encoding=stream.encoding,
             age_s=None if code is None else decode_age_s(code),
             received_at=received.received_at,
             metrics=received.metrics,
         )
-        self._emit(sample)
+        self._emit(sample, now)
         return None
 
     def receive_ack(self, source: int, stream: Stream, record: Record, now: int) -> str | None:

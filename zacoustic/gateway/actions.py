@@ -36,10 +36,11 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dialects import Dialects
 from zacoustic.island.goalerrand import FeedbackEar, GoalErrand
-from zacoustic.island.goalhall import GoalHall
-from zacoustic.island.goals import GOAL_ID_BYTES, ActionMessages, Ending, Verdict
-from zacoustic.island.marker import Marker, is_marked
+from zacoustic.island.goalhall import GoalHall, Put
+from zacoustic.island.goals import GOAL_ID_BYTES, ActionForm, Ending, Verdict
+from zacoustic.island.marker import Marker
 from zacoustic.island.queries import HeldQuery
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
@@ -64,6 +65,7 @@ class Actions:
         table: All streams.
         island: Where goals come from and go to.
         complaints: Takes what is wrong with what programs say.
+        dialects: What actions look like on the island.
         runner: Drives the engine.
         clock: Where instants come from.
     """
@@ -74,22 +76,32 @@ class Actions:
         table: StreamTable,
         island: Island,
         complaints: Complaints,
+        dialects: Dialects,
         *,
         runner: LinkRunner,
         clock: Clock,
     ) -> None:
         self._table = table
+        self.forms = {
+            stream.stream_id: dialects.action(stream)
+            for stream in table
+            if isinstance(stream.spec, ActionSpec)
+        }
+        """What each action looks like on the island, by stream id."""
         self._proxies: dict[int, _Proxy] = {}
         self._attendants: dict[int, _Attendant] = {}
         for stream in table:
             if not isinstance(stream.spec, ActionSpec):
                 continue
             if stream.spec.server == address:
-                attendant = _Attendant(stream, island, complaints, runner=runner, clock=clock)
+                form = self.forms[stream.stream_id]
+                attendant = _Attendant(stream, form, island, complaints, runner=runner, clock=clock)
                 self._attendants[stream.stream_id] = attendant
             else:
+                form = self.forms[stream.stream_id]
+                put = dialects.put_about_goals(stream, form)
                 self._proxies[stream.stream_id] = _Proxy(
-                    stream, stream.spec, island, complaints, runner=runner, clock=clock
+                    stream, form, put, complaints, runner=runner, clock=clock
                 )
 
     def ask(self, stream_id: int, held: HeldQuery) -> None:
@@ -120,8 +132,8 @@ class _Proxy:
     def __init__(
         self,
         stream: Stream,
-        spec: ActionSpec,
-        island: Island,
+        form: ActionForm,
+        put: Put,
         complaints: Complaints,
         *,
         runner: LinkRunner,
@@ -132,20 +144,15 @@ class _Proxy:
         self._runner = runner
         self._ids: dict[GoalKey, bytes] = {}
         self._keys: dict[bytes, GoalKey] = {}
-        marker = Marker(acoustic=spec.server).encode()
-
-        def put(key: str, payload: bytes, encoding: str) -> None:
-            priority = stream.qos.priority
-            island.put(key, payload, encoding=encoding, priority=priority, attachment=marker)
-
+        assert isinstance(stream.spec, ActionSpec)
+        self._form = form
         self.hall = GoalHall(
-            stream.name,
-            messages_of(stream),
+            form,
             self,
             put=put,
-            keep_s=spec.result_timeout_s,
+            keep_s=stream.spec.result_timeout_s,
             clock=clock,
-            attachment=marker,
+            mark=Marker(acoustic=stream.spec.server).encode(),
         )
 
     # For the hall
@@ -153,7 +160,7 @@ class _Proxy:
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
         """Send a goal over the water."""
         attachment = held.query.attachment
-        if attachment is not None and is_marked(attachment.to_bytes()):
+        if attachment is not None and self._form.is_marked(attachment.to_bytes()):
             raise LocalError("the goal came off the water, it does not go back")
 
         def send(engine: Engine, now: int) -> None:
@@ -228,6 +235,7 @@ class _Attendant:
     def __init__(
         self,
         stream: Stream,
+        form: ActionForm,
         island: Island,
         complaints: Complaints,
         *,
@@ -235,18 +243,18 @@ class _Attendant:
         clock: Clock,
     ) -> None:
         self._stream = stream
+        self._form = form
         self._island = island
         self._complaints = complaints
         self._runner = runner
         self._clock = clock
-        self._messages = messages_of(stream)
         # No two gateways, and no two lives of one, give the same name to two goals.
         self._rng = random.SystemRandom()
         self._keys: dict[bytes, GoalKey] = {}
         self._ids: dict[GoalKey, bytes] = {}
         self._errands: dict[bytes, GoalErrand] = {}
         self._accepted: set[bytes] = set()
-        self.ear = FeedbackEar(self._messages, self._feed, hears_marked=False)
+        self.ear = FeedbackEar(form, self._feed, hears_marked=False)
 
     def deliver(self, event: GoalReceived | CancelRequested) -> None:
         """Take an event about a goal from the water."""
@@ -259,13 +267,12 @@ class _Attendant:
         self._keys[goal_id], self._ids[event.goal] = event.goal, goal_id
         errand = self._errands[goal_id] = GoalErrand(
             self._island,
-            self._stream.name,
-            self._messages,
+            self._form,
             goal_id,
             self,
             priority=self._stream.qos.priority,
             patience_s=PROGRAM_PATIENCE_S,
-            attachment=Marker(acoustic=event.goal.client).encode(),
+            mark=Marker(acoustic=event.goal.client).encode(),
         )
         left_s = ns_to_seconds(event.deadline_at - self._clock())
         errand.begin(event.value, max(left_s, _LEAST_LIMIT_S))
@@ -357,11 +364,6 @@ class _Attendant:
         if key is not None:
             self._ids.pop(key, None)
         return key
-
-
-def messages_of(stream: Stream) -> ActionMessages:
-    """Make what reads and writes the messages of an action."""
-    return ActionMessages(stream.type, stream.feedback_type, stream.response_type, stream.encoding)
 
 
 def _apply(runner: LinkRunner, command: Callable[[Engine, int], bool]) -> bool:

@@ -6,6 +6,7 @@ from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
+    DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
     Event,
@@ -38,6 +39,7 @@ from zacoustic.gateway.notices import (
     PeerHeard,
     PeerMissed,
     RangingFailed,
+    SampleLate,
     SilenceKept,
     StreamDiffers,
     Subscribed,
@@ -139,6 +141,17 @@ class Exchange:
             case SubscribersChanged():
                 name = self._table.by_id(event.stream_id).name
                 self._notify(Subscribed(stream=name, subscribers=event.subscribers))
+            case DeadlineMissed(is_first=True):
+                self._notify(
+                    SampleLate(
+                        stream=event.key,
+                        address=event.source,
+                        side=event.side.value,
+                        missed=event.missed,
+                    )
+                )
+            case DeadlineMissed():
+                pass  # it was told of, and the health report counts
             case StreamsDiffer():
                 self._health.note_difference(event)
                 stream = self._table.get(event.stream_id)

@@ -13,8 +13,10 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 """
 
 import asyncio
+import json
 import logging
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -25,6 +27,8 @@ from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError
+from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
 from zacoustic.island.session import Island, endpoints_of, mode_of
@@ -114,6 +118,8 @@ class Gateway:
         """
         try:
             state = await recover(self._journal)
+            if self.config.ros is not None:
+                _stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
@@ -191,12 +197,23 @@ class Gateway:
                 ranges=self.config.ranges_to(),
                 rules=self.config.rules,
                 permit_log=open_permit_log(self.config.permit_log),
+                dialects=self._dialects,
                 notify=self._notify,
                 clock=self._clock,
             )
         except BaseException:
             await island.close()
             raise
+
+    def _dialects(
+        self, island: Island, complaints: Complaints, ring: Callable[[], None]
+    ) -> Dialects:
+        ros, table = self.config.ros, self.config.table
+        if ros is None:
+            return Dialects(island)
+        from zacoustic.gateway.ros import RosDialects
+
+        return RosDialects(self.config.address, table, ros, island, complaints, ring)
 
     def _forgotten(self) -> str:
         if not isinstance(self._journal, MemoryJournal):
@@ -210,6 +227,13 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
+
+
+def _stamp_samples(settings: zenoh.Config) -> None:
+    """Have all samples stamped, unless the file says something of it: caches need that."""
+    if json.loads(settings.get_json("timestamping/enabled")) is None:
+        everywhere = {"router": True, "peer": True, "client": True}
+        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
 def _locator(config: Config) -> str:

@@ -8,16 +8,17 @@ answered to a `get`:
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
 ``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
 ``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
-              each reliable topic how many samples ended in which way, and how many have not; for
-              each topic that this node publishes whether it is on, least interval and priority; for
-              each on-demand topic who wants it, and who is asked for it
+              each topic with a deadline how often it was missed; for each reliable topic how many
+              samples ended in which way, and how many have not; for each topic that this node
+              publishes whether it is on, least interval and priority; for each on-demand topic
+              who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
 
-and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/range``, ``…/position``,
-``…/direction``, ``modem``.
+and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
+``…/position``, ``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
 cross the water. The one timer is armed by a change and not re-armed: an idle gateway has none.
@@ -96,7 +97,13 @@ class Health:
         self._seen: dict[int, PeerSeen] = {}
         self._heard_at_unix_s: dict[int, float] = {}
         engine = runner.engine
-        self._soundings = Soundings(engine.measurements, engine.contact, clock=clock)
+        self._soundings = Soundings(
+            engine.measurements,
+            engine.contact,
+            engine.deadlines,
+            address=engine.address,
+            clock=clock,
+        )
         self._differing: dict[int, set[int]] = {}
         self._outcomes: dict[int, dict[str, int]] = {}
 
@@ -244,6 +251,7 @@ class Health:
                     "transmitted": stats.transmitted.get(stream.stream_id, 0),
                     "received": stats.received.get(stream.stream_id, 0),
                     "waiting": engine.pending(stream.stream_id),
+                    **self._missed(stream),
                     **self._deliveries(stream),
                     **self._tuning(stream),
                     **self._demands(stream),
@@ -256,6 +264,13 @@ class Health:
                 if peers
             ],
         }
+
+    def _missed(self, stream: Stream) -> dict[str, int]:
+        """Return how often no sample of a topic with a deadline came in time."""
+        if stream.qos.deadline_s is None:
+            return {}
+        missed = self._engine.stats.deadlines_missed
+        return {"deadline_missed": missed.get(stream.stream_id, 0)}
 
     def _deliveries(self, stream: Stream) -> dict[str, int]:
         """Return what became of the samples of a reliable topic."""

@@ -18,13 +18,14 @@ import zenoh
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.events import Event, PeerFound, PeerLost
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
@@ -55,6 +56,9 @@ STOPPING_TEXT: Final = "the gateway is stopping"
 
 _logger = logging.getLogger(__name__)
 
+MakeDialects = Callable[[Island, Complaints, Callable[[], None]], Dialects]
+"""Makes the dialects of an island; the last argument wakes the loop."""
+
 
 class Junction:
     """One session, one engine, one link; for the loop.
@@ -69,6 +73,7 @@ class Junction:
         ranges: Nodes to which the range is measured again and again, each with its period, s.
         rules: When, and how much, this node may transmit.
         permit_log: Takes each emission, or None; closed with the junction.
+        dialects: Makes what streams look like on the island.
         notify: Told what people want to know.
         clock: Where instants come from.
     """
@@ -85,6 +90,7 @@ class Junction:
         ranges: Mapping[int, float],
         rules: TransmitRules,
         permit_log: PermitLog | None,
+        dialects: MakeDialects,
         notify: Notify,
         clock: Clock,
     ) -> None:
@@ -123,14 +129,25 @@ class Junction:
         self._complaints = Complaints(clock)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
+        self._dialects = dialects(island, self._complaints, ring)
         self._topics = Topics(
-            table, island, self.siblings, self._complaints, clock=clock, ring=ring
+            table, self.siblings, self._complaints, self._dialects, clock=clock, ring=ring
         )
-        self._services = Services(table, island, self._complaints, clock=clock, ring=ring)
+        self._services = Services(
+            table, island, self._complaints, self._dialects, clock=clock, ring=ring
+        )
         self._actions = Actions(
-            address, table, island, self._complaints, runner=self.runner, clock=clock
+            address,
+            table,
+            island,
+            self._complaints,
+            self._dialects,
+            runner=self.runner,
+            clock=clock,
         )
-        self._onlookers = Onlookers(table, island, self.siblings, self.runner, ring=ring)
+        self._onlookers = Onlookers(
+            table, island, self.siblings, self._topics, self.runner, ring=ring
+        )
         self._routes = Routes(
             table,
             island,
@@ -139,6 +156,7 @@ class Junction:
             services=self._services,
             actions=self._actions,
             onlookers=self._onlookers,
+            dialects=self._dialects,
             desk=self._desk,
             runner=self.runner,
         )
@@ -177,6 +195,7 @@ class Junction:
             await self.island.worker.run(lambda: self.island.watch(self._see_router))
         for address in await self._presence.declare():
             self.siblings.update(address, is_alive=True)
+        await self._dialects.open()
         await self.runner.start()
         for address, every_s in self._ranges.items():
             self.runner.apply(partial(_repeat_range, address, every_s))
@@ -226,6 +245,8 @@ class Junction:
             return
         try:
             self._take_presence()
+            if self._dialects.settle():
+                self._routes.reconcile()
             for held, serve in self._desk.take():
                 serve(held)
             self._onlookers.settle()
@@ -261,6 +282,10 @@ class Junction:
 
     def _deliver(self, event: Event) -> None:
         self._exchange.deliver(event)
+        if isinstance(event, PeerLost | PeerFound):
+            is_lost = isinstance(event, PeerLost)
+            if self._dialects.note_peer(event.address, is_lost=is_lost):
+                self._routes.reconcile()
 
     def _tell(self, notice: Notice) -> None:
         if not self._is_closing:
@@ -296,6 +321,7 @@ class Junction:
 
     def _undeclare(self) -> None:
         self._routes.undeclare()
+        self._dialects.undeclare()
         self._presence.undeclare()
         for queryable in self._own_queryables:
             queryable.undeclare()  # type: ignore[no-untyped-call]

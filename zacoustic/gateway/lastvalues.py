@@ -31,6 +31,8 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     """Age when its frame was composed, s; None: the stream has no stamp."""
     received_at: int
     """Instant at which the frame had arrived, ns."""
+    attachment: bytes | None = None
+    """What went beside it."""
 
     def age_at(self, now: int) -> float | None:
         """Return the age with the time for which it has been kept here, s."""

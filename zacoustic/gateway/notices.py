@@ -181,6 +181,24 @@ class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
         return [f"wanted    {self.stream} by {who}"]
 
 
+class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
+    """Of a topic with a deadline no sample came in time, for the first time since the last one."""
+
+    stream: str
+    """The key."""
+    address: int
+    """The node that publishes it."""
+    side: str
+    """``offered``: this island has not published it; ``requested``: it has not come here."""
+    missed: int
+    """How often that has happened in all."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        what = "not published" if self.side == "offered" else "nothing has come"
+        return [f"late      {self.stream} of node {self.address}: {what} in time ({self.missed})"]
+
+
 class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
     """A node defines a stream in another way; it is stopped between the two."""
 

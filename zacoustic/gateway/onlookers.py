@@ -20,6 +20,7 @@ import zenoh
 
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.gateway.siblings import Siblings
+from zacoustic.gateway.topics import Topics
 from zacoustic.island.session import Island
 from zacoustic.runtime import LinkRunner
 
@@ -51,6 +52,7 @@ class Onlookers:
         table: All streams.
         island: Where they look.
         siblings: Which nodes are on this island.
+        topics: What topics look like there.
         runner: Whose engine asks for what they want to see.
         ring: Wakes the loop, which then calls `settle`.
         grace_s: How long a topic is still wanted when nobody looks at it any more, s.
@@ -61,6 +63,7 @@ class Onlookers:
         table: StreamTable,
         island: Island,
         siblings: Siblings,
+        topics: Topics,
         runner: LinkRunner,
         *,
         ring: Callable[[], None],
@@ -69,6 +72,7 @@ class Onlookers:
         self._table = table
         self._island = island
         self._siblings = siblings
+        self._topics = topics
         self._runner = runner
         self._ring = ring
         self._grace_s = GRACE_S if grace_s is None else grace_s
@@ -81,13 +85,14 @@ class Onlookers:
     def declare(self, stream: Stream) -> Lookout:
         """Have the subscribers of a topic watched; in the worker."""
         declared: list[Any] = []
+        dialect = self._topics.dialects[stream.stream_id]
         nodes: tuple[int, ...] = (_ANY,)
         if stream.keys.is_named_by_node:
             others = set(self._table.nodes) - {self._siblings.address}
             nodes = tuple(each for each in sorted(others) if stream.may_publish(each))
         for node in nodes:
             publisher = self._island.session.declare_publisher(
-                zenoh.KeyExpr(stream.keys.expression(node or None)),
+                zenoh.KeyExpr(dialect.key(stream.keys.expression(node or None))),
                 allowed_destination=zenoh.Locality.REMOTE,
                 congestion_control=zenoh.CongestionControl.DROP,
             )

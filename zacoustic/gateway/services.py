@@ -29,8 +29,7 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
-from zacoustic.gateway.translation import from_island, to_island
-from zacoustic.island.marker import Marker, is_marked
+from zacoustic.gateway.dialects import Dialects
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.question import Question
 from zacoustic.island.session import Island
@@ -53,6 +52,7 @@ class Services:
         table: All streams.
         island: Where servers are asked.
         complaints: Takes what is wrong with answers of the island.
+        dialects: What they look like on the island.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
     """
@@ -62,6 +62,7 @@ class Services:
         table: StreamTable,
         island: Island,
         complaints: Complaints,
+        dialects: Dialects,
         *,
         clock: Clock,
         ring: Callable[[], None],
@@ -71,6 +72,12 @@ class Services:
         self._complaints = complaints
         self._clock = clock
         self._ring = ring
+        self.dialects = {
+            stream.stream_id: dialects.service(stream)
+            for stream in table
+            if isinstance(stream.spec, ServiceSpec)
+        }
+        """What each service looks like on the island, by stream id."""
         # Own calls: call id → who waits, and in which encoding.
         self._calls: dict[int, tuple[HeldQuery, str]] = {}
         # Questions to the island: who asks, and whether a server was there.
@@ -83,29 +90,27 @@ class Services:
         for stream in self._table:
             if isinstance(stream.spec, ServiceSpec) and stream.spec.server == address:
                 self._watched[stream.stream_id] = self._island.session.declare_querier(
-                    zenoh.KeyExpr(stream.name), allowed_destination=zenoh.Locality.REMOTE
+                    zenoh.KeyExpr(self.dialects[stream.stream_id].key),
+                    allowed_destination=zenoh.Locality.REMOTE,
                 )
 
     def call(self, held: HeldQuery, stream_id: int, engine: Engine, now: int) -> None:
         """Bring a call of the island to the water."""
         stream = self._table.by_id(stream_id)
+        dialect = self.dialects[stream_id]
         query = held.query
-        if str(query.key_expr) != stream.name:
+        if str(query.key_expr) != dialect.key:
             # Whoever looks around with a wildcard does not mean to run a service on a vehicle.
-            text = f"a wildcard calls no service, only {stream.name} itself does"
+            text = f"a wildcard calls no service, only {dialect.key} itself does"
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
-        if query.attachment is not None and is_marked(query.attachment.to_bytes()):
+        if query.attachment is not None and dialect.is_marked(query.attachment.to_bytes()):
             text = "the call came off the water, it does not go back"
             held.refuse(CallFailure.NO_SERVER, text)
             return
         payload = query.payload.to_bytes() if query.payload is not None else b""
         try:
-            value, encoding = (
-                from_island(payload, query.encoding, stream.type, stream.encoding)
-                if payload or stream.type is None
-                else ({}, None)  # a `get` without payload is an empty request
-            )
+            value, encoding = dialect.read_request(payload, query.encoding)
             call_id = engine.call(stream_id, value, now)
         except ZacousticError as error:
             is_wrong = isinstance(error, PayloadInvalidError | PayloadTooLargeError)
@@ -113,18 +118,20 @@ class Services:
             self._complaints.add(stream.name, "request", str(error))
             held.refuse(failure, str(error))
             return
-        self._calls[call_id] = (held, encoding or stream.encoding)
+        self._calls[call_id] = (held, encoding)
 
     def respond(self, event: ResponseReceived) -> None:
         """Answer a call of the island."""
-        stream = self._table.by_id(event.stream_id)
+        dialect = self.dialects[event.stream_id]
         held, encoding = self._calls.pop(event.call_id)
-        payload, encoding = to_island(event.value, stream.response_type, encoding, stream.encoding)
-        assert isinstance(stream.spec, ServiceSpec)
-        marker = Marker(acoustic=stream.spec.server).encode()
-        held.answer(
-            [Answer(key=stream.name, payload=payload, encoding=encoding, attachment=marker)]
-        )
+        try:
+            payload, encoding = dialect.write_response(event.value, encoding)
+        except PayloadInvalidError as error:
+            held.refuse(CallFailure.BAD_RESPONSE, str(error))
+            return
+        asked = held.query.attachment
+        mark = dialect.answer_mark(asked.to_bytes() if asked is not None else None)
+        held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])
 
     def fail(self, event: CallFailed) -> None:
         """Refuse a call of the island."""
@@ -134,9 +141,10 @@ class Services:
     def serve(self, event: RequestReceived) -> None:
         """Ask the island for an answer to a call from the water."""
         stream = self._table.by_id(event.call.stream_id)
-        payload, encoding = to_island(event.value, stream.type, stream.encoding, stream.encoding)
+        dialect = self.dialects[stream.stream_id]
+        payload, encoding = dialect.write_request(event.value)
         left_s = ns_to_seconds(event.deadline_at - self._clock())
-        question = Question(stream.name, self._settle)
+        question = Question(dialect.key, self._settle)
         watched = self._watched.get(stream.stream_id)
         is_there = watched is not None and bool(watched.matching_status.matching)
         self._asked[question] = event.call, is_there
@@ -148,7 +156,7 @@ class Services:
                 encoding=encoding,
                 priority=stream.qos.priority,
                 timeout_s=max(left_s, _LEAST_LIMIT_S),
-                attachment=Marker(acoustic=event.call.client, call=str(event.call)).encode(),
+                attachment=dialect.question_mark(event.call),
             )
         )
 
@@ -184,7 +192,7 @@ class Services:
             return
         payload, encoding = question.good
         try:
-            value, _ = from_island(payload, encoding, stream.response_type, stream.encoding)
+            value = self.dialects[call.stream_id].read_response(payload, encoding)
         except PayloadInvalidError as error:
             self._complaints.add(stream.name, "response", str(error))
             engine.reply_error(call, CallFailure.HANDLER, f"bad response: {error}", now)

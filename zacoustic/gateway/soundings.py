@@ -5,6 +5,7 @@
 ``peer/ADDRESS/position``    where, by an ultra-short baseline head: east, north, up
 ``peer/ADDRESS/direction``   from where it was heard: bearing, elevation
 ``peer/ADDRESS/lost``        whether nothing was heard of it for as long as the config says
+``peer/ADDRESS/late``        of topics with a deadline: whose next sample of it is overdue
 ``modem``                    firmware, supply, source level
 ===========================  ======================================================================
 
@@ -19,6 +20,7 @@ import msgspec
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.contact import Contact
+from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.measurements import Measurements
 
 
@@ -28,6 +30,8 @@ class Soundings:
     Args:
         measurements: What was measured.
         contact: Who is lost.
+        deadlines: Of what a sample is awaited.
+        address: Address of the node itself.
         clock: Where its instants come from.
         unix_s: The clock of people, s.
     """
@@ -36,12 +40,16 @@ class Soundings:
         self,
         measurements: Measurements,
         contact: Contact,
+        deadlines: Deadlines,
         *,
+        address: int,
         clock: Clock,
         unix_s: Callable[[], float] = time.time,
     ) -> None:
         self._measurements = measurements
         self._contact = contact
+        self._deadlines = deadlines
+        self._address = address
         self._clock = clock
         self._unix_s = unix_s
         self._dated: dict[str, tuple[int, float]] = {}
@@ -70,10 +78,23 @@ class Soundings:
                 "since_unix_s": self._date(f"{key}/since", sighting.since),
                 "heard_at_unix_s": heard_at and self._date(f"{key}/heard", heard_at),
             }
+        found |= self._late()
         if known.modem is not None:
             fields = msgspec.structs.asdict(known.modem)
             at = fields.pop("read_at")
             found["modem"] = fields | {"read_at_unix_s": self._date("modem", at)}
+        return found
+
+    def _late(self) -> dict[str, object]:
+        """Return of each node with topics that have a deadline which samples are overdue."""
+        found: dict[str, object] = {}
+        awaited = [each for each in self._deadlines.awaited() if each.source != self._address]
+        for address in sorted({each.source for each in awaited}):
+            keys = [each for each in awaited if each.source == address]
+            found[f"peer/{address}/late"] = {
+                "late": [each.key for each in keys if each.is_late],
+                "missed": {each.key: each.missed for each in keys},
+            }
         return found
 
     def _date(self, key: str, at: int) -> float:

@@ -1,8 +1,7 @@
 """Topics: samples of the island to the engine, samples from the water to the island.
 
-Payloads on the Zenoh side are CBOR maps or JSON objects for typed streams, as the sample's encoding
-says and the stream's where it says nothing, and bytes as they are for opaque streams. A sample that
-cannot be read or that its type does not allow is counted and complained about; it harms nothing.
+What they look like there is a matter of the topic's dialect. A sample that cannot be read or that
+its type does not allow is counted and complained about; it harms nothing.
 """
 
 from collections.abc import Callable
@@ -16,13 +15,11 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dialects import Dialects, Reading
 from zacoustic.gateway.lastvalues import LastValue, LastValues
 from zacoustic.gateway.mailbox import Mailbox, Parcel
 from zacoustic.gateway.siblings import Siblings
-from zacoustic.gateway.translation import from_island, to_island
-from zacoustic.island.marker import Marker, is_marked
 from zacoustic.island.queries import Answer, HeldQuery
-from zacoustic.island.session import Island
 
 
 class Topics:
@@ -30,9 +27,9 @@ class Topics:
 
     Args:
         table: All streams.
-        island: Where samples from the water are put.
         siblings: Who does what on this island.
         complaints: Takes what is wrong with samples of the island.
+        dialects: What they look like on the island.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
     """
@@ -40,30 +37,35 @@ class Topics:
     def __init__(
         self,
         table: StreamTable,
-        island: Island,
         siblings: Siblings,
         complaints: Complaints,
+        dialects: Dialects,
         *,
         clock: Clock,
         ring: Callable[[], None],
     ) -> None:
         self.last_values = LastValues()
         self._table = table
-        self._island = island
         self._siblings = siblings
         self._complaints = complaints
         self._clock = clock
         self._ring = ring
-        self._mailboxes = {
-            stream.stream_id: Mailbox(stream.qos.depth)
+        self.dialects = {
+            stream.stream_id: dialects.topic(stream)
             for stream in table
             if isinstance(stream.spec, TopicSpec)
+        }
+        """What each topic looks like on the island, by stream id."""
+        self._mailboxes = {
+            stream_id: Mailbox(dialect.stream.qos.depth)
+            for stream_id, dialect in self.dialects.items()
         }
 
     def post(self, stream_id: int, sample: zenoh.Sample) -> None:
         """Keep a sample of the island for the loop; on Zenoh's thread."""
         attachment = sample.attachment
-        if attachment is not None and is_marked(attachment.to_bytes()):
+        dialect = self.dialects[stream_id]
+        if attachment is not None and dialect.is_marked(attachment.to_bytes()):
             return  # it came off the water
         self._mailboxes[stream_id].post(
             Parcel(
@@ -86,47 +88,47 @@ class Topics:
         """Put a sample from the water on the island, and keep it for `answer`."""
         if self._siblings.shares_island(event.source):
             return
-        stream = self._table.by_id(event.stream_id)
-        key = stream.keys.key(event.source, event.instance)
-        marker = Marker(acoustic=event.source, age_s=event.age_s).encode()
+        dialect = self.dialects[event.stream_id]
+        stream = dialect.stream
+        key = dialect.key(stream.keys.key(event.source, event.instance))
         delivers = self._siblings.delivers(stream)
         if event.deleted:
             self.last_values.forget(key)
             if delivers:
-                self._island.delete(key, priority=stream.qos.priority, attachment=marker)
+                dialect.delete(key, event.source)
             return
-        payload, encoding = to_island(event.value, stream.type, event.encoding, stream.encoding)
+        try:
+            written = dialect.write(key, event)
+        except PayloadInvalidError as error:
+            self._complaints.add(stream.name, "payload", str(error))
+            return
         self.last_values.keep(
             LastValue(
                 key=key,
                 stream_id=stream.stream_id,
-                payload=payload,
-                encoding=encoding,
+                payload=written.payload,
+                encoding=written.encoding,
                 source=event.source,
                 age_s=event.age_s,
                 received_at=event.received_at,
+                attachment=written.attachment,
             )
         )
         if delivers:
-            self._island.put(
-                key,
-                payload,
-                encoding=encoding,
-                priority=stream.qos.priority,
-                attachment=marker,
-            )
+            dialect.put(key, written)
 
     def answer(self, held: HeldQuery, stream_id: int) -> None:
         """Answer a `get` on a topic with the last values that it asks for."""
         asked = held.query.key_expr
         now = self._clock()
+        dialect = self.dialects[stream_id]
         held.answer(
             [
                 Answer(
                     key=last.key,
                     payload=last.payload,
                     encoding=last.encoding,
-                    attachment=Marker(acoustic=last.source, age_s=last.age_at(now)).encode(),
+                    attachment=dialect.mark_of(last, now),
                 )
                 for last in self.last_values.of(stream_id)
                 if asked.intersects(last.key)
@@ -144,25 +146,23 @@ class Topics:
         return found
 
     def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
-        instance = stream.keys.match(parcel.key, engine.address)
+        dialect = self.dialects[stream.stream_id]
+        instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
         if instance is None:
             text = f"the key {parcel.key} is none of this stream's"
             self._complaints.add(stream.name, "unknown_key", text)
             return
         try:
-            value, encoding = (
-                (None, None)
-                if parcel.deleted
-                else from_island(parcel.payload, parcel.encoding, stream.type, stream.encoding)
-            )
+            reading = Reading(value=None) if parcel.deleted else dialect.read(parcel)
+            queued_at = parcel.arrived_at if reading.age_ns is None else now - reading.age_ns
             engine.publish(
                 stream.stream_id,
-                value,
+                reading.value,
                 now,
                 instance=instance,
-                encoding=encoding,
+                encoding=reading.encoding,
                 delete=parcel.deleted,
-                queued_at=parcel.arrived_at,
+                queued_at=queued_at,
             )
         except PayloadInvalidError as error:
             self._complaints.add(stream.name, "payload", str(error))

@@ -11,8 +11,7 @@ from zacoustic.core.events import CallFailure
 from zacoustic.core.qos import Priority
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.island.doorbell import tell_loop
-from zacoustic.island.goals import ActionKey, ActionMessages, Ending, Verdict
-from zacoustic.island.marker import is_marked
+from zacoustic.island.goals import ActionForm, ActionKey, Ending, Verdict
 from zacoustic.island.question import Question
 from zacoustic.island.session import Island
 
@@ -51,35 +50,32 @@ class GoalErrand:
 
     Args:
         island: Where it is asked.
-        name: The action.
-        messages: Reads and writes what is said.
+        form: Reads and writes what is said.
         goal_id: Its name.
         sender: Is told.
         priority: Of the questions.
         patience_s: How long to look for who serves it when nobody answers for the result, s.
-        attachment: Goes with the questions.
+        mark: What a gateway says of the origin of the questions.
     """
 
     def __init__(
         self,
         island: Island,
-        name: str,
-        messages: ActionMessages,
+        form: ActionForm,
         goal_id: bytes,
         sender: Errands,
         *,
         priority: Priority,
         patience_s: float,
-        attachment: bytes | None = None,
+        mark: bytes | None = None,
     ) -> None:
         self._island = island
-        self._name = name
-        self._messages = messages
+        self._form = form
         self._goal_id = goal_id
         self._sender = sender
         self._priority = priority
         self._patience_s = patience_s
-        self._attachment = attachment
+        self._mark = mark
         self._loop = asyncio.get_running_loop()
         self._questions: set[Question] = set()
         self._retry: asyncio.TimerHandle | None = None
@@ -92,12 +88,12 @@ class GoalErrand:
         Raises:
             PayloadInvalidError: The encoding cannot carry it.
         """
-        payload = self._messages.write_asked(self._goal_id, goal=value)
+        payload = self._form.write_asked(ActionKey.SEND_GOAL, self._goal_id, value)
         self._ask(ActionKey.SEND_GOAL, payload, timeout_s, self._take_verdict)
 
     def cancel(self) -> None:
         """Ask for its end."""
-        payload = self._messages.write_asked(self._goal_id)
+        payload = self._form.write_asked(ActionKey.CANCEL_GOAL, self._goal_id)
         self._ask(ActionKey.CANCEL_GOAL, payload, CANCEL_LIMIT_S, self._take_cancel)
 
     def close(self) -> None:
@@ -121,17 +117,17 @@ class GoalErrand:
         def settle(question: Question) -> None:
             tell_loop(self._loop, partial(self._settle, question, take))
 
-        question = Question(key.of(self._name), settle)
+        question = Question(self._form.key(key), settle)
         self._questions.add(question)
         self._island.worker.submit(
             partial(
                 question.ask,
                 self._island,
                 payload,
-                encoding=self._messages.encoding,
+                encoding=self._form.encoding,
                 priority=self._priority,
                 timeout_s=timeout_s,
-                attachment=self._attachment,
+                attachment=self._form.question_mark(key, self._mark),
             )
         )
 
@@ -141,7 +137,8 @@ class GoalErrand:
             take(question)
 
     def _take_verdict(self, question: Question) -> None:
-        verdict = self._read(question, self._messages.read_verdict)
+        read = partial(self._form.read_verdict, ActionKey.SEND_GOAL)
+        verdict = self._read(question, read)
         if verdict is None:
             self._sender.lost(self._goal_id, *_failure(question))
             return
@@ -150,11 +147,11 @@ class GoalErrand:
             self._ask_result()
 
     def _ask_result(self) -> None:
-        payload = self._messages.write_asked(self._goal_id)
+        payload = self._form.write_asked(ActionKey.GET_RESULT, self._goal_id)
         self._ask(ActionKey.GET_RESULT, payload, RESULT_LIMIT_S, self._take_result)
 
     def _take_result(self, question: Question) -> None:
-        ending = self._read(question, self._messages.read_ending)
+        ending = self._read(question, self._form.read_ending)
         if ending is not None:
             self._sender.ended(self._goal_id, ending)
             return
@@ -174,7 +171,8 @@ class GoalErrand:
         self._retry = self._loop.call_later(pause_s, self._ask_result)
 
     def _take_cancel(self, question: Question) -> None:
-        verdict = self._read(question, self._messages.read_verdict)
+        read = partial(self._form.read_verdict, ActionKey.CANCEL_GOAL)
+        verdict = self._read(question, read)
         if verdict is None:
             verdict = Verdict(accepted=False, text=_failure(question)[1])
         self._sender.cancel_answered(self._goal_id, verdict)
@@ -193,21 +191,21 @@ class FeedbackEar:
     """Hears the feedback of one action on an island.
 
     Args:
-        messages: Reads it.
+        form: Reads it.
         hear: Takes the goal's name and the feedback, on the loop.
         hears_marked: What came off the water, too.
     """
 
     def __init__(
         self,
-        messages: ActionMessages,
+        form: ActionForm,
         hear: Callable[[bytes, object], None],
         *,
         hears_marked: bool,
     ) -> None:
         self.unreadable = 0
         """Samples that were none."""
-        self._messages = messages
+        self._form = form
         self._hear = hear
         self._hears_marked = hears_marked
         self._loop = asyncio.get_running_loop()
@@ -215,7 +213,7 @@ class FeedbackEar:
     def take(self, sample: zenoh.Sample) -> None:
         """Take a sample; on Zenoh's thread."""
         attachment = sample.attachment
-        is_ours = attachment is not None and is_marked(attachment.to_bytes())
+        is_ours = attachment is not None and self._form.is_marked(attachment.to_bytes())
         if is_ours and not self._hears_marked:
             return
         payload, encoding = sample.payload.to_bytes(), str(sample.encoding)
@@ -223,7 +221,7 @@ class FeedbackEar:
 
     def _take(self, payload: bytes, encoding: str) -> None:
         try:
-            asked = self._messages.read_asked(payload, encoding, part="feedback")
+            asked = self._form.read_asked(ActionKey.FEEDBACK, payload, encoding)
         except PayloadInvalidError:
             self.unreadable += 1
             return

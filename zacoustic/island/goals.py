@@ -14,9 +14,13 @@ Everything is a map: in CBOR, or in JSON where the stream's encoding says so and
 given. Whoever sends a goal chooses its `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal
 that is sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in
 lower case, and before the end ``executing`` and ``canceling``.
+
+What nodes of ROS 2 say under these keys is another form of the same (`zacoustic.gateway.ros`).
 """
 
 import enum
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, Final
 
 import msgspec
@@ -25,6 +29,7 @@ from zacoustic.core.actions.news import GoalFailure, GoalStatus
 from zacoustic.core.encoding import CBOR, TYPED_ENCODINGS, decode_application, encode_application
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError
+from zacoustic.island.marker import is_marked
 
 GOAL_ID_BYTES: Final = 16
 """Size of the name of a goal."""
@@ -44,9 +49,7 @@ class ActionKey(enum.StrEnum):
         return f"{name}/_action/{self.value}"
 
 
-def every_key(name: str) -> str:
-    """Return the key expression of all keys of an action."""
-    return f"{name}/_action/*"
+_PARTS: Final = {ActionKey.SEND_GOAL: "goal", ActionKey.FEEDBACK: "feedback"}
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -71,10 +74,111 @@ class Ending(msgspec.Struct, frozen=True, kw_only=True):
     """One line for people."""
 
 
-class ActionMessages:
-    """Reads and writes what is said about the goals of one action.
+class GoalState(msgspec.Struct, frozen=True, kw_only=True):
+    """How a goal is."""
+
+    goal_id: bytes
+    """Its name, 16 bytes."""
+    status: str
+    """A word of `status`."""
+    accepted_unix_ns: int
+    """When it was accepted, ns since 1970."""
+
+
+class ActionForm(ABC):
+    """How what is said about the goals of one action looks on an island."""
+
+    encoding: str
+    """Zenoh encoding of all that is said."""
+
+    @abstractmethod
+    def key(self, which: ActionKey) -> str:
+        """Return a key of the action."""
+
+    @abstractmethod
+    def served(self) -> tuple[str, ...]:
+        """Return the key expressions on which whoever serves the action is asked."""
+
+    @abstractmethod
+    def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
+        """Write a question or feedback.
+
+        Args:
+            which: `SEND_GOAL` with the goal, `FEEDBACK` with the feedback, or another question.
+            goal_id: Name of the goal.
+            value: The goal or the feedback.
+
+        Raises:
+            PayloadInvalidError: The encoding cannot carry the value.
+        """
+
+    @abstractmethod
+    def read_asked(self, which: ActionKey, payload: bytes, encoding: str) -> "Asked":
+        """Read a question or feedback.
+
+        Raises:
+            PayloadInvalidError: It is not what it should be.
+        """
+
+    @abstractmethod
+    def write_status(self, changed: GoalState, states: Sequence[GoalState]) -> bytes:
+        """Write how goals are.
+
+        Args:
+            changed: The goal whose state has changed.
+            states: All goals that are known, that one included.
+        """
+
+    @abstractmethod
+    def write_verdict(self, which: ActionKey, goal_ids: Sequence[bytes], verdict: Verdict) -> bytes:
+        """Write the answer to `SEND_GOAL` or `CANCEL_GOAL` about one goal, or about several."""
+
+    @abstractmethod
+    def read_verdict(self, which: ActionKey, payload: bytes, encoding: str) -> Verdict:
+        """Read the answer to `SEND_GOAL` or `CANCEL_GOAL`.
+
+        Raises:
+            PayloadInvalidError: It is none.
+        """
+
+    @abstractmethod
+    def write_ending(self, ending: Ending) -> bytes:
+        """Write the answer to `GET_RESULT`.
+
+        Raises:
+            PayloadInvalidError: The encoding cannot carry the result.
+        """
+
+    @abstractmethod
+    def read_ending(self, payload: bytes, encoding: str) -> Ending:
+        """Read the answer to `GET_RESULT`.
+
+        Raises:
+            PayloadInvalidError: It is none.
+        """
+
+    def write_refusal(self, which: ActionKey) -> bytes | None:
+        """Write the answer to what cannot be answered; None: it gets an error reply."""
+        return None
+
+    def question_mark(self, which: ActionKey, mark: bytes | None) -> bytes | None:
+        """Return what goes beside a question; `mark` is what a gateway says of its origin."""
+        return mark
+
+    def answer_mark(self, asked: bytes | None, mark: bytes | None) -> bytes | None:
+        """Return what goes beside the answer to a question that had `asked` beside it."""
+        return mark
+
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether what has this beside it came off the water."""
+        return is_marked(attachment)
+
+
+class ActionMessages(ActionForm):
+    """Maps, in CBOR or JSON.
 
     Args:
+        name: The action.
         goal: Type of a goal; None: opaque bytes.
         feedback: Type of feedback; None: opaque bytes.
         result: Type of a result; None: opaque bytes.
@@ -83,6 +187,7 @@ class ActionMessages:
 
     def __init__(
         self,
+        name: str,
         goal: TypeSpec | None,
         feedback: TypeSpec | None,
         result: TypeSpec | None,
@@ -91,33 +196,30 @@ class ActionMessages:
         is_typed = None not in (goal, feedback, result)
         fits = encoding.split(";", 1)[0] in TYPED_ENCODINGS
         self.encoding = encoding if is_typed and fits else CBOR
-        """Zenoh encoding of all that is said."""
+        self._name = name
         self._types = {"goal": goal, "feedback": feedback, "result": result}
+
+    def key(self, which: ActionKey) -> str:
+        """Return a key of the action."""
+        return which.of(self._name)
+
+    def served(self) -> tuple[str, ...]:
+        """Return the key expression of all keys of the action."""
+        return (f"{self._name}/_action/*",)
 
     # Goals, and what is asked about them
 
-    def write_asked(self, goal_id: bytes, **said: object) -> bytes:
-        """Write a question, feedback or a status: the goal's id, and what else is said.
+    def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
+        """Write a question or feedback: the goal's id, and the goal or the feedback."""
+        part = _PARTS.get(which)
+        return self._write(goal_id, {} if part is None else {part: value})
 
-        Raises:
-            PayloadInvalidError: The encoding cannot carry a value.
-        """
-        is_cbor = self.encoding.startswith(CBOR)
-        return encode_application(
-            {"goal_id": goal_id if is_cbor else goal_id.hex(), **said}, self.encoding
-        )
+    def write_status(self, changed: GoalState, states: Sequence[GoalState]) -> bytes:
+        """Write how the goal is that has changed."""
+        return self._write(changed.goal_id, {"status": changed.status})
 
-    def read_asked(self, payload: bytes, encoding: str, *, part: str | None = None) -> "Asked":
-        """Read a question, feedback or a status.
-
-        Args:
-            payload: The bytes.
-            encoding: Their Zenoh encoding.
-            part: Which value it has: ``goal``, ``feedback``, or None.
-
-        Raises:
-            PayloadInvalidError: It is not what it should be.
-        """
+    def read_asked(self, which: ActionKey, payload: bytes, encoding: str) -> "Asked":
+        """Read a question or feedback."""
         said = self._read(payload, encoding)
         goal_id = said.get("goal_id")
         if isinstance(goal_id, str):
@@ -130,23 +232,20 @@ class ActionMessages:
                 f"goal_id is {said.get('goal_id')!r}; allowed: {GOAL_ID_BYTES} bytes, or "
                 f"{2 * GOAL_ID_BYTES} hexadecimal digits"
             )
+        part = _PARTS.get(which)
         value = None if part is None else self._value(said, part, encoding)
         return Asked(goal_id=goal_id, value=value)
 
     # Answers
 
-    def write_verdict(self, verdict: Verdict) -> bytes:
-        """Write the answer to `send_goal` or `cancel_goal`."""
+    def write_verdict(self, which: ActionKey, goal_ids: Sequence[bytes], verdict: Verdict) -> bytes:
+        """Write the answer to `SEND_GOAL` or `CANCEL_GOAL`."""
         failure = verdict.failure.name if verdict.failure is not None else None
         said = {"accepted": verdict.accepted, "failure": failure, "text": verdict.text}
         return encode_application(said, self.encoding)
 
-    def read_verdict(self, payload: bytes, encoding: str) -> Verdict:
-        """Read the answer to `send_goal` or `cancel_goal`.
-
-        Raises:
-            PayloadInvalidError: It is none.
-        """
+    def read_verdict(self, which: ActionKey, payload: bytes, encoding: str) -> Verdict:
+        """Read the answer to `SEND_GOAL` or `CANCEL_GOAL`."""
         said = self._read(payload, encoding)
         accepted, text, failure = said.get("accepted"), said.get("text") or "", said.get("failure")
         if not isinstance(accepted, bool) or not isinstance(text, str):
@@ -157,21 +256,13 @@ class ActionMessages:
         return Verdict(accepted=accepted, failure=known if not accepted else None, text=text)
 
     def write_ending(self, ending: Ending) -> bytes:
-        """Write the answer to `get_result`.
-
-        Raises:
-            PayloadInvalidError: The encoding cannot carry the result.
-        """
+        """Write the answer to `GET_RESULT`."""
         status = ending.status.name.lower()
         said = {"status": status, "result": ending.result, "text": ending.text}
         return encode_application(said, self.encoding)
 
     def read_ending(self, payload: bytes, encoding: str) -> Ending:
-        """Read the answer to `get_result`.
-
-        Raises:
-            PayloadInvalidError: It is none.
-        """
+        """Read the answer to `GET_RESULT`."""
         said = self._read(payload, encoding)
         name, text = said.get("status"), said.get("text") or ""
         status = GoalStatus.__members__.get(name.upper()) if isinstance(name, str) else None
@@ -182,6 +273,12 @@ class ActionMessages:
         return Ending(status=status, result=result, text=text)
 
     # Below the methods above
+
+    def _write(self, goal_id: bytes, said: dict[str, object]) -> bytes:
+        is_cbor = self.encoding.startswith(CBOR)
+        return encode_application(
+            {"goal_id": goal_id if is_cbor else goal_id.hex(), **said}, self.encoding
+        )
 
     def _read(self, payload: bytes, encoding: str) -> dict[str, Any]:
         said = decode_application(payload, self._said(encoding))
@@ -214,3 +311,7 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the goal, 16 bytes."""
     value: Any
     """The goal or the feedback, a dict or bytes; None where there is none."""
+    is_about_all: bool = False
+    """It is about all goals, whatever `goal_id` says: only a cancel of ROS can be."""
+    accepted_until_ns: int | None = None
+    """Of all only those that were accepted until then, ns since 1970."""

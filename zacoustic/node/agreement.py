@@ -8,6 +8,7 @@ from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
+from zacoustic.ros.names import is_interface
 
 PARTS: Final = ("goal", "feedback", "result")
 """What the three types of an action are for."""
@@ -21,10 +22,13 @@ def pair_of(service_type: object, name: str) -> tuple[object, object]:
     """
     if isinstance(service_type, tuple) and len(service_type) == 2:
         return service_type
+    if isinstance(service_type, str) and is_interface(service_type):
+        return f"{service_type}_Request", f"{service_type}_Response"
     request, response = (getattr(service_type, part, None) for part in ("Request", "Response"))
     if request is None or response is None:
         raise ConfigError(
-            f"{name}: {service_type!r}; allowed: a class with Request and Response, or a pair"
+            f"{name}: {service_type!r}; allowed: a class with Request and Response, a pair, or the "
+            "name of a ROS service"
         )
     return request, response
 
@@ -37,11 +41,13 @@ def triple_of(action_type: object, name: str) -> tuple[object, object, object]:
     """
     if isinstance(action_type, tuple) and len(action_type) == 3:
         return action_type
+    if isinstance(action_type, str) and is_interface(action_type):
+        return f"{action_type}_Goal", f"{action_type}_Feedback", f"{action_type}_Result"
     goal, feedback, result = (getattr(action_type, part.capitalize(), None) for part in PARTS)
     if goal is None or feedback is None or result is None:
         raise ConfigError(
-            f"{name}: {action_type!r}; allowed: a class with Goal, Feedback and Result, or the "
-            "three of them"
+            f"{name}: {action_type!r}; allowed: a class with Goal, Feedback and Result, the "
+            "three of them, or the name of a ROS action"
         )
     return goal, feedback, result
 
@@ -72,12 +78,19 @@ def tune(stream: Stream, qos: Qos | None) -> None:
             f"{stream.name}: depth: {qos.depth}; allowed: {own.depth}, as it is defined: both ends "
             "of a reliable topic must agree on it"
         )
+    deadline_s = own.deadline_s if qos.deadline_s is None else qos.deadline_s
+    if deadline_s is not None and deadline_s <= qos.min_interval_s:
+        raise ConfigError(
+            f"{stream.name}: min_interval_s: {qos.min_interval_s:g}; allowed: below deadline_s, "
+            f"which is {deadline_s:g}"
+        )
     stream.qos = msgspec.structs.replace(
         qos,
         stamp=own.stamp,
         reliability=own.reliability,
         forward=own.forward,
         depth=own.depth if reliable else qos.depth,
+        deadline_s=deadline_s,
     )
 
 

@@ -271,7 +271,7 @@ class Node:
     @overload
     def create_client(
         self,
-        service_type: tuple[type[Any] | str, type[Any] | str],
+        service_type: str | tuple[type[Any] | str, type[Any] | str],
         name: str,
         qos: Qos | None = None,
         *,
@@ -311,7 +311,7 @@ class Node:
     @overload
     def create_service(
         self,
-        service_type: tuple[type[Any] | str, type[Any] | str],
+        service_type: str | tuple[type[Any] | str, type[Any] | str],
         name: str,
         handler: Handler[Any, Any],
         qos: Qos | None = None,

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    DeadlineMissed,
     DeliveryEnded,
     JournalStateChanged,
     LinkStateChanged,
@@ -51,6 +52,7 @@ NodeEvent = (
     | PeerLost
     | PeerFound
     | SubscribersChanged
+    | DeadlineMissed
     | StreamsDiffer
     | PeerMeasured
     | ModemRead

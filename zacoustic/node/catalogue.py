@@ -346,6 +346,13 @@ class Catalogue:
             stream = next((hit[0] for hit in hits if hit is not None), None)
         if stream is None:
             return None
+        config = self._identity.config
+        of_ros = config.ros.streams if config is not None and config.ros is not None else {}
+        if stream.stream_id in of_ros and not self._carrier.can_declare:
+            raise LocalError(
+                f"{stream.name} is {kind_of(stream)} of ROS 2 on this island",
+                hint="use a ROS 2 client there, or open the node on a link",
+            )
         if stream_id not in (None, stream.stream_id):
             raise ConfigError(
                 f"{name}: stream_id: {stream_id}; allowed: {stream.stream_id}, which it has"

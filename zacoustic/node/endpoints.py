@@ -69,8 +69,8 @@ class EndpointMaker:
         """Make a publisher.
 
         Args:
-            sample_type: A `msgspec.Struct` class; the name of a type of the configuration, then
-                values are dicts; or `bytes`.
+            sample_type: A `msgspec.Struct` class; the name of a type of the configuration, or of a
+                ROS message, then values are dicts; or `bytes`.
             name: The topic, as the configuration or as a key; `{node}` is this node.
             qos: How samples wait here; None: as the configuration says.
             stream_id: Direct mode: adds the topic under this id, 1…175, the same on all nodes.
@@ -173,7 +173,7 @@ class EndpointMaker:
     @overload
     def create_client(
         self,
-        service_type: tuple[type[Any] | str, type[Any] | str],
+        service_type: str | tuple[type[Any] | str, type[Any] | str],
         name: str,
         qos: Qos | None = None,
         *,
@@ -193,7 +193,7 @@ class EndpointMaker:
 
         Args:
             service_type: A class with the classes `Request` and `Response` in it, or the pair of
-                them; each as the `sample_type` of a publisher.
+                them, each as the `sample_type` of a publisher; or the name of a ROS service.
             name: The service.
             qos: Priority and linger of its requests; None: as the configuration says.
             stream_id: Direct mode: adds the service under this id, 1…175, the same on all nodes.
@@ -220,7 +220,7 @@ class EndpointMaker:
     @overload
     def create_service(
         self,
-        service_type: tuple[type[Any] | str, type[Any] | str],
+        service_type: str | tuple[type[Any] | str, type[Any] | str],
         name: str,
         handler: Handler[Any, Any],
         qos: Qos | None = None,
@@ -271,7 +271,7 @@ class EndpointMaker:
     @overload
     def create_action_client(
         self,
-        action_type: tuple[type[Any] | str, type[Any] | str, type[Any] | str],
+        action_type: str | tuple[type[Any] | str, type[Any] | str, type[Any] | str],
         name: str,
         qos: Qos | None = None,
         *,
@@ -291,7 +291,8 @@ class EndpointMaker:
 
         Args:
             action_type: A class with the classes `Goal`, `Feedback` and `Result` in it, or the
-                three of them; each as the `sample_type` of a publisher.
+                three of them, each as the `sample_type` of a publisher; or the name of a ROS
+                action.
             name: The action.
             qos: Priority and linger of its goals; None: as the configuration says.
             stream_id: Direct mode: adds the action under this id, 1…175, the same on all nodes.
@@ -321,7 +322,7 @@ class EndpointMaker:
     @overload
     def create_action_server(
         self,
-        action_type: tuple[type[Any] | str, type[Any] | str, type[Any] | str],
+        action_type: str | tuple[type[Any] | str, type[Any] | str, type[Any] | str],
         name: str,
         execute_callback: Execute[Any, Any, Any],
         qos: Qos | None = None,

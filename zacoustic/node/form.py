@@ -14,6 +14,8 @@ import msgspec
 from zacoustic.core.types import TypeSpec, check_agreement, struct_builder, type_from_struct
 from zacoustic.errors import ConfigError
 from zacoustic.island.values import read_value, write_value
+from zacoustic.ros.names import UNSTAMPED, is_interface
+from zacoustic.ros.types import ros_type
 
 T = TypeVar("T")
 
@@ -55,12 +57,14 @@ def free_form(value_type: object, *, where: str) -> Form[Any]:
     """Make the form of a stream that no configuration defines.
 
     Args:
-        value_type: A `msgspec.Struct` class or `bytes`.
+        value_type: A `msgspec.Struct` class, the name of a ROS message, or `bytes`.
         where: The stream, named in errors.
 
     Raises:
         ConfigError: Anything else, or a class without a meaning on the wire.
     """
+    if isinstance(value_type, str) and is_interface(value_type):
+        return Form(ros_type(value_type), _same)
     if isinstance(value_type, str):
         raise ConfigError(
             f'{where}: the type "{value_type}" is given by name, and there is no config that '
@@ -86,7 +90,8 @@ def configured_form(value_type: object, spec: TypeSpec | None, *, where: str) ->
     """
     defined = "opaque bytes" if spec is None else f'the type "{spec.name}"'
     if isinstance(value_type, str):
-        if spec is None or value_type != spec.name:
+        # The type of a ROS topic may lack the stamp of its header.
+        if spec is None or value_type not in (spec.name, spec.name.removesuffix(UNSTAMPED)):
             raise ConfigError(f'{where}: the type "{value_type}"; allowed: {defined}')
         return Form(spec, _same)
     if (value_type is bytes) is not (spec is None):

@@ -21,7 +21,6 @@ from zacoustic.island.goals import (
     ActionMessages,
     Ending,
     Verdict,
-    every_key,
 )
 from zacoustic.island.marker import read_marker
 from zacoustic.island.queries import HeldQuery, QueryDesk
@@ -100,7 +99,7 @@ class ZenohGoals:
         server = _Server(route, desk, island)
         with _errors(route.name):
             queryable = island.session.declare_queryable(
-                zenoh.KeyExpr(every_key(route.name)),
+                zenoh.KeyExpr(*messages_of(route).served()),
                 island.callback(server.bring),
                 complete=True,
                 allowed_origin=zenoh.Locality.REMOTE,
@@ -166,7 +165,6 @@ class ZenohSentGoal:
         self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
         self.errand = GoalErrand(
             island,
-            route.name,
             messages,
             goal_id,
             self,
@@ -247,12 +245,18 @@ class _Server:
             island.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
 
-        def put(key: str, payload: bytes, encoding: str) -> None:
-            island.put(key, payload, encoding=encoding, priority=route.qos.priority)
+        messages = messages_of(route)
+
+        def put(which: ActionKey, payload: bytes) -> None:
+            island.put(
+                messages.key(which),
+                payload,
+                encoding=messages.encoding,
+                priority=route.qos.priority,
+            )
 
         self.hall = GoalHall(
-            route.name,
-            messages_of(route),
+            messages,
             self,
             put=put,
             keep_s=route.result_timeout_s,
@@ -340,7 +344,9 @@ class _TakenGoal:
 
 def messages_of(route: Route) -> ActionMessages:
     """Make what reads and writes the messages of an action."""
-    return ActionMessages(route.goal.spec, route.feedback.spec, route.result.spec, route.encoding)
+    return ActionMessages(
+        route.name, route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
+    )
 
 
 def _checked(form: Form[Any], value: object) -> object:

@@ -212,7 +212,8 @@ class Node(EndpointMaker):
         ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,
         or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the configuration
         has `lost_after_s`; others subscribe to an on-demand topic of this node, or do no longer
-        (`SubscribersChanged`); a peer defines a stream in another way; the modem has measured
+        (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time, here or from
+        elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem has measured
         something of a peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample
         that this node has published in a former life has ended (`DeliveryEnded`); a large sample,
         from here or to here, has come further or has ended (`ObjectProgress`). On Zenoh only the

@@ -268,6 +268,9 @@ def _notes(
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
     yield from _access_notes(config, profile)
+    if config.ros is not None:
+        ids = ", ".join(map(str, sorted(config.ros.streams)))
+        yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
 
 
 def _room_notes(rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:

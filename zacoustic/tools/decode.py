@@ -13,6 +13,7 @@ from typing import Any, assert_never
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.actions.wire import (
     Operation,
+    decode_cancel,
     decode_message,
     decode_refusal,
     decode_result,
@@ -161,7 +162,8 @@ class _Reader:
         stream = self._table.by_id(stream_id)
         key = _key(stream, self._source, ())
         head = f"stream {stream_id} {key}"
-        shown = {name: printable(part) for name, part in value.items() if name != AGE_FIELD}
+        said = {name: part for name, part in value.items() if name != AGE_FIELD}
+        shown = printable(stream.dense_sample(said))
         if AGE_FIELD in value:
             head += f", {decode_age_s(value[AGE_FIELD]):g} s old"
         text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
@@ -354,11 +356,16 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
         return _unread(record)
     operation, payload = message.operation, message.payload
     word = "" if operation is Operation.GOAL else f"_{operation.name.lower()}"
-    if operation is Operation.ACCEPTED and source not in (0, spec.server):
+    from_client = source not in (0, spec.server)
+    if operation is Operation.ACCEPTED and from_client:
         word = "_claim"
+    if operation is Operation.CANCEL_AGAIN and from_client:
+        operation, word = Operation.CANCEL, "_cancel"
     kind = f"goal{word}"
     of_epoch = "" if message.epoch is None else f" of epoch {message.epoch}"
     said = word.removeprefix("_") or "sent"
+    if payload and operation is Operation.CANCEL:
+        said += f" again, attempt {decode_cancel(message)}"
     text = f"stream {stream.stream_id} {stream.name}, goal {message.number}{of_epoch}: {said}"
     found = (stream.stream_id, stream.name)
     match operation:
@@ -372,8 +379,13 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
             if result is not None:
                 return decoded(kind, text, *found, stream.response_codec, result)
         case Operation.REFUSED:
-            failure, reason = decode_refusal(payload) or (None, payload.hex())
-            text += f" {failure.name.lower() if failure else 'unreadable'}: {reason}"
+            refusal = decode_refusal(payload)
+            if refusal is None:
+                text += f" unreadable: {payload.hex()}"
+            else:
+                text += f" {refusal.failure.name.lower()}"
+                text += f", attempt {refusal.attempt}" if refusal.attempt else ""
+                text += f": {refusal.text}"
         case _:
             pass
     return DecodedItem(kind=kind, text=text, stream_id=stream.stream_id, name=stream.name)

@@ -15,8 +15,12 @@ from tests.telemetry.exchange import dense_samples
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import by_id
 from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Model, Speaker
+from zacoustic.core.envelope import Envelope, Opened
+from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.payload import PackedCodec, PayloadError
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 NAV: dict[str, Any] = {
@@ -84,6 +88,33 @@ def test_any_type_comes_back_within_half_a_step(
             expected = type_spec.validate(sample.value)
             for field in type_spec.fields:
                 assert is_close(field, found[field.name], expected[field.name])
+
+
+@given(schemas(), st.data())
+def test_whoever_changes_a_schema_has_another_digest(
+    case: tuple[TypeSpec, list[dict[str, Any]]], data: st.DataObject
+) -> None:
+    type_spec, _ = case
+    fields = list(type_spec.fields)
+    place = data.draw(st.integers(0, len(fields) - 1))
+    field = fields[place]
+    changes: list[dict[str, Any]] = [{"optional": not field.optional}]
+    if field.range is not None:
+        low, high = field.range
+        changes.append({"range": (low, high + 16 * (field.step or 1)), "wraps": False})
+    if field.values:
+        changes.append({"values": (*field.values, "more")})
+    if field.max_length is not None:
+        changes.append({"max_length": field.max_length + 1})
+    change = data.draw(st.sampled_from(changes))
+    other = [*fields[:place], msgspec.structs.replace(field, **change), *fields[place + 1 :]]
+    tables = []
+    for each in (fields, other, [*fields, FieldSpec(name="last", type="bool")]):
+        types = TypeTable([TypeSpec(name="Any", fields=tuple(each))])
+        spec = TopicSpec(stream_id=7, name="any", type_name="Any", codec="dense")
+        tables.append(StreamTable([spec], types=types))
+    assert len({table.digest for table in tables}) == 3
+    assert len({table.by_id(7).digest for table in tables}) == 3
 
 
 @given(schemas())
@@ -194,6 +225,55 @@ def test_damaged_frames_are_refused_or_within_bounds(
         for stream_id, value in decoded.samples:
             codec.streams[stream_id].type_spec.validate(value)
     assert refused > total // 3
+
+
+def test_damaged_frames_of_a_whole_vehicle_are_refused_or_within_bounds(
+    count: Callable[[int], int],
+) -> None:
+    mission = Mission(3)
+    types = by_id(mission.types)
+    codec = DenseCodec(types)
+    speaker, listener, rng = Speaker(codec), Listener(codec), random.Random(10)
+    frames, samples = [], dense_samples(mission.samples, mission.types)[:400]
+    for place in range(0, len(samples), 10):
+        encoded = speaker.encode(samples[place : place + 10], ROOM, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        frames.append(encoded.frame)
+        speaker.acknowledged(1, listener.decode(encoded.frame).snapshot.mark)
+    snapshots = [listener.decode(frame).snapshot for frame in frames[-8:]]
+    refused, total = 0, count(200_000)
+    for place in range(total):
+        damaged = bytearray(frames[-1 - place % 8])
+        if place % 4 == 0:
+            damaged = bytearray(rng.randbytes(rng.randrange(1, 65)))
+        elif place % 4 == 1:
+            del damaged[rng.randrange(1, len(damaged)) :]
+        else:
+            damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
+        try:
+            decoded = codec.decode(bytes(damaged), snapshots)
+        except PayloadError:
+            refused += 1
+            continue
+        assert len(decoded.samples) <= 255 * len(types)
+        for stream_id, value in decoded.samples:
+            types[stream_id].validate(value)
+    assert refused > total // 3
+
+
+def test_behind_the_check_of_a_link_nothing_damaged_is_read(count: Callable[[int], int]) -> None:
+    link = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1000, checked=False)
+    sender, receiver, rng = Envelope(link, 1), Envelope(link, 2), random.Random(12)
+    whole = sender.wrap(rng.randbytes(40), 2)
+    for _ in range(count(1_000_000)):
+        damaged = bytearray(whole)
+        for _ in range(rng.randint(1, 12)):
+            damaged[rng.randrange(len(damaged))] ^= rng.randrange(1, 256)
+        if damaged == whole:
+            continue
+        frame = ReceivedFrame(source=1, destination=2, frame_bytes=bytes(damaged), received_at=0)
+        assert not any(isinstance(each, Opened) for each in receiver.open(frame))
 
 
 def test_numbers_that_are_none_are_refused(nav_type: TypeSpec) -> None:

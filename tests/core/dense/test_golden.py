@@ -7,6 +7,7 @@ import pytest
 
 from tests.golden.dense import MODEL, TYPES, VECTORS, nav_samples, vectors
 from zacoustic.core.dense import DenseCodec, Listener
+from zacoustic.core.dense.packedbytes import PackedBytesCodec
 
 
 @pytest.fixture(scope="module")
@@ -28,3 +29,8 @@ def test_stored_frames_are_read(stored: dict[str, Any], name: str) -> None:
         for key in ("heading", "pitch", "speed", "altitude", "mode", "leak", "depth"):
             assert value[key] == expected[key]
         assert value["lat"] == pytest.approx(expected["lat"], abs=0.5e-6)
+
+
+def test_stored_bytes_are_read(stored: dict[str, Any]) -> None:
+    for octets, payload in stored["bytes without a type, packed"].items():
+        assert PackedBytesCodec().decode(bytes.fromhex(payload)).hex() == octets

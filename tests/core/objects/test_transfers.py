@@ -380,6 +380,44 @@ def test_not_subscribed() -> None:
     assert water.nodes[1].progress[-1].state is ObjectState.REFUSED
 
 
+def test_what_is_not_subscribed_to_takes_no_memory_and_is_not_spoken_of() -> None:
+    water = Water(18, nodes=3, loss=0.1)
+    water.nodes[3].admission = Admission(is_wanted=False)
+    water.publish(payload(20_000))
+    most: list[int] = []
+
+    def looked() -> bool:
+        most.append(water.nodes[3].objects.incoming_bytes)
+        return water.nodes[2].delivered != []
+
+    assert water.run(until=looked, limit_s=2000)
+    assert water.nodes[3].delivered == []
+    # Only until its manifest is there, a fragment or two.
+    assert max(most) < 500
+    assert water.nodes[3].entries == {}
+    assert set(water.nodes[3].unwanted_of) == {(1, STREAM)}
+    assert {address for address, *_ in water.record} == {1, 2}
+    # Now it is wanted, and its source still waits for this node.
+    water.nodes[3].admission = Admission()
+    assert water.run(until=sent_all(water), limit_s=2000)
+    assert [len(each.payload) for each in water.nodes[3].delivered] == [20_000]
+
+
+def test_what_is_on_its_way_is_dropped_when_this_node_unsubscribes() -> None:
+    water = Water(18)
+    water.publish(payload(20_000))
+    water.run(until=lambda: water.nodes[2].objects.incoming_bytes > 10_000, limit_s=1000)
+    water.nodes[2].admission = Admission(is_wanted=False)
+    water.nodes[2].objects.drop_unwanted(STREAM + 1, {1})
+    assert water.nodes[2].objects.incoming_bytes > 10_000
+    water.nodes[2].objects.drop_unwanted(STREAM, {1})
+    water.run(until=lambda: False, limit_s=60)
+    assert water.nodes[2].objects.incoming_bytes == 0
+    assert water.nodes[2].entries == {}
+    last = water.nodes[2].progress[-1]
+    assert (last.state, last.detail) == (ObjectState.CANCELLED, "not subscribed any more")
+
+
 def test_it_waits_for_the_tables() -> None:
     water = Water(19)
     water.nodes[2].admission = Admission(is_open=False)

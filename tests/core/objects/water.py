@@ -49,6 +49,7 @@ class Node:
         self.behind: set[int] = set()
         self.awaited: set[int] = set()
         self.turns: list[int] = []
+        self.unwanted_of: list[tuple[int, int]] = []
         self.told: list[tuple[int, int]] = []
         self.delivered: list[ObjectReceived] = []
         self.progress: list[ObjectProgress] = []
@@ -80,14 +81,18 @@ class Node:
 
     def admit(self, source: int, stream_id: int) -> Admission:
         others = sorted(set(self.water.nodes) - {source})
+        admission = self.admission if stream_id else Admission()
         return msgspec.structs.replace(
-            self.admission, place=others.index(self.address), others=len(others) - 1
+            admission, place=others.index(self.address), others=len(others) - 1
         )
 
     def claim(self, source: int, manifest: Manifest, *, is_turn: bool) -> Claim:
         if is_turn:
             self.turns.append(manifest.number)
         return Claim.NOW if is_turn or manifest.number not in self.behind else Claim.LATER
+
+    def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
+        self.unwanted_of.append((source, stream_id))
 
     def expect(self, source: int, manifest: Manifest) -> None:
         """No count of a key awaits it."""

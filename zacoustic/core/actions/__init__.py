@@ -16,6 +16,8 @@ The idea. A goal is named by client, the client's boot epoch, stream and *number
   former life has sent.
 - The server writes a goal down before it shows it to the application. It repeats the result until
   it is confirmed, and keeps it for `result_timeout_s`. What ran when the server died ends UNKNOWN.
+- The client counts its attempts to cancel a goal. The server shows each to the application once and
+  answers its repetitions as the application did, however late they come.
 - Feedback is sent once: of what waits, only the newest, and not more often than the action allows.
 - A client that has heard nothing of a goal for half of `result_timeout_s` asks; after all of it, it
   gives the goal up.
@@ -28,7 +30,7 @@ goals survive it.
 - `news`: the events, and the words in them.
 - `numbers`: which of the 32 numbers are free.
 - `post`: gets records about goals onto the queue.
-- `client`, `clientgoal`: the goals that this node has sent.
+- `client`, `clientgoal`, `clientletters`, `clientjournal`: the goals that this node has sent.
 - `server`, `servedgoal`: the goals that this node pursues.
 - `actions`: both, and what the application and the water say to them.
 """

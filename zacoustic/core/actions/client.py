@@ -3,9 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-import msgspec
-
 from zacoustic.core.actions.clientgoal import ClientGoal, ClientStage
+from zacoustic.core.actions.clientjournal import ClientJournal
 from zacoustic.core.actions.clientletters import ClientLetters
 from zacoustic.core.actions.news import (
     ActionEvent,
@@ -25,6 +24,7 @@ from zacoustic.core.actions.wire import (
     GOAL_NUMBERS,
     Message,
     Operation,
+    Refusal,
     decode_refusal,
     decode_result,
 )
@@ -37,17 +37,9 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import JournalUnavailableError, QueueFullError
 
-_JOURNAL: Final = "goal/sent"
 _NEVER: Final = 1 << 62
 # Odd, so that 32 lives in a row begin with 32 different numbers; 11, 22, 1, 12, … are far apart.
 _EPOCH_STRIDE: Final = 11
-
-
-class _Kept(msgspec.Struct, frozen=True, array_like=True):
-    """A goal in the journal of its client."""
-
-    digest: bytes
-    tag: bytes
 
 
 class GoalClient:
@@ -80,7 +72,7 @@ class GoalClient:
         self._table = table
         self._post = post
         self._letters = ClientLetters(table, post)
-        self._journal = journal
+        self._journal = ClientJournal(address, table, journal)
         self._handshake = handshake
         self._begin_epoch = begin_epoch
         self._stats = stats
@@ -92,20 +84,9 @@ class GoalClient:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with the goals that a former life has sent."""
-        for name, value in stored.items():
-            if not name.startswith(f"{_JOURNAL}/"):
-                continue
-            epoch, stream_id, number = map(int, name.split("/")[2:])
-            kept = msgspec.msgpack.decode(value, type=_Kept)
-            stream = self._table.get(stream_id)
-            if stream is None or stream.digest != kept.digest:
-                self._journal.write(name, None)
-                continue
-            assert isinstance(stream.spec, ActionSpec)
-            key = GoalKey(self._address, epoch, stream_id, number)
-            goal = ClientGoal(key, stream.spec.server, ClientStage.FOUND, _NEVER)
-            self._goals[key] = goal
-            self._emit(GoalRecovered(goal=key, tag=kept.tag))
+        for goal in self._journal.recover(stored):
+            self._goals[goal.key] = goal
+            self._emit(GoalRecovered(goal=goal.key, tag=goal.tag))
 
     def link_up(self, now: int) -> None:
         """The link is up: ask what became of the goals of a former life."""
@@ -139,7 +120,7 @@ class GoalClient:
         key = GoalKey(self._address, self._handshake.epoch, stream.stream_id, number)
         # Longer than `spec.timeout_s` the server does not remember the number.
         deadline_at = now + seconds_to_ns(min(timeout_s, spec.timeout_s))
-        goal = ClientGoal(key, spec.server, ClientStage.OFFERED, deadline_at)
+        goal = ClientGoal(key, spec.server, ClientStage.OFFERED, deadline_at, tag)
         goal.numbers, goal.index = numbers, index
         self._goals[key] = goal
         # What is left to be said of the last goal of this number is of no use any more.
@@ -154,7 +135,7 @@ class GoalClient:
                 return
             self._letters.offer(goal, payload, at)
 
-        self._keep(key, stream, msgspec.msgpack.encode(_Kept(stream.digest, tag)), kept, now)
+        self._journal.keep(goal, kept, now)
         return key
 
     def cancel(self, key: GoalKey, now: int) -> bool:
@@ -166,11 +147,13 @@ class GoalClient:
             event = GoalAnswered(goal=key, accepted=False, failure=GoalFailure.CANCELLED)
             self._end(goal, now, event)
             return True
-        goal.cancel_wanted = True
-        if goal.cancel is None:
+        if goal.cancel_stands:
+            self._emit(CancelAnswered(goal=key, accepted=True))
+        elif not goal.cancel_wanted:
+            goal.cancel_wanted = True
             # Whatever of it is in the water: it shall not begin any more.
             self._letters.stop_offer(goal, now)
-            self._letters.cancel(goal, now)
+            self._attempt_cancel(goal, now)
         return True
 
     # For the water
@@ -205,6 +188,7 @@ class GoalClient:
                 self._runs(goal, now)
             case Operation.CANCEL:
                 self._runs(goal, now)
+                goal.cancel_stands = True
                 self._cancel_answered(goal, True, "", now)
             case Operation.FEEDBACK:
                 return self._receive_feedback(goal, stream, message.payload, now)
@@ -329,6 +313,24 @@ class GoalClient:
         self._emit(FeedbackReceived(goal=goal.key, value=value))
         return None
 
+    def _attempt_cancel(self, goal: ClientGoal, now: int) -> None:
+        """Cancel a goal by a number that no other cancel of it has had, in no life."""
+        goal.attempt += 1
+        attempt = goal.attempt
+
+        def kept(at: int) -> None:
+            is_open = goal.stage is not ClientStage.ENDED and goal.cancel_wanted
+            if is_open and goal.attempt == attempt and goal.cancel is None:
+                self._letters.cancel(goal, at)
+
+        if attempt < goal.attempts_kept:
+            kept(now)
+            return
+        self._journal.keep(goal, kept, now)
+        if self._journal.failure:
+            # A vehicle that does not stop is worse than an application that is asked twice.
+            kept(now)
+
     def _cancel_answered(self, goal: ClientGoal, accepted: bool, text: str, now: int) -> None:
         if goal.cancel is not None:
             self._post.stop(goal.cancel, now, answered=True)
@@ -338,9 +340,12 @@ class GoalClient:
             self._emit(CancelAnswered(goal=goal.key, accepted=accepted, text=text))
 
     def _receive_refusal(self, goal: ClientGoal, payload: bytes, now: int) -> str | None:
-        failure, text = decode_refusal(payload) or (GoalFailure.REJECTED, "")
+        refusal = decode_refusal(payload) or Refusal(GoalFailure.REJECTED, "")
+        failure, text = refusal.failure, refusal.text
         if failure is GoalFailure.CANCEL_REFUSED:
             self._runs(goal, now)
+            if not refusal.is_of(goal.attempt):
+                return "old_cancel"
             self._cancel_answered(goal, False, text, now)
             return None
         may_have_run = goal.stage is ClientStage.RUNS or (
@@ -418,16 +423,15 @@ class GoalClient:
         self._post.stop(goal.cancel, now)
         for event in events:
             self._emit(event)
-        stream = self._stream(goal)
 
         def forgotten(at: int) -> None:
             del self._goals[goal.key]
             if goal.numbers is not None:
                 goal.numbers.ended(goal.index, goal.repetitions)
             if confirms:
-                self._confirm(goal.key, stream, goal.server, at)
+                self._confirm(goal.key, self._stream(goal), goal.server, at)
 
-        self._keep(goal.key, stream, None, forgotten, now)
+        self._journal.forget(goal.key, forgotten, now)
 
     def _confirm(self, key: GoalKey, stream: Stream, server: int, now: int) -> None:
         """Tell a server that it need not keep a result any longer."""
@@ -435,17 +439,3 @@ class GoalClient:
         if numbers is not None and key.epoch == self._handshake.epoch:
             numbers.rest(key.number, now + self.settling_ns)
         self._post.say(key, stream, server, Operation.CONFIRM, GoalLane.ANSWER, now)
-
-    def _keep(
-        self,
-        key: GoalKey,
-        stream: Stream,
-        value: bytes | None,
-        then: Callable[[int], None],
-        now: int,
-    ) -> None:
-        """Write down that a goal has been sent, or forget it; then go on."""
-        if not stream.spec.journal:
-            then(now)
-            return
-        self._journal.write(f"{_JOURNAL}/{key.epoch}/{key.stream_id}/{key.number}", value, then)

@@ -28,18 +28,22 @@ class ClientGoal:
         server: Address of its server.
         stage: How far it is.
         deadline_at: Instant at which it is given up, ns, unless something is heard of it.
+        tag: What the application gave with it.
     """
 
     __slots__ = (
-        "cancel", "cancel_wanted", "claim", "claim_at", "deadline_at", "index", "key", "numbers",
-        "offer", "repetitions", "server", "stage",
+        "attempt", "attempts_kept", "cancel", "cancel_stands", "cancel_wanted", "claim", "claim_at",
+        "deadline_at", "index", "key", "numbers", "offer", "repetitions", "server", "stage", "tag",
     )  # fmt: skip
 
-    def __init__(self, key: GoalKey, server: int, stage: ClientStage, deadline_at: int) -> None:
+    def __init__(
+        self, key: GoalKey, server: int, stage: ClientStage, deadline_at: int, tag: bytes
+    ) -> None:
         self.key = key
         self.server = server
         self.stage = stage
         self.deadline_at = deadline_at
+        self.tag = tag
         self.claim_at: int | None = None
         """Instant at which it is asked what became of it, ns; None: it is being asked, or need
         not be."""
@@ -55,6 +59,12 @@ class ClientGoal:
         """The CANCEL."""
         self.cancel_wanted = False
         """The application waits for an answer to its cancel."""
+        self.cancel_stands = False
+        """The server has said that the goal will end."""
+        self.attempt = -1
+        """The last attempt to cancel it, counted from 0; -1: there was none."""
+        self.attempts_kept = 0
+        """How many attempts may be sent, for what is written down."""
         self.repetitions: list[Repetition] = []
         """All that was ever to be sent of it."""
 

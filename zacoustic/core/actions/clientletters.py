@@ -4,7 +4,7 @@ from typing import Final
 
 from zacoustic.core.actions.clientgoal import ClientGoal
 from zacoustic.core.actions.post import GoalLane, GoalPost
-from zacoustic.core.actions.wire import Operation
+from zacoustic.core.actions.wire import Operation, encode_cancel
 from zacoustic.core.payload import PayloadCodec
 from zacoustic.core.repeating import Repetition
 from zacoustic.core.streams import StreamTable
@@ -42,8 +42,9 @@ class ClientLetters:
         goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
 
     def cancel(self, goal: ClientGoal, now: int) -> None:
-        """Ask the server to stop a goal, until it has answered."""
-        goal.cancel = self._repeat(goal, Operation.CANCEL, GoalLane.CANCEL, now)
+        """Ask the server to stop a goal, until it has answered this attempt."""
+        operation, payload = encode_cancel(goal.attempt)
+        goal.cancel = self._repeat(goal, operation, GoalLane.CANCEL, now, payload)
 
     def _repeat(
         self,
@@ -54,7 +55,7 @@ class ClientLetters:
         payload: bytes = b"",
         codec: PayloadCodec | None = None,
     ) -> Repetition:
-        until = _NEVER if operation is Operation.CANCEL else goal.deadline_at
+        until = _NEVER if lane is GoalLane.CANCEL else goal.deadline_at
         repetition = self._post.repeat(
             goal.key,
             self._table.by_id(goal.key.stream_id),

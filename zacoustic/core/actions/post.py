@@ -6,7 +6,13 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.actions.news import GoalKey
-from zacoustic.core.actions.wire import FORMER_BYTES, GOAL_NUMBERS, Operation, encode_head
+from zacoustic.core.actions.wire import (
+    FORMER_BYTES,
+    GOAL_NUMBERS,
+    Operation,
+    decode_refusal,
+    encode_head,
+)
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.handshake import Handshake
@@ -203,12 +209,13 @@ class GoalPost:
         """Cut the text of a refusal, to fit the link."""
         assert self._queue.largest_bytes is not None
         room_bytes = self._queue.largest_bytes - (refusal.size_bytes - len(refusal.payload))
-        text = refusal.payload[1 : max(1, room_bytes)].decode(errors="ignore")
+        said = decode_refusal(refusal.payload)
+        assert said is not None
         return Waiting(
             stream_id=refusal.stream_id,
             destination=refusal.destination,
             head=refusal.head,
-            payload=refusal.payload[:1] + text.encode(),
+            payload=said.encode(room_bytes),
             for_one_node=True,
             cause=Cause.ACK,
             queued_at=refusal.queued_at,

@@ -47,7 +47,7 @@ class ServedGoal:
     """
 
     __slots__ = (
-        "answer", "cancel", "cancel_refused_at", "cancel_text", "claimed_in", "deadline_at",
+        "answer", "cancel", "cancel_attempt", "cancel_text", "claimed_in", "deadline_at",
         "forget_at", "is_confirmed", "is_kept", "key", "repetition", "stage",
     )  # fmt: skip
 
@@ -69,7 +69,7 @@ class ServedGoal:
         self.repetition: Repetition | None = None
         """The RESULT on its way."""
         self.cancel = CancelStage.NONE
-        self.cancel_refused_at = 0
-        """When the application would not end it, ns."""
+        self.cancel_attempt = 0
+        """Which attempt of the client to cancel it `cancel` is about."""
         self.cancel_text = ""
         """Why not."""

@@ -21,8 +21,10 @@ from zacoustic.core.actions.wire import (
     UNKNOWN_RESULT,
     Message,
     Operation,
-    encode_refusal,
+    Refusal,
+    decode_cancel,
     encode_result,
+    is_later,
 )
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.handshake import Handshake
@@ -164,7 +166,7 @@ class GoalServer:
         if goal.cancel is not CancelStage.ASKED:
             return False
         goal.cancel = CancelStage.ACCEPTED if accepted else CancelStage.REFUSED
-        goal.cancel_text, goal.cancel_refused_at = text, now
+        goal.cancel_text = text
         self._say_cancel(goal, now)
         return True
 
@@ -189,13 +191,16 @@ class GoalServer:
                 return self._receive_goal(key, stream, message.payload, now)
             case Operation.CLAIM:
                 if goal is None:
-                    refusal = encode_refusal(GoalFailure.UNKNOWN, "")
+                    refusal = Refusal(GoalFailure.UNKNOWN, "").encode()
                     lane, operation = GoalLane.ANSWER, Operation.REFUSED
                     self._post.say(key, stream, source, operation, lane, now, refusal)
                 else:
                     self._answer_again(goal, now)
-            case Operation.CANCEL:
-                return self._receive_cancel(key, goal, stream, now)
+            case Operation.CANCEL | Operation.CANCEL_AGAIN:
+                attempt = decode_cancel(message)
+                if attempt is None:
+                    return "payload"
+                return self._receive_cancel(key, goal, attempt, now)
             case Operation.CONFIRM:
                 if goal is not None and goal.stage is ServedStage.ENDED and goal.is_kept:
                     self._result_confirmed(goal, now)
@@ -288,7 +293,7 @@ class GoalServer:
         return None
 
     def _receive_cancel(
-        self, key: GoalKey, goal: ServedGoal | None, stream: Stream, now: int
+        self, key: GoalKey, goal: ServedGoal | None, attempt: int, now: int
     ) -> str | None:
         if goal is None:
             # It overtook its goal, which shall not begin when it comes.
@@ -298,21 +303,25 @@ class GoalServer:
             self._refuse(goal, GoalFailure.CANCELLED, "", now)
         elif goal.stage is ServedStage.TAKEN:
             self._refuse(goal, GoalFailure.CANCELLED, "", now)
-        elif goal.stage is ServedStage.OFFERED:
-            goal.cancel = CancelStage.WANTED
-        elif goal.stage is not ServedStage.RUNS:
+        elif goal.stage not in (ServedStage.OFFERED, ServedStage.RUNS):
             self._answer_again(goal, now)
-        elif goal.cancel in (CancelStage.NONE, CancelStage.WANTED):
-            self._ask_application(goal)
-        elif goal.cancel is CancelStage.REFUSED:
-            # Later than any repetition of the CANCEL that was refused, it is another one.
-            if now > goal.cancel_refused_at + self.settling_ns:
-                self._ask_application(goal)
-            else:
-                self._say_cancel(goal, now)
         elif goal.cancel is CancelStage.ACCEPTED:
             self._say_cancel(goal, now)
+        elif goal.cancel is CancelStage.NONE or is_later(attempt, goal.cancel_attempt):
+            self._attempt_cancel(goal, attempt)
+        elif attempt != goal.cancel_attempt:
+            return "old_cancel"
+        elif goal.cancel is CancelStage.REFUSED:
+            self._say_cancel(goal, now)
         return None
+
+    def _attempt_cancel(self, goal: ServedGoal, attempt: int) -> None:
+        """Take another attempt to cancel; while the application is asked, it answers that too."""
+        goal.cancel_attempt = attempt
+        if goal.stage is ServedStage.OFFERED:
+            goal.cancel = CancelStage.WANTED
+        elif goal.cancel is not CancelStage.ASKED:
+            self._ask_application(goal)
 
     def _ask_application(self, goal: ServedGoal) -> None:
         goal.cancel = CancelStage.ASKED
@@ -323,7 +332,8 @@ class GoalServer:
         operation, payload = Operation.CANCEL, b""
         if goal.cancel is CancelStage.REFUSED:
             operation = Operation.REFUSED
-            payload = encode_refusal(GoalFailure.CANCEL_REFUSED, goal.cancel_text)
+            refusal = Refusal(GoalFailure.CANCEL_REFUSED, goal.cancel_text, goal.cancel_attempt)
+            payload = refusal.encode()
         if self._is_wanted(goal):
             lane = GoalLane.CANCEL_ANSWER
             self._post.say(goal.key, stream, client, operation, lane, now, payload)
@@ -354,7 +364,7 @@ class GoalServer:
                     self._push(goal, now)
 
     def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
-        goal.stage, goal.answer = ServedStage.REFUSED, encode_refusal(failure, text)
+        goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
         goal.forget_at = goal.deadline_at + self.settling_ns
         self._post.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
 

@@ -5,13 +5,18 @@ number  from the client             from the server                      payload
 ======  ==========================  ===================================  =======================
 0       GOAL                        –                                    of the goal's type
 1       CLAIM: what became of it?   ACCEPTED: it runs                    none
-2       –                           REFUSED: goal or cancel              failure 1, text; no end
+2       –                           REFUSED: goal or cancel              failure 1, …; no end
 3       CONFIRM: has the result     CONFIRM: has the goal                none
 4       CANCEL                      CANCEL: it will end                  none
+5       CANCEL_AGAIN                –                                    attempt 1
 5       –                           FEEDBACK                             of the feedback's type
 6       –                           RESULT                               status 1, result
 7       FORMER                      FORMER                               epoch 2, operation 1, …
 ======  ==========================  ===================================  =======================
+
+Behind the failure of REFUSED stands a text, and between them, where CANCEL_AGAIN is refused, the
+attempt that is. A client counts its attempts to cancel a goal modulo 256: CANCEL is attempt 0, and
+says so in no byte. It makes none before the last one is answered.
 
 The status of a RESULT has its highest bit set where no result follows; `80` alone is UNKNOWN.
 FORMER wraps a record about a goal of another epoch of its client than the present one: the number
@@ -35,6 +40,9 @@ FORMER_BYTES: Final = 3
 UNKNOWN_RESULT: Final = b"\x80"
 """Payload of the RESULT of a goal that ran when its server died."""
 _NO_RESULT: Final = 0x80
+_ATTEMPTS: Final = 256
+_AGAIN_REFUSED: Final = 10
+"""Failure, besides those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
 
 
 class Operation(enum.IntEnum):
@@ -49,15 +57,17 @@ class Operation(enum.IntEnum):
     CONFIRM = 3
     """From the server: it has the goal. From the client: it has the result."""
     CANCEL = 4
-    """From the client: it is to end. From the server: it will."""
+    """From the client: it is to end, attempt 0. From the server: it will, whatever the attempt."""
     FEEDBACK = 5
-    """How far it is."""
+    """From the server: how far it is."""
     RESULT = 6
     """How it has ended."""
     FORMER = 7
     """About a goal of another epoch."""
     CLAIM = 1
     """From the client: what became of it?"""
+    CANCEL_AGAIN = 5
+    """From the client: it is to end, a later attempt."""
 
 
 class Message(msgspec.Struct, frozen=True):
@@ -96,8 +106,15 @@ def decode_message(content: bytes) -> Message | None:
     return Message(operation, number, epoch, content[FORMER_BYTES + 1 :])
 
 
-def measure_message(stream: Stream, buffer: bytes, offset: int) -> int | None:
-    """Find the end of a record; None: it shows none, or it is none."""
+def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: bool) -> int | None:
+    """Find the end of a record; None: it shows none, or it is none.
+
+    Args:
+        stream: The action's stream.
+        buffer: Where it stands.
+        offset: Where it begins, behind the stream id.
+        from_client: A client of the action has sent it.
+    """
     if offset >= len(buffer):
         return None
     operation = Operation(buffer[offset] >> 5)
@@ -111,6 +128,8 @@ def measure_message(stream: Stream, buffer: bytes, offset: int) -> int | None:
     match operation:
         case Operation.ACCEPTED | Operation.CONFIRM | Operation.CANCEL:
             return offset
+        case Operation.CANCEL_AGAIN if from_client:
+            return offset + 1
         case Operation.GOAL:
             codec = stream.codec
         case Operation.FEEDBACK:
@@ -124,16 +143,59 @@ def measure_message(stream: Stream, buffer: bytes, offset: int) -> int | None:
     return codec.measure(buffer, offset) if codec.delimits_itself else None
 
 
-def encode_refusal(failure: GoalFailure, text: str) -> bytes:
-    """Return the payload of REFUSED: failure and text, cut at a character."""
-    cut = text.encode()[:LONGEST_ERROR_TEXT_BYTES].decode(errors="ignore")
-    return bytes((failure,)) + cut.encode()
+def encode_cancel(attempt: int) -> tuple[Operation, bytes]:
+    """Return what says that a goal is to end, and its payload.
+
+    Args:
+        attempt: How often its client has said so before; counted modulo 256.
+    """
+    attempt %= _ATTEMPTS
+    if not attempt:
+        return Operation.CANCEL, b""
+    return Operation.CANCEL_AGAIN, bytes((attempt,))
 
 
-def decode_refusal(payload: bytes) -> tuple[GoalFailure, str] | None:
-    """Return failure and text of REFUSED, or None when it is none."""
+def decode_cancel(message: Message) -> int | None:
+    """Return the attempt of a CANCEL or CANCEL_AGAIN, 0…255; None: it is none."""
+    if message.operation is Operation.CANCEL:
+        return 0
+    return message.payload[0] if len(message.payload) == 1 else None
+
+
+def is_later(attempt: int, other: int) -> bool:
+    """Tell whether an attempt to cancel is later than another one."""
+    return 0 < (attempt - other) % _ATTEMPTS < _ATTEMPTS // 2
+
+
+class Refusal(msgspec.Struct, frozen=True):
+    """The payload of REFUSED."""
+
+    failure: GoalFailure
+    """Why."""
+    text: str
+    """Why, one line."""
+    attempt: int = 0
+    """Where a cancel is refused, which; counted modulo 256."""
+
+    def is_of(self, attempt: int) -> bool:
+        """Tell whether this attempt to cancel is the one that is refused."""
+        return self.attempt == attempt % _ATTEMPTS
+
+    def encode(self, longest_bytes: int = 2 + LONGEST_ERROR_TEXT_BYTES) -> bytes:
+        """Return the payload, the text cut at a character."""
+        head = bytes((self.failure,))
+        if self.attempt % _ATTEMPTS:
+            head = bytes((_AGAIN_REFUSED, self.attempt % _ATTEMPTS))
+        room_bytes = max(0, min(longest_bytes - len(head), LONGEST_ERROR_TEXT_BYTES))
+        return head + self.text.encode()[:room_bytes].decode(errors="ignore").encode()
+
+
+def decode_refusal(payload: bytes) -> Refusal | None:
+    """Return what REFUSED says, or None when it is none."""
     try:
-        return GoalFailure(payload[0]), payload[1:].decode()
+        if payload[0] == _AGAIN_REFUSED:
+            return Refusal(GoalFailure.CANCEL_REFUSED, payload[2:].decode(), payload[1])
+        return Refusal(GoalFailure(payload[0]), payload[1:].decode())
     except (IndexError, ValueError):
         return None
 

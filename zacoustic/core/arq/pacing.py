@@ -1,4 +1,9 @@
-"""When a sample goes again: how long its receivers are given to answer, and who is waited for."""
+"""When a sample goes again: how long its receivers are given to answer, and who is waited for.
+
+Repetitions to a node that does not answer become rare. Of a topic with a deadline they do not
+become rarer than that: one ends within each deadline, unless even a few answers take longer. So
+a sample of it does not wait for as long as others have decided to leave the node in peace.
+"""
 
 import random
 from typing import Final
@@ -90,13 +95,22 @@ class Pacing:
         """Return when a sample may be repeated: an answer to what was sent later is waited for."""
         if self._copies_wait(lane, sample) or sample.asked:
             return sample.due_at
+        lacking, at_most_ns = lane.lacking(sample), self._at_most_ns(lane)
         # Of several receivers the first: one that is out of range does not hold back the others.
-        quiet = (self.timing(address).quiet_until for address in lane.lacking(sample))
-        return self._in_time(sample, max(sample.due_at, min(quiet, default=0)))
+        if at_most_ns is None or self.times is None:
+            quiet = (self.timing(address).quiet_until for address in lacking)
+        else:
+            times = self.times
+            quiet = (
+                min(each.quiet_until, each.quiet_since + each.least_pause_ns(times, rank=0))
+                for each in map(self.timing, lacking)
+            )
+        at = max(self._in_time(lane, sample, at_most_ns), min(quiet, default=0))
+        return self._before_end(sample, at)
 
-    def due_at(self, sample: Outgoing) -> int:
+    def due_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when a sample is due, whatever is waited for."""
-        return self._in_time(sample, sample.due_at)
+        return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane)))
 
     def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample is repeated: its receivers have not answered."""
@@ -105,7 +119,7 @@ class Pacing:
         if not self._copies_wait(lane, sample):
             for address in lane.lacking(sample):
                 self.timing(address).unanswered(now, self.times)
-        self._await_answer(lane, sample, now + self.pause_ns(lane, sample))
+        self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
@@ -125,24 +139,45 @@ class Pacing:
         if report.outcome is TransmitOutcome.NOT_DELIVERED:
             pause_ns //= 2
         due_at = report.finished_at + pause_ns
-        self._await_answer(lane, sample, due_at)
+        self._await_answer(lane, sample, report.finished_at, due_at)
         return due_at
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
         """Draw how long the receivers that lack a sample are given, ns."""
         assert self.times is not None
-        times, lacking, rank, spread_ns = self.times, lane.lacking(sample), 0, 0
-        if sample.tries > 1 or sample.waiting.sync:
-            spread_ns = times.ack_spread_ns(len(lane.receptions))
-        elif len(lacking) > 1:
-            rank = len(lane.receptions) - 1
+        times, lacking = self.times, lane.lacking(sample)
+        rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
+        at_most_ns = self._at_most_ns(lane)
         pauses_ns = (
-            self.timing(each).pause_ns(times, rank, self._rng, spread_ns=spread_ns)
+            self.timing(each).pause_ns(
+                times, rank, self._rng, spread_ns=spread_ns, at_most_ns=at_most_ns
+            )
             for each in lacking
         )
         return min(pauses_ns, default=times.first_round_trip_ns)
 
-    def _in_time(self, sample: Outgoing, at: int) -> int:
+    def _at_most_ns(self, lane: SendLane) -> int | None:
+        """Return after what pause a repetition ends within the deadline, ns; None: there is none.
+
+        What may have been drawn, and a frame, come on top of the pause.
+        """
+        times, deadline_ns = self.times, self._table.by_id(lane.key[0]).qos.deadline_ns
+        if deadline_ns is None or times is None:
+            return None
+        return max(1, deadline_ns - times.doubt_ns - times.airtime_ns(times.mtu_bytes))
+
+    def _in_time(self, lane: SendLane, sample: Outgoing, at_most_ns: int | None) -> int:
+        """Return when a sample is due, with this longest pause, ns, if there is one."""
+        if at_most_ns is None or self.times is None:
+            return sample.due_at
+        lacking = lane.lacking(sample)
+        rank, spread_ns = _order_of_answers(lane, sample, lacking, self.times)
+        pauses_ns = (self.timing(each).least_pause_ns(self.times, rank) for each in lacking)
+        least_ns = min(pauses_ns, default=self.times.first_round_trip_ns) + spread_ns
+        longest_ns = max(least_ns, at_most_ns) + self.times.doubt_ns
+        return min(sample.due_at, sample.sent_at + longest_ns)
+
+    def _before_end(self, sample: Outgoing, at: int) -> int:
         """Return an instant, or the last one that leaves time for an answer before the sample ends.
 
         However rare repetitions have become, a sample has this one; not before the last one can
@@ -154,9 +189,10 @@ class Pacing:
         last_at = max(sample.sent_at, sample.expires_at - 2 * round_trip_ns) + round_trip_ns
         return min(at, last_at) if last_at < sample.expires_at else at
 
-    def _await_answer(self, lane: SendLane, sample: Outgoing, until: int) -> None:
+    def _await_answer(self, lane: SendLane, sample: Outgoing, since: int, until: int) -> None:
         for address in lane.lacking(sample):
             timing = self.timing(address)
+            timing.quiet_since = max(timing.quiet_since, since)
             timing.quiet_until = max(timing.quiet_until, until)
 
     def _copies_wait(self, lane: SendLane, sample: Outgoing) -> bool:
@@ -164,6 +200,15 @@ class Pacing:
         urgent = self._table.by_id(lane.key[0]).qos.priority is Priority.REAL_TIME
         # A stream of them would fill the channel with copies, and no answer could be heard.
         return urgent and sample.tries < _URGENT_COPIES and len(lane.samples) <= _URGENT_AT_ONCE
+
+
+def _order_of_answers(
+    lane: SendLane, sample: Outgoing, lacking: list[int], times: LinkTimes
+) -> tuple[int, int]:
+    """Return how many answer before the last one, and within what time each at random, ns."""
+    if sample.tries > 1 or sample.waiting.sync:
+        return 0, times.ack_spread_ns(len(lane.receptions))
+    return (len(lane.receptions) - 1 if len(lacking) > 1 else 0), 0
 
 
 def _period_ns(lane: SendLane) -> int:

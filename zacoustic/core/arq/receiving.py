@@ -96,7 +96,7 @@ class ReliableReceiving:
         queue: Takes ACKs.
         journal: Keeps the positions.
         rng: Draws when a repetition is acknowledged.
-        emit: Takes the samples in their order.
+        emit: Takes the samples in their order, and the instant.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class ReliableReceiving:
         queue: TransmitQueue,
         journal: JournalPort,
         rng: random.Random,
-        emit: Callable[[SampleReceived], None],
+        emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -273,7 +273,7 @@ class ReliableReceiving:
         lane.expected = lane.kept = number + 1
         self._write_position(key, lane, lane.expected)
         if sample is not None:
-            self._emit(sample)
+            self._emit(sample, now)
         self._hand_on_held(key, lane, stream, now)
 
     def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
@@ -356,7 +356,7 @@ class ReliableReceiving:
 
         def kept(at: int) -> None:
             for sample in ready:
-                self._emit(sample)
+                self._emit(sample, at)
             lane.kept = max(lane.kept, expected)
             if self._lanes.get(key) is lane:
                 self._owe_ack(key, lane, at, turn)
@@ -422,7 +422,8 @@ class ReliableReceiving:
         Receivers answer in the order of their addresses. Where an answer was lost, since they are
         not equally far away, or one had more to say, the same might be lost in the same way again:
         a repetition is answered at a random instant. All may wait for the same pause of the
-        publisher: so the range of that is doubled each time when nothing new follows.
+        publisher: so the range of that is doubled each time when nothing new follows, up to the
+        deadline of the topic.
         """
         times = self._times
         assert times is not None
@@ -438,7 +439,8 @@ class ReliableReceiving:
         if not is_first:
             spread_ns = times.ack_spread_ns(len(others))
             if len(others) > 1:
-                spread_ns <<= unheard
+                most_ns = stream.qos.deadline_ns or spread_ns << unheard
+                spread_ns = max(spread_ns, min(spread_ns << unheard, most_ns))
             return _Turn(linger_ns, self._rng.randrange(spread_ns + 1))
         is_alone = arrival.is_alone or self._address not in others
         rank = 0 if is_alone else others.index(self._address)

@@ -79,7 +79,9 @@ class SendRhythm:
 
     def __init__(self, qos: Qos) -> None:
         self._depth = qos.depth
-        self._lifespan_ns = None if qos.lifespan_s is None else seconds_to_ns(qos.lifespan_s)
+        lifespan_ns = None if qos.lifespan_s is None else seconds_to_ns(qos.lifespan_s)
+        bounds_ns = [each for each in (lifespan_ns, qos.deadline_ns) if each is not None]
+        self._patience_ns = min(bounds_ns, default=None)
         self._beat = Beat()
         self._next_number = 0
         self._window = (1, 0)
@@ -135,8 +137,8 @@ class SendRhythm:
         if not _LEAST_ROUND_TRIPS <= period_ns / times.first_round_trip_ns <= _MOST_ROUND_TRIPS:
             return
         kept = self._depth
-        if self._lifespan_ns is not None:
-            kept = min(kept, self._lifespan_ns // period_ns)
+        if self._patience_ns is not None:
+            kept = min(kept, self._patience_ns // period_ns)
         self._unanswered = min(_MOST_UNANSWERED, kept // _RESERVE)
         if self._unanswered:
             # Half of what the receiver allows for.

@@ -402,7 +402,7 @@ class ReliableSending:
             if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
                 continue
             for sample in sent:
-                if self._pacing.due_at(sample) <= now + slack_ns and room_bytes > 0:
+                if self._pacing.due_at(lane, sample) <= now + slack_ns and room_bytes > 0:
                     room_bytes -= sample.waiting.size_bytes
                     if self._pacing.is_doubtful(lane, sample):
                         room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)

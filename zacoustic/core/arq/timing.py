@@ -24,6 +24,14 @@ _FACTORS: Final = (
 node."""
 
 
+_LEAST_FACTOR: Final = 4.0
+"""So many round trips a node that does not answer is left in peace, in whatever haste: answers may
+take longer than they did, and whoever transmits all the time hears none."""
+_EARLIEST: Final = 0.75
+"""Share of a deadline that is certain; the rest is drawn, so that two ends do not repeat in step
+for ever."""
+
+
 class LinkTimes:
     """What a link's airtimes mean for acknowledgements; all in ns.
 
@@ -80,6 +88,8 @@ class PeerTiming:
         """The shortest round trip that was measured lately, ns."""
         self.quiet_until = 0
         """An answer is awaited until then, and nothing is repeated to it, ns."""
+        self.quiet_since = 0
+        """Since when it is, ns."""
         self._counts_at = 0
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
@@ -127,7 +137,13 @@ class PeerTiming:
         return _FACTORS[self._unanswered] > 1
 
     def pause_ns(
-        self, times: LinkTimes, rank: int, rng: random.Random, *, spread_ns: int = 0
+        self,
+        times: LinkTimes,
+        rank: int,
+        rng: random.Random,
+        *,
+        spread_ns: int = 0,
+        at_most_ns: int | None = None,
     ) -> int:
         """Return how long to wait for an answer before the next repetition, ns.
 
@@ -136,10 +152,27 @@ class PeerTiming:
             rank: How many receivers acknowledge before this one; what was measured has it in it.
             rng: Draws up to a short frame more, so that two ends do not repeat in step.
             spread_ns: Within which time they acknowledge, each at random.
+            at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
+                than `least_pause_ns`; None: it may be.
         """
-        if self._smooth_ns is None:
-            round_trip_ns = times.first_round_trip_ns + rank * times.ack_slot_ns
-        else:
-            round_trip_ns = self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
+        round_trip_ns = self._round_trip_ns(times, rank)
         pause_ns = round(round_trip_ns * _FACTORS[self._unanswered]) + spread_ns
+        if at_most_ns is not None and pause_ns > at_most_ns:
+            drawn_ns = rng.randint(round(_EARLIEST * at_most_ns), at_most_ns)
+            pause_ns = max(drawn_ns, self.least_pause_ns(times, rank) + spread_ns)
         return pause_ns + rng.randrange(times.doubt_ns + 1)
+
+    def least_pause_ns(self, times: LinkTimes, rank: int) -> int:
+        """Return how long an answer is awaited, in whatever haste, ns.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one; what was measured has it in it.
+        """
+        factor = min(_FACTORS[self._unanswered], _LEAST_FACTOR)
+        return round(self._round_trip_ns(times, rank) * factor)
+
+    def _round_trip_ns(self, times: LinkTimes, rank: int) -> int:
+        if self._smooth_ns is None:
+            return times.first_round_trip_ns + rank * times.ack_slot_ns
+        return self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)

@@ -38,6 +38,7 @@ class Demand:
         handshake: Knows in which life, and by which table, others speak.
         journal: Keeps what others want.
         changed: Told when the audience of a topic has changed.
+        unsubscribed: Told when this node wants a topic no longer: stream, sources, instant.
         emit: Takes events.
     """
 
@@ -51,6 +52,7 @@ class Demand:
         handshake: Handshake,
         journal: JournalPort,
         changed: Changed,
+        unsubscribed: Callable[[int, Set[int], int], None],
         emit: Callable[[SubscribersChanged | DeliveryEnded], None],
     ) -> None:
         self._address = address
@@ -58,6 +60,7 @@ class Demand:
         self._queue = queue
         self._handshake = handshake
         self._pass_on = changed
+        self._unsubscribed = unsubscribed
         self._emit = emit
         self._wishes = Wishes(repeater, lambda: handshake.settling_ns)
         self._audiences = Audiences(
@@ -97,7 +100,10 @@ class Demand:
         if stream.is_on_demand:
             publishers = self.publishers(stream)
             wanted = publishers if sources is None else publishers & frozenset(sources)
+            before = self._wishes.wanted(stream_id)
             self._wishes.want(stream_id, wanted, now)
+            if before - wanted:
+                self._unsubscribed(stream_id, before - wanted, now)
 
     # Getters
 

@@ -123,7 +123,12 @@ class Writer:
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
         start, end = curve.span(value)
-        self.narrow(start, end - start)
+        unit = self._width >> TOTAL_BITS  # as `narrow` does, which would cost a call
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low = (self._low + unit * start) << lift
+        self._width = width << lift
+        self._shift += lift
         return value
 
     def finish(self, ways: int, check: int) -> bytes:

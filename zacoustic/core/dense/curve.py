@@ -70,22 +70,24 @@ def _tails() -> list[int]:
 _TAILS: Final = _tails()
 _FAR: Final = _TAILS[_REACH] * (_REACH << _FINE_BITS)
 
-_GUESS_BITS: Final = 9  # the inverse table has 512 entries for the mass of one side
+_GUESS_BITS: Final = 9  # the inverse table has an entry for each 512th of the mass of one side
 _GUESS_SHIFT: Final = SHARE_BITS - 1 - _GUESS_BITS
 
 
 def _guesses() -> list[int]:
-    """Where, in cells, about that much mass is beyond: the middle of each entry."""
-    guesses, cell = [0] * (1 << _GUESS_BITS), _REACH
-    for entry in range(1 << _GUESS_BITS):
-        mass = (2 * entry + 1) << _GUESS_SHIFT - 1
+    """How far out, in 1/512 cells, the tail has each multiple of that mass."""
+    guesses, cell = [_REACH << _FINE_BITS], _REACH - 1
+    for entry in range(1, (1 << _GUESS_BITS) + 1):
+        mass = entry << _GUESS_SHIFT
         while cell > 0 and _TAILS[cell] < mass:
             cell -= 1
-        guesses[entry] = cell
-    return guesses
+        fall = _TAILS[cell] - _TAILS[cell + 1]
+        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // fall)
+    return [*guesses, 0]
 
 
 _GUESSES: Final = _guesses()
+_GUESS_MASK: Final = (1 << _GUESS_SHIFT) - 1
 
 
 class Curve:
@@ -163,21 +165,22 @@ class Curve:
         Returns:
             The value, the sum below it, and the sum up to it.
         """
-        below, held = self.below, self._held
-        if self._hold:
-            start = below(held)
-            if share >= start:
-                end = below(held + 1)
-                if share < end:
-                    return held, start, end
-                share_of_curve = share - self._hold
-            else:
-                share_of_curve = share
-        else:
-            share_of_curve = share
+        held, last = self._held, self.size - 1
+        value = self._guess(share)
+        if value > held and self._hold:
+            value = self._guess(share - self._hold)
+            if value < held:
+                value = held
+        value = 0 if value < 0 else last if value > last else value
+        start, end = self.span(value)
+        if start <= share < end:
+            return value, start, end
+        return self._search(share, value)
+
+    def _search(self, share: int, value: int) -> tuple[int, int, int]:
+        """As `find`, from a wrong value on."""
+        below = self.below
         low, high = 0, self.size
-        value = self._guess(share_of_curve)
-        value = 0 if value < 0 else high - 1 if value >= high else value
         low_sum, high_sum = 0, _TOTAL
         stride = 1
         while True:  # `low` never lies above the value, `high` always does
@@ -195,11 +198,14 @@ class Curve:
                 value = (low + high) >> 1
 
     def _guess(self, share: int) -> int:
-        """About the value of a share of the curve alone."""
+        """About the value of a share of the curve alone; it may lie outside."""
         share = (share << SHARE_BITS) // self._mass
         upper = share >= _TOTAL >> 1
         tail = _TOTAL - share if upper else share
+        if tail <= 0:
+            return self.size if upper else 0
         entry = tail >> _GUESS_SHIFT
-        cell = _GUESSES[entry] if 0 <= entry < 1 << _GUESS_BITS else 0
-        distance = cell * self._scale >> _CELL_BITS + SCALE_BITS - POINT_BITS
+        far = _GUESSES[entry]
+        far -= (far - _GUESSES[entry + 1]) * (tail & _GUESS_MASK) >> _GUESS_SHIFT
+        distance = far * self._scale >> _Z_SHIFT
         return (self._center + (distance if upper else -distance)) >> POINT_BITS

@@ -46,7 +46,7 @@ _UNUSUAL: Final = 1 << 13  # 1/8: a frame that holds something else costs 3 bits
 _FEW: Final = 8
 _OFTEN: Final = 7 << 13
 _WORTH: Final = 4  # a companion must leave at most this part of the scale
-_WIDER: Final = 5, 4  # other missions differ from each other more than this one from itself
+_WIDER: Final = 3, 2  # other missions differ from each other more than this one from itself
 
 
 def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:

@@ -8,14 +8,14 @@ itself. All prediction, and all learning, runs along these references only.
 
 A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
 
-1. kind: with a reference; for itself; or a single sample for itself; and a flag without meaning,
-   for a sender who wants the frame to have another name (see `references`);
+1. kind: with a reference; for itself; or a single sample for itself;
 2. the name of the reference, 5 bits, or 7 more where another frame has the same one;
 3. which streams there are; of each stream, by id, the samples: each with the steps from the one
    that it is coded against and, behind it, whether another one follows. A single sample has neither
    steps nor a successor, and its stream is any with the same chance: the frame that costs least
    more than the sample itself, whatever the habits are;
-4. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
+4. a flag without meaning, for a sender who wants the frame to have another name (see `references`);
+5. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
    to bytes leaves over.
 
 The order of samples of one stream is kept; that of different streams is not.
@@ -28,7 +28,7 @@ Nothing here remembers: which snapshots there are, and who has acknowledged whic
 `references`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -123,7 +123,7 @@ class DenseCodec:
         reference: Snapshot | None = None,
         *,
         long_name: bool = False,
-        is_other: bool = False,
+        is_mistaken: Callable[["Encoded"], bool] | None = None,
     ) -> Encoded | None:
         """Write a frame.
 
@@ -132,7 +132,8 @@ class DenseCodec:
             room: Greatest size of the frame, bytes.
             reference: A frame that every receiver holds.
             long_name: The reference's short name would be ambiguous.
-            is_other: Write the frame in its other form, which gives it another name.
+            is_mistaken: Tells of a frame whether its name is another one's too: then it is written
+                in its other form, which has another name.
 
         Returns:
             None where not even the first sample fits, or there is none.
@@ -140,6 +141,7 @@ class DenseCodec:
         Raises:
             PayloadInvalidError: A value is not of its stream's type.
         """
+        aim = _Aim(reference, long_name, is_mistaken)
         parts: list[Parts] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
@@ -147,7 +149,7 @@ class DenseCodec:
         while low < high:
             more = samples[len(parts) : count]
             parts.extend([self.streams[each.stream_id].split(each.value) for each in more])
-            encoded = self._best(samples, parts, count, reference, long_name, is_other)
+            encoded = self._best(samples, parts, count, aim)
             size = len(encoded.frame) if encoded is not None else 2 * room
             if encoded is not None and size <= room:
                 fits, low = encoded, count
@@ -169,7 +171,6 @@ class DenseCodec:
         if not frame:
             raise PayloadError("an empty frame")
         reader = Reader(frame)
-        reader.flag(_OTHER)
         kind = reader.choice(_KINDS)
         reference = _named(reader, held) if kind == _REFERRING else self._root
         page = _Page(reference)
@@ -195,6 +196,7 @@ class DenseCodec:
                     is_more = habit.code_more(reader, nth, False)
         if not samples:
             raise PayloadError("a frame of no samples")
+        reader.flag(_OTHER)
         reader.check(1, reference.check)
         return Decoded(tuple(samples), page.snapshot(frame))
 
@@ -203,9 +205,7 @@ class DenseCodec:
         samples: Sequence[DenseSample],
         parts: Sequence[Parts],
         count: int,
-        reference: Snapshot | None,
-        long_name: bool,
-        is_other: bool,
+        aim: "_Aim",
     ) -> Encoded | None:
         """Write a frame of the first `count` samples; None: a stream has too many of them."""
         lanes: dict[int, list[int]] = {}
@@ -214,14 +214,15 @@ class DenseCodec:
         if any(len(lane) > MOST_SAMPLES for lane in lanes.values()):
             return None
         best: Encoded | None = None
-        if reference is not None:
-            best = self._several(samples, parts, lanes, reference, long_name, is_other)
+        if aim.reference is not None:
+            best = self._several(samples, parts, lanes, aim)
             plain = sum(self.streams[each.stream_id].plain_bits for each in samples[:count])
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
-        others = [self._several(samples, parts, lanes, None, False, is_other)]
+        alone = _Aim(None, False, aim.is_mistaken)
+        others = [self._several(samples, parts, lanes, alone)]
         if count == 1:
-            others.append(self._single(samples[0], parts[0], is_other))
+            others.append(self._single(samples[0], parts[0], alone))
         for other in others:
             if best is None or len(other.frame) < len(best.frame):
                 best = other
@@ -232,14 +233,11 @@ class DenseCodec:
         samples: Sequence[DenseSample],
         parts: Sequence[Parts],
         lanes: Mapping[int, Sequence[int]],
-        reference: Snapshot | None,
-        long_name: bool,
-        is_other: bool,
+        aim: "_Aim",
     ) -> Encoded:
         """Write a frame of any samples; `lanes` are their places, by stream id."""
-        writer = Writer()
-        writer.flag(_OTHER, is_other)
-        known = self._root
+        writer, known = Writer(), self._root
+        reference, long_name = aim.reference, aim.long_name
         if reference is None:
             writer.choice(_KINDS, _ALONE)
         else:
@@ -264,14 +262,11 @@ class DenseCodec:
                 state = codec.write(writer, parts[place], state, steps, page.beside)
                 page.add(stream_id, state, tick)
                 habit.code_more(writer, nth, nth < len(lane))
-        frame = writer.finish(1, known.check)
-        taken = sum(map(len, lanes.values()))
-        return Encoded(frame, taken, page.snapshot(frame), reference, long_name)
+        return aim.finish(writer, page, known.check, sum(map(len, lanes.values())))
 
-    def _single(self, sample: DenseSample, parts: Parts, is_other: bool) -> Encoded:
+    def _single(self, sample: DenseSample, parts: Parts, aim: "_Aim") -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
         writer, page = Writer(), _Page(self._root)
-        writer.flag(_OTHER, is_other)
         writer.choice(_KINDS, _SINGLE)
         writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
         codec = self.streams[sample.stream_id]
@@ -279,8 +274,41 @@ class DenseCodec:
             sample.stream_id, codec.write(writer, parts, None, 1, page.beside), sample.tick or 0
         )
         page.habits.learn([sample.stream_id])
-        frame = writer.finish(1, self._root.check)
-        return Encoded(frame, 1, page.snapshot(frame), None)
+        return aim.finish(writer, page, self._root.check, 1)
+
+
+class _Aim:
+    """What a frame is to refer to, and which names it must not have.
+
+    Args:
+        reference: A frame that every receiver holds.
+        long_name: It is named by its long name.
+        is_mistaken: Tells whether a frame has a name that it must not have.
+    """
+
+    def __init__(
+        self,
+        reference: Snapshot | None,
+        long_name: bool,
+        is_mistaken: Callable[[Encoded], bool] | None,
+    ) -> None:
+        self.reference = reference
+        self.long_name = long_name
+        self.is_mistaken = is_mistaken
+
+    def finish(self, writer: Writer, page: "_Page", check: int, taken: int) -> Encoded:
+        """End a frame in the one or the other form."""
+        mark = writer.mark()
+        writer.flag(_OTHER, False)
+        encoded = self._encoded(writer.finish(1, check), page, taken)
+        if self.is_mistaken is None or not self.is_mistaken(encoded):
+            return encoded
+        writer.rewind(mark)
+        writer.flag(_OTHER, True)
+        return self._encoded(writer.finish(1, check), page, taken)
+
+    def _encoded(self, frame: bytes, page: "_Page", taken: int) -> Encoded:
+        return Encoded(frame, taken, page.snapshot(frame), self.reference, self.long_name)
 
 
 class _Page:

@@ -8,6 +8,7 @@ for all the streams that are not there.
 """
 
 from collections.abc import Mapping
+from operator import add
 from typing import Final
 
 from zacoustic.core.dense.arithmetic import Coder
@@ -20,10 +21,12 @@ _COUNTED: Final = 12  # after so many samples, all are alike
 _SHIFT: Final = 2
 _LEAST: Final = 1 << 9
 _MOST: Final = (1 << 16) - _LEAST
+_FALLING: Final = (_LEAST << _SHIFT) // ((1 << _SHIFT) - 1)  # what falls to no less than that
 _EVEN: Final = 1 << 15
 _OFTEN: Final = 7 << 13
 # How often the first sample is so many steps behind its reference, 1…16: shares.
 _STEPS: Final = (240, 320, 200, 160, 130, 100, 80, 60, 50, 40, 30, 25, 20, 15, 12, 40)
+_STEPS_LEFT: Final = tuple(share >> 4 for share in _STEPS)
 # What is learnt of it is learnt from acknowledged frames, which are the ones furthest behind their
 # own references: those between them are as many steps behind, or fewer.
 _STEPS_GAIN: Final = 1 << 11
@@ -72,10 +75,10 @@ class Habit:
             return 1 if is_next else 2 + coder.choice(_STEPS[1:], max(steps - 2, 0))
         found = coder.choice(self.steps, max(steps - 1, 0))
         fewer = _STEPS_GAIN // (found + 2)
-        self.steps = [
-            share - (share >> _STEPS_SHIFT) + (base >> 4) + (fewer if place < found else 0)
-            for place, (share, base) in enumerate(zip(self.steps, _STEPS, strict=True))
-        ]
+        kept = [share - (share >> _STEPS_SHIFT) for share in self.steps]
+        self.steps = list(map(add, kept, _STEPS_LEFT))
+        for place in range(found):
+            self.steps[place] += fewer
         self.steps[found] += 2 * fewer
         return found + 1
 
@@ -111,10 +114,11 @@ class Habits:
             place = ids.index(streams[0]) if streams else 0
             found = [ids[coder.choice(self.present, place)]]
         else:
+            flag = coder.flag
             found = [
                 stream_id
                 for stream_id, present in zip(ids, self.present, strict=True)
-                if coder.flag(present, stream_id in streams)
+                if flag(present, stream_id in streams)
             ]
         self.learn(found)
         return found
@@ -122,10 +126,14 @@ class Habits:
     def learn(self, streams: list[int]) -> None:
         """Learn which streams a frame had."""
         self.single = _followed(self.single, len(streams) == 1)
-        self.present = [
-            _followed(present, stream_id in streams)
-            for stream_id, present in zip(self._streams, self.present, strict=True)
+        # As `_followed`, which would cost a call for every stream.
+        present = [
+            share + (-share >> _SHIFT) if share > _FALLING else _LEAST for share in self.present
         ]
+        for place, stream_id in enumerate(self._streams):
+            if stream_id in streams:
+                present[place] = _followed(self.present[place], True)
+        self.present = present
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:

@@ -64,6 +64,7 @@ class Speaker:
         self._codec = codec
         self._count = 0
         self._sent: list[_Sent] = []  # by when they were sent last
+        self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
         self._late: deque[Encoded] = deque(maxlen=LATEST)
 
@@ -83,27 +84,34 @@ class Speaker:
             forms = [*self._references(wanted), (None, False)]
         first: Encoded | None = None
         for reference, long_name in forms:
-            for is_other in (False, True):
-                encoded = self._codec.encode(
-                    samples, room, reference, long_name=long_name, is_other=is_other
-                )
-                if encoded is None or not wanted or not self._is_mistaken(encoded):
-                    return encoded
-                first = first or encoded
+            encoded = self._codec.encode(
+                samples,
+                room,
+                reference,
+                long_name=long_name,
+                is_mistaken=self._is_mistaken if wanted else None,
+            )
+            if encoded is None or not wanted or not self._is_mistaken(encoded):
+                return encoded
+            first = first or encoded
         return first
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
         self._count += 1
         self._late.append(encoded)
-        for place, each in enumerate(self._sent):
-            if each.snapshot.digest == encoded.snapshot.digest:
-                each.last = self._count
-                self._sent.append(self._sent.pop(place))
-                return
-        self._sent.append(_Sent(encoded, self._count))
+        again = self._by_digest.get(encoded.snapshot.digest)
+        if again is not None:
+            again.last = self._count
+            self._sent.remove(again)
+            self._sent.append(again)
+            return
+        sent = self._by_digest[encoded.snapshot.digest] = _Sent(encoded, self._count)
+        self._sent.append(sent)
         if len(self._sent) > KEPT:
-            self._forgotten = self._sent.pop(0).last
+            oldest = self._sent.pop(0)
+            del self._by_digest[oldest.snapshot.digest]
+            self._forgotten = oldest.last
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.

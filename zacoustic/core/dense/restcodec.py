@@ -1,8 +1,8 @@
 """The rest of a sample: what is no integer, as symbols.
 
 Most of it is the same as in the sample before (a name, a list that seldom changes), which costs a
-fraction of a bit to say. A new text is coded by `text`, given the lines that both ends know; so are
-bytes, given what payloads in JSON and CBOR look like. That is a guess: octets that are neither cost
+fraction of a bit to say. New texts and bytes are coded by `text`, given the lines that both ends
+know and what payloads in JSON and CBOR look like. That is a guess: octets that are neither cost
 more that way than plainly, and so does a text in another language; `StreamCodec` then says the
 whole sample plainly. What is long is plain at once, since modelling costs time for every letter.
 """
@@ -11,10 +11,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from zacoustic.core.dense.arithmetic import Coder, Reader, Writer
-from zacoustic.core.dense.examples import payload_examples
 from zacoustic.core.dense.layout import Content, Remainder, Row
-from zacoustic.core.dense.lines import LINES
-from zacoustic.core.dense.text import LONGEST_BYTES, RECENT_LINES, TextModel
+from zacoustic.core.dense.text import RECENT_LINES, TextModel, shipped_model
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.payload.bits import BitSink, BitSource
 
@@ -32,12 +30,11 @@ class RestCodec:
 
     def __init__(self, remainders: Sequence[Remainder], lines: Sequence[str] = ()) -> None:
         self._remainders = remainders
-        contents = {remainder.content for remainder in remainders}
         self._models: dict[Content, TextModel] = {}
-        if Content.TEXT in contents:
-            self._models[Content.TEXT] = TextModel(line.encode() for line in lines or LINES)
-        if Content.BYTES in contents:
-            self._models[Content.BYTES] = TextModel(payload_examples())
+        if any(remainder.content is not Content.OTHER for remainder in remainders):
+            shipped = shipped_model()
+            fitted = TextModel(line.encode() for line in lines) if lines else shipped
+            self._models = {Content.TEXT: fitted, Content.BYTES: shipped}
 
     def code(
         self, coder: Coder, row: Row, rest: list[Any], known: list[Any], *, plainly: bool
@@ -89,10 +86,10 @@ class RestCodec:
         octets = b"" if value is None else _octets(value)
         if before and coder.flag(_SAME, octets == before[-1]):
             octets = before[-1]
-        elif coder.flag(_LONG, len(octets) > LONGEST_BYTES):
-            return _code_plainly(coder, remainder, value)
         else:
             model = self._models[remainder.content]
+            if coder.flag(_LONG, not model.takes(octets)):
+                return _code_plainly(coder, remainder, value)
             octets = model.code(coder, octets, before, remainder.longest)
         if remainder.content is Content.BYTES:
             return octets

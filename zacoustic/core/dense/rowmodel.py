@@ -61,6 +61,10 @@ _ONE: Final = 64 << POINT_BITS
 _TRUSTED_MISS: Final = 800
 _LEAST_TRUST: Final = 1 << 6
 
+_WHOLE: Final = 1 << 16
+# By how many 1/256 of the other's miss that of the better prediction is: the share of the worse.
+_SHARES: Final = [(part**4 << 16) // ((1 << 32) + part**4) for part in range(257)]
+
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
 START_STEADY: Final = (1 << 16) - (1 << 12)
@@ -133,7 +137,7 @@ class RowModel:
         before = self._adaptation(reference.adaptations, place)
         velocity, learnt = self._code_numbers(coder, row, reference, before, steps)
         return StreamState(
-            row=[old if new is None else new for new, old in zip(row, reference.row, strict=True)],
+            row=row if None not in row else _completed(row, reference.row),
             velocity=velocity,
             rest=reference.rest,
             adaptations={**reference.adaptations, place: learnt},
@@ -237,14 +241,9 @@ class RowModel:
 
             hold_miss, linear_miss = hold_misses[n], linear_misses[n]
             if linear_miss < hold_miss:
-                part = (linear_miss << 8) // hold_miss
-                part *= part
-                expected = (linear << 32) // ((1 << 32) + part * part)
+                expected = linear * (_WHOLE - _SHARES[(linear_miss << 8) // hold_miss]) >> 16
             else:
-                part = (hold_miss << 8) // linear_miss
-                part *= part
-                part *= part
-                expected = linear * part // ((1 << 32) + part)
+                expected = linear * _SHARES[(hold_miss << 8) // linear_miss] >> 16
 
             hold, base = holds[n], scales[n]
             far = ((linear if linear > 0 else -linear) << 16) // base
@@ -293,10 +292,10 @@ class RowModel:
                 # Did it stay by chance, as the curve has it? Otherwise the curve has nothing to
                 # learn: it is about how far the number goes when it does not stay.
                 chance = _PEAK // scale if scale > _NARROW else _SURE
-                cause = (hold << 16) // (hold + ((1 << 16) - hold) * chance // (1 << 16))
+                cause = (hold << 16) // (hold + ((_WHOLE - hold) * chance >> 16))
                 hold += cause - hold >> _HOLD_SHIFT
                 holds[n] = hold if hold < MOST_HOLD else MOST_HOLD
-                base += ((miss << WIDTH_BITS) // width - base) * ((1 << 16) - cause) >> (
+                base += ((miss << WIDTH_BITS) // width - base) * (_WHOLE - cause) >> (
                     16 + _SCALE_SHIFT
                 )
             scales[n] = base if base > _LEAST_SCALE else _LEAST_SCALE
@@ -339,6 +338,11 @@ class RowModel:
             known.append(0 if old is None else old - zero << POINT_BITS)
         known.extend([trends[n] for n in self._ways])
         return known
+
+
+def _completed(row: Row, old_row: Row) -> Row:
+    """A row with the last that was known of what is not there."""
+    return [old if new is None else new for new, old in zip(row, old_row, strict=True)]
 
 
 def _in_proportion(values: list[int], end: list[int], start: list[int]) -> list[int]:

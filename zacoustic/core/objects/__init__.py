@@ -20,7 +20,7 @@ exclusive                 92      72      62      43
 `objects`               the engine's view
 `sending`, `outgoing`   which object is next; one of them, its rounds and questions
 `receiving`, `replies`  what is kept, and when to speak of it
-`incoming`              one object that arrives, from fragments to the payload
+`incoming`, `endings`   one object that arrives, from fragments to the payload; those that are over
 `planning`, `timing`    how many repair fragments; the durations, the listen windows
 `code`, `galois`        the erasure code
 `manifest`, `wire`      what an object is; the two records

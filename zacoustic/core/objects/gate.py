@@ -24,6 +24,8 @@ class Admission(msgspec.Struct, frozen=True):
 
     reason: Reason | None = None
     """Why it is not wanted; None: it is."""
+    is_wanted: bool = True
+    """This node has subscribed; otherwise it keeps nothing of it, and says nothing about it."""
     is_open: bool = True
     """It may be delivered now; otherwise the tables are not yet known to agree."""
     place: int = 0
@@ -50,6 +52,9 @@ class Gate(Protocol):
             manifest: What it is.
             is_turn: The source says that nothing before it will come.
         """
+
+    def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
+        """An object is on its way that is not wanted, maybe for this node alone."""
 
     def expect(self, source: int, manifest: Manifest) -> None:
         """An object is on its way: maybe, told again with each of its fragments."""

@@ -258,6 +258,10 @@ class Objects:
         """Refuse the rest of an object of another node; False when it is not under way."""
         return self._incoming.cancel(source, transfer)
 
+    def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
+        """Keep nothing of a stream of these sources: this node has unsubscribed."""
+        self._incoming.drop_unwanted(stream_id, sources)
+
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
         self._incoming.look_again(source)
@@ -388,6 +392,11 @@ class Objects:
     def pending(self, stream_id: int) -> int:
         """Count the own objects of a stream that are not yet delivered."""
         return self._outgoing.pending(stream_id)
+
+    @property
+    def incoming_bytes(self) -> int:
+        """Bytes that what has come of unfinished objects of others takes."""
+        return self._incoming.memory_bytes
 
     @property
     def is_idle(self) -> bool:

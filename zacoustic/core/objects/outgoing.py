@@ -274,9 +274,7 @@ class OutgoingObject:
     def keep_only(self, receivers: Set[int]) -> bool:
         """Forget others that do not have it; returns whether there were such."""
         leaving = [
-            each
-            for each, view in self.views.items()
-            if each not in receivers and not view.is_finished
+            each for each, view in self.views.items() if each not in receivers and not view.complete
         ]
         for each in leaving:
             view = self.views.pop(each)

@@ -1,10 +1,13 @@
 """The objects that a node receives: what is done with their fragments, and what is said.
 
-What has ended is remembered for as long as its number may be used again.
+An object tells what it is in its first fragments. Until then what comes is kept, a bounded number
+of fragments, unless nothing that is large can be for this node. One that is not for it, or of an
+on-demand topic that it has not subscribed to, takes no memory from then on. So does what is on its
+way when it unsubscribes. What a former life has left is kept: it may not have subscribed yet.
 """
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Final
 
 import msgspec
@@ -12,6 +15,7 @@ import msgspec
 from zacoustic.core.arq.receiving import Claim
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.objects.endings import Endings, Refusal
 from zacoustic.core.objects.gate import Gate, ObjectReceived
 from zacoustic.core.objects.limits import ObjectLimits
 from zacoustic.core.objects.manifest import Manifest
@@ -26,25 +30,15 @@ from zacoustic.core.objects.wire import (
     NO_FRAGMENT,
     WITHDRAWN,
     Call,
-    Complete,
     Feedback,
     Fragment,
     Reason,
-    Refused,
 )
 
 _GROUP_DIVISOR: Final = 40
 _LARGEST_GROUP: Final = 64
 _FIRST_GROUP: Final = 4
-_MOST_FORMER: Final = 4 * MOST_TRANSFERS
-
-
-class _Refusal(msgspec.Struct, frozen=True):
-    """An object that is not wanted."""
-
-    reason: Reason
-    head: dict[int, bytes]
-    """Fragments with its manifest."""
+_MOST_TOLD: Final = 4 * MOST_TRANSFERS
 
 
 class IncomingObjects:
@@ -71,15 +65,18 @@ class IncomingObjects:
         self._emit = emit
         self._journal = journal
         self._transfers = Transfers(limits)
-        self._ended: dict[Place, StoredEnd] = {}
-        self._former: dict[Place, StoredEnd] = {}
-        self._refused: dict[Place, _Refusal] = {}
+        self._endings = Endings(gate, journal)
         self._told: dict[Place, Feedback] = {}
         self._losses: dict[int, float] = {}
         self._replies = Replies(rng, self._is_sayable)
 
     def __len__(self) -> int:
         return len(self._transfers)
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes that what has come takes."""
+        return self._transfers.memory_bytes
 
     # After a restart
 
@@ -96,7 +93,7 @@ class IncomingObjects:
 
     def restore_end(self, source: int, transfer: int, end: StoredEnd) -> None:
         """Take the end of an object that was delivered in a life before."""
-        self._ended[source, transfer] = end
+        self._endings.restore((source, transfer), end)
 
     # Inputs
 
@@ -110,7 +107,9 @@ class IncomingObjects:
                 self._withdrawn(place)
             else:
                 self._has_turn(place, fragment.data)
-        elif not self._is_delivered(place, fragment) and not self._is_refused(place, fragment):
+        elif not self._endings.is_of_ended(place, fragment):
+            if place not in self._transfers and self._gate.admit(source, 0).reason is not None:
+                return None  # whatever it is, it is not for this node
             reason = self._collect(place, fragment, received, now)
             if reason is not None:
                 return reason
@@ -124,6 +123,15 @@ class IncomingObjects:
             return False
         self._refuse((source, transfer), Reason.CANCELLED)
         return True
+
+    def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
+        """Keep nothing of a stream of these sources: this node has unsubscribed."""
+        for place, state in list(self._transfers):
+            manifest = state.incoming.manifest
+            is_of_it = manifest is not None and manifest.stream_id == stream_id
+            if is_of_it and place[0] in sources and not state.is_ending:
+                self._report(place, state, ObjectState.CANCELLED, "not subscribed any more")
+                self._ignore(place, stream_id)
 
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
@@ -153,6 +161,8 @@ class IncomingObjects:
                 continue
             self._replies.say(place)
             self._told[place] = feedback
+            while len(self._told) > _MOST_TOLD:
+                del self._told[next(iter(self._told))]
             state = self._transfers.get(place)
             manifest = state.incoming.manifest if state else None
             return feedback, manifest.stream_id if manifest else 0
@@ -173,30 +183,6 @@ class IncomingObjects:
         """Tell whether an answer does not wait for the journal."""
         state = self._transfers.get(place)
         return state is None or not state.is_ending
-
-    def _is_delivered(self, place: Place, fragment: Fragment) -> bool:
-        end = self._ended.get(place)
-        if end is None:
-            return False
-        head = end.head
-        if len(fragment.data) == len(head[0]) and (
-            fragment.index >= len(head) or head[fragment.index] == fragment.data
-        ):
-            return True
-        # The number stands for another object now, or a frame was altered.
-        self._former[place] = self._ended.pop(place)
-        return False
-
-    def _is_refused(self, place: Place, fragment: Fragment) -> bool:
-        refusal = self._refused.get(place)
-        if refusal is None:
-            return False
-        known = refusal.head.get(fragment.index)
-        if known == fragment.data if known is not None else fragment.index != 0:
-            return True
-        # The number stands for another object now.
-        del self._refused[place]
-        return False
 
     def _collect(
         self, place: Place, fragment: Fragment, received: ReceivedFrame, now: int
@@ -250,6 +236,9 @@ class IncomingObjects:
             if reason is not None:
                 self._refuse(place, reason)
                 return
+            if not admission.is_wanted:
+                self._ignore(place, manifest.stream_id)
+                return
         self._gate.expect(place[0], manifest)
         if incoming.lacking == 0:
             self._finish(place, state, is_turn=False)
@@ -300,10 +289,8 @@ class IncomingObjects:
         assert manifest is not None
         assert payload is not None
         self._transfers.remove(place)
-        self._ended[place] = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
-        former = self._former.pop(place, None)
-        self._trim()
-        if is_over or (former is not None and former.digest == manifest.digest):
+        end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
+        if self._endings.handed_on(place, end) or is_over:
             return  # it was handed on before, or is not to be any more
         received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
         self._report(place, state, ObjectState.DELIVERED, "")
@@ -312,24 +299,14 @@ class IncomingObjects:
         )
         self.look_again(place[0])
 
-    def _trim(self) -> None:
-        while len(self._ended) > _MOST_FORMER:
-            oldest = next(iter(self._ended))
-            del self._ended[oldest]
-            self._journal.write(done_key(*oldest), None)
-        for former in (self._former, self._refused, self._told):
-            while len(former) > _MOST_FORMER:
-                del former[next(iter(former))]
-
     def _withdrawn(self, place: Place) -> None:
         state = self._transfers.get(place)
         if state is not None and not state.is_ending:
             self._report(place, state, ObjectState.CANCELLED, "withdrawn by its source")
             self._drop(place)
-        if place not in self._ended and place not in self._transfers:
+        if place not in self._endings and place not in self._transfers:
             head = dict(state.incoming.head()) if state is not None else {}
-            self._refused[place] = _Refusal(Reason.CANCELLED, head)
-            self._trim()
+            self._endings.refuse(place, Refusal(Reason.CANCELLED, head))
 
     def _refuse(self, place: Place, reason: Reason) -> None:
         state = self._transfers.get(place)
@@ -338,12 +315,18 @@ class IncomingObjects:
         if reason is not Reason.NOT_SUBSCRIBED:
             outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
             self._report(place, state, outcome, reason.name.lower())
-        self._drop(place)
-        self._refused[place] = _Refusal(reason, dict(state.incoming.head()))
-        self._trim()
+        self._endings.refuse(place, Refusal(reason, self._drop(place)))
 
-    def _drop(self, place: Place) -> None:
-        self._forget_groups(place, self._transfers.remove(place))
+    def _ignore(self, place: Place, stream_id: int) -> None:
+        """Keep nothing of an object as long as this node does not subscribe to its stream."""
+        refusal = Refusal(Reason.NOT_SUBSCRIBED, self._drop(place), stream_id)
+        self._endings.refuse(place, refusal)
+
+    def _drop(self, place: Place) -> dict[int, bytes]:
+        """Forget an object on its way; returns its fragments with the manifest."""
+        state = self._transfers.remove(place)
+        self._forget_groups(place, state)
+        return dict(state.incoming.head())
 
     def _forget_groups(self, place: Place, state: Transfer) -> None:
         for group in range(state.groups):
@@ -363,15 +346,8 @@ class IncomingObjects:
         return self._transfers.open(place, fragment_bytes)
 
     def _feedback(self, place: Place) -> Feedback | None:
-        transfer = place[1]
         state = self._transfers.get(place)
-        if state is not None:
-            return state.incoming.feedback()
-        end = self._ended.get(place)
-        if end is not None:
-            return Complete(transfer, end.digest[:CHECK_BYTES])
-        refusal = self._refused.get(place)
-        return Refused(transfer, refusal.reason) if refusal is not None else None
+        return self._endings.feedback(place) if state is None else state.incoming.feedback()
 
     def _schedule(
         self, place: Place, fragment: Fragment, received: ReceivedFrame, timing: Timing
@@ -380,21 +356,29 @@ class IncomingObjects:
         heard_at = received.received_at
         source = place[0]
         state = self._transfers.get(place)
-        refusal = self._refused.get(place)
+        refusal = self._endings.refusal(place)
+        alone = received.destination != BROADCAST
+        is_unwanted = refusal is not None and bool(refusal.unwanted_of)
+        if refusal is not None and is_unwanted:
+            self._gate.unwanted(source, refusal.unwanted_of, is_alone=alone)
         if state is not None:
             self._losses[source] = state.incoming.loss
         if fragment.call in (Call.WINDOW, Call.NONE):
             # Several receivers would destroy each other's frames in one window.
-            alone = received.destination != BROADCAST
             tell = alone and (refusal is not None or state is None or state.is_ending)
+            tell = tell and not is_unwanted
             window = fragment.call is Call.WINDOW
             self._replies.goes_on(place, heard_at, timing, tell=tell, window=window)
-        elif received.destination != BROADCAST:
+        elif is_unwanted:
+            self._replies.drop(place)
+        elif alone:
             loss = self._losses.get(source, 0.0)
             self._replies.called(place, fragment.call, heard_at, timing, loss=loss)
         elif refusal is None or refusal.reason is not Reason.NOT_SUBSCRIBED:
             manifest = state.incoming.manifest if state else None
             admission = self._gate.admit(source, manifest.stream_id if manifest else 0)
+            if manifest is None and not admission.is_wanted:
+                return  # hardly one that is for this node
             self._replies.called_among(
                 place,
                 fragment.call,

@@ -49,6 +49,11 @@ class Transfers:
     def __iter__(self) -> Iterator[tuple[Place, Transfer]]:
         return iter(self._transfers.items())
 
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes that they take, at most."""
+        return sum(each.incoming.memory_bytes for each in self._transfers.values())
+
     def get(self, place: Place) -> Transfer | None:
         """Return the transfer from a source with a number, or None."""
         return self._transfers.get(place)
@@ -81,8 +86,7 @@ class Transfers:
     def _is_full(self) -> bool:
         if len(self._transfers) > _MOST_AT_A_TIME:
             return True
-        taken_bytes = sum(each.incoming.memory_bytes for each in self._transfers.values())
-        return taken_bytes > self._limits.incoming_bytes
+        return self.memory_bytes > self._limits.incoming_bytes
 
     def _last_of_key(self, place: Place) -> Place:
         manifest = self._transfers[place].incoming.manifest

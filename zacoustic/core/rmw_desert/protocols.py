@@ -123,6 +123,7 @@ class RmwDesertProtocols(Protocols):
         self.queue.check_size(stream.name, item.size_bytes)
         count(self._stats.published, stream_id)
         self.queue.push((stream_id, SAMPLE_LANE), item, stream.qos)
+        self.deadlines.published(stream_id, instance, now, deleted=False)
         return NO_DELIVERY
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
@@ -303,5 +304,5 @@ class RmwDesertProtocols(Protocols):
             received_at=frame.received_at,
             metrics=frame.metrics,
         )
-        self._hand_on(sample)
+        self._hand_on(sample, frame.received_at)
         return None

@@ -19,6 +19,7 @@ Nouns, one module each:
 - `scalars`, `validation`: checks of the values that an application hands over, compiled once;
 - `spec`: `TypeSpec`; `table`: `TypeTable`, nested types by name;
 - `annotations`: `Bounds`; `structs`: types out of annotated Python classes, and values into them;
+  `generated`: classes out of types;
 - `agreement`: whether a configured type and a Python class are one.
 
 Invariants. A `FieldSpec` or `TypeSpec` that exists is consistent: a contradiction is a
@@ -36,6 +37,7 @@ from zacoustic.core.types.fields import (
     SCALAR_TYPES,
     FieldSpec,
 )
+from zacoustic.core.types.generated import struct_from_type
 from zacoustic.core.types.lattice import Lattice
 from zacoustic.core.types.outside import OutsideNumbers
 from zacoustic.core.types.quantiser import Quantiser
@@ -57,5 +59,6 @@ __all__ = [
     "TypeTable",
     "check_agreement",
     "struct_builder",
+    "struct_from_type",
     "type_from_struct",
 ]

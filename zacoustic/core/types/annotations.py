@@ -18,7 +18,7 @@ class Bounds(msgspec.Struct, frozen=True):
     high: Number | None = None
     """Greatest value, allowed itself, in `unit`."""
     step: Number | None = None
-    """Values travel to the nearest multiple of this, in `unit`."""
+    """Values travel to the nearest multiple of this, in `unit`; 1 / 60000 is meant exactly."""
     unit: str = ""
     """Unit, for people."""
     wraps: bool = False

@@ -4,7 +4,9 @@ The count is the integer nearest to value / step: nearest, not the floor, so the
 half a step and has no bias. Decimal steps are not binary fractions (``454 * 0.1`` is
 45.400000000000006), so both ways go through the step as the exact ratio of two integers that its
 decimal text means: 0.1 is 1/10 and 454 steps are 454/10, which is the float that prints as 45.4.
-The text is the shortest that reads back as the same float, hence the same on both ends.
+The text is the shortest that reads back as the same float, hence the same on both ends. A step
+that is no short decimal, as the 1/60000 of a degree in which NMEA 0183 has positions, is taken for
+the simplest ratio that rounds to the same float.
 
 Ends of the range. The count of an end may lie up to half a step outside the range; its value is
 then the end itself. Where the range wraps, the top is the bottom: the count of the top, when it is
@@ -21,6 +23,7 @@ MAX_COUNT: Final = 1 << 50
 """Greatest magnitude of a count in a float field."""
 
 _EXACT: Final = 1 << 53
+_SIMPLE: Final = 10_000_000  # greatest denominator of a step that is no short decimal
 
 
 class Quantiser:
@@ -39,6 +42,9 @@ class Quantiser:
         self._low, self._high = limits
         self._integers = isinstance(step, int)
         ratio = Fraction(repr(step))
+        if ratio.denominator > _EXACT:
+            simple = Fraction(step).limit_denominator(_SIMPLE)
+            ratio = simple if float(simple) == step else ratio
         exact = ratio.numerator <= _EXACT and ratio.denominator <= _EXACT
         self._ratio = (ratio.numerator, ratio.denominator) if exact else None
         self.low_count = self._nearest(self._low)

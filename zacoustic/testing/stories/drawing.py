@@ -203,7 +203,10 @@ def _lanes(rng: random.Random, count: int, room_bytes: int, *, reliable: bool) -
             Lane(_topic(rng, 10, "{node}/nav"), typed("Nav")),
             codec=rng.choice(("cbor", "packed", "dense", "dense")),
         ),
-        11: Lane(_topic(rng, 11, "raw"), opaque(rng.randint(3, largest))),
+        11: _with(
+            Lane(_topic(rng, 11, "raw"), opaque(rng.randint(3, largest - 1))),
+            codec=rng.choice(("cbor", "cbor", "packed", "dense")),
+        ),
         12: _with(Lane(_topic(rng, 12, "to1"), opaque(rng.randint(3, largest))), subscribers=(1,)),
         13: _with(Lane(_topic(rng, 13, "{node}/{part}"), opaque(4)), wildcards=parts),
         20: Lane(

@@ -1,0 +1,212 @@
+"""ROS messages as types: CDR to values and back, for every message that there is."""
+
+import struct
+from typing import Any, Final
+
+import pytest
+
+from tests.ros import captures
+from zacoustic.core.payload import CborCodec, PackedCodec
+from zacoustic.errors import ConfigError, PayloadInvalidError
+from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.mapping import TypeMapper
+from zacoustic.ros.messages import HeaderStamp, RosMessage
+from zacoustic.ros.overlays import Overlay, OverlayField
+
+JAZZY: Final = Interfaces("jazzy")
+PLAIN: Final = TypeMapper(JAZZY)
+BOUNDED_TWIST: Final = Overlay(
+    type="geometry_msgs/msg/Twist",
+    fields=(OverlayField(field="*.*", range=(-2, 2), step=0.01),),
+)
+
+
+def message(name: str, *overlays: Overlay, stamp: HeaderStamp = HeaderStamp.EXACT) -> RosMessage:
+    return RosMessage(JAZZY, TypeMapper(JAZZY, overlays), name, stamp)
+
+
+def filled(name: str, mapper: TypeMapper = PLAIN) -> dict[str, Any]:
+    """Make a value of a type in which hardly anything is zero."""
+    spec = mapper.map(name).spec
+
+    def value_of(spec: Any, depth: int) -> dict[str, Any]:
+        return {field.name: several(spec, field, depth) for field in spec.fields}
+
+    def several(spec: Any, field: Any, depth: int) -> Any:
+        if field.type == "bytes":
+            return bytes(range(min(field.max_length or 3, 100)))
+        if field.length is not None:
+            return [one(spec, field, depth) for _ in range(field.length)]
+        if field.is_bounded_array:
+            return [one(spec, field, depth) for _ in range(min(2, field.max_length))]
+        return one(spec, field, depth)
+
+    def one(spec: Any, field: Any, depth: int) -> Any:
+        if field.is_nested:
+            return value_of(spec.nested_type(field.type), depth + 1)
+        if field.type == "string":
+            return "Grün"
+        if field.type == "bool":
+            return True
+        return 1.5 if field.type.startswith("float") else 7
+
+    return value_of(spec, 0)
+
+
+def test_every_message_comes_back_as_it_was() -> None:
+    names = [name for name in JAZZY._members if "/msg/" in name]
+    assert len(names) > 150
+    for name in names:
+        ros = RosMessage(JAZZY, PLAIN, name)
+        value = filled(name)
+        cdr = ros.write(value)
+        assert ros.read(cdr) == (value, None), name
+        for codec in (CborCodec(ros.spec), PackedCodec(ros.spec)):
+            if ros.spec.fields:
+                assert ros.write(codec.decode(codec.encode(value))) == cdr, name
+
+
+def test_bytes_are_those_that_were_seen() -> None:
+    ros = message("std_msgs/msg/String")
+    assert ros.read(captures.STRING_PAYLOAD) == ({"data": "hello"}, None)
+    assert ros.write({"data": "hello"}) == captures.STRING_PAYLOAD
+    twist = message("geometry_msgs/msg/Twist")
+    value, _ = twist.read(captures.TWIST_PAYLOAD)
+    assert value["linear"] == {"x": 1.0, "y": 0.0, "z": 0.0}
+    assert twist.write(value) == captures.TWIST_PAYLOAD
+    request = message("example_interfaces/srv/AddTwoInts_Request")
+    assert request.read(captures.ADD_REQUEST)[0] == {"a": 2, "b": 3}
+    assert request.write({"a": 2, "b": 3}) == captures.ADD_REQUEST
+
+
+def test_a_message_without_members_is_one_byte_that_says_nothing() -> None:
+    ros = message("std_srvs/srv/Trigger_Request")
+    assert ros.write({}) == bytes.fromhex("0001000000")
+    assert ros.read(bytes.fromhex("0001000000")) == ({}, None)
+    assert PackedCodec(ros.spec).encode({}) == b""
+
+
+def test_big_endian_is_read_too() -> None:
+    cdr = bytes.fromhex("00000000") + struct.pack(">6d", 1, 2, 3, 4, 5, 6)
+    value, _ = message("geometry_msgs/msg/Twist").read(cdr)
+    assert value["angular"] == {"x": 4.0, "y": 5.0, "z": 6.0}
+
+
+@pytest.mark.parametrize(
+    "cdr",
+    [b"", b"\0", bytes(4), bytes.fromhex("00010000"), captures.TWIST_PAYLOAD[:-1], b"\xff" * 80,
+     captures.TWIST_PAYLOAD + bytes(8)],
+)  # fmt: skip
+def test_what_is_no_message_is_refused(cdr: bytes) -> None:
+    with pytest.raises(PayloadInvalidError, match="geometry_msgs/msg/Twist"):
+        message("geometry_msgs/msg/Twist").read(cdr)
+
+
+def test_any_cut_of_a_message_is_refused_or_read() -> None:
+    ros = message("diagnostic_msgs/msg/DiagnosticArray")
+    cdr = ros.write(filled("diagnostic_msgs/msg/DiagnosticArray"))
+    for length in range(len(cdr) - 4):
+        with pytest.raises(PayloadInvalidError):
+            ros.read(cdr[:length])
+
+
+def test_an_overlay_makes_a_twist_small() -> None:
+    ros = message("geometry_msgs/msg/Twist", BOUNDED_TWIST)
+    value, _ = ros.read(captures.TWIST_PAYLOAD)
+    packed = PackedCodec(ros.spec)
+    assert packed.largest_bytes == 7
+    assert ros.write(packed.decode(packed.encode(value))) == captures.TWIST_PAYLOAD
+
+
+def test_an_overlay_holds_wherever_its_type_is_used_and_that_of_an_outer_type_first() -> None:
+    header = Overlay(
+        type="std_msgs/msg/Header", fields=(OverlayField(field="frame_id", constant="map"),)
+    )
+    odometry = Overlay(
+        type="nav_msgs/msg/Odometry",
+        fields=(
+            OverlayField(field="header.frame_id", values=("map", "odom")),
+            OverlayField(field="child_frame_id", constant="base_link"),
+            OverlayField(field="*.covariance", omit=True),
+            OverlayField(field="pose.pose.position.*", range=(-1000, 1000), step=0.1),
+        ),
+    )
+    mapper = TypeMapper(JAZZY, [header, odometry])
+    pose = mapper.map("geometry_msgs/msg/PoseStamped").spec
+    assert [field.name for field in pose.nested_type("std_msgs/msg/Header").fields] == ["stamp"]
+    spec = mapper.map("nav_msgs/msg/Odometry").spec
+    assert [field.name for field in spec.fields] == ["header", "pose", "twist"]
+    assert spec.nested_type("nav_msgs/msg/Odometry.header").fields[1].type == "enum"
+    ros = RosMessage(JAZZY, mapper, "nav_msgs/msg/Odometry", HeaderStamp.DROP)
+    plain = message("nav_msgs/msg/Odometry")
+    value = filled("nav_msgs/msg/Odometry")
+    value["header"]["frame_id"], value["child_frame_id"] = "map", "base_link"
+    read, _ = ros.read(plain.write(value))
+    again, _ = plain.read(ros.write(ros.spec.validate(read)))
+    assert again["child_frame_id"] == "base_link"
+    assert again["header"]["frame_id"] == "map"
+    assert again["pose"]["covariance"] == [0.0] * 36
+    assert again["pose"]["pose"] == value["pose"]["pose"]
+
+
+def test_a_constant_that_differs_is_refused_and_not_rewritten() -> None:
+    header = Overlay(
+        type="std_msgs/msg/Header", fields=(OverlayField(field="frame_id", constant="map"),)
+    )
+    ros, plain = message("std_msgs/msg/Header", header), message("std_msgs/msg/Header")
+    value = filled("std_msgs/msg/Header") | {"frame_id": "odom"}
+    with pytest.raises(PayloadInvalidError, match=r"frame_id is 'odom'; allowed: 'map'"):
+        ros.read(plain.write(value))
+
+
+def test_a_text_with_few_values_is_an_enum() -> None:
+    header = Overlay(
+        type="std_msgs/msg/Header",
+        fields=(OverlayField(field="frame_id", values=("map", "odom")),),
+    )
+    ros = message("std_msgs/msg/Header", header, stamp=HeaderStamp.EXACT)
+    assert ros.spec.fields[1].type == "enum"
+    value = filled("std_msgs/msg/Header") | {"frame_id": "odom"}
+    assert ros.read(ros.write(value))[0] == value
+
+
+@pytest.mark.parametrize(
+    ("field", "expected"),
+    [
+        (OverlayField(field="linear.x", range=(2, -2)), "range: .* allowed: low < high"),
+        (OverlayField(field="linear", constant=1), "constant; allowed: for single values"),
+        (OverlayField(field="linear.x", constant="a"), "constant: .* is 'a'"),
+        (OverlayField(field="linear.x", max_length=3, values=("a",)), "values: not for type"),
+    ],
+)
+def test_a_rule_that_does_not_fit_is_refused(field: OverlayField, expected: str) -> None:
+    overlay = Overlay(type="geometry_msgs/msg/Twist", fields=(field,))
+    with pytest.raises(ConfigError, match=expected):
+        TypeMapper(JAZZY, [overlay]).map("geometry_msgs/msg/Twist")
+
+
+def test_a_stamp_is_exact_dropped_or_an_age() -> None:
+    name = "sensor_msgs/msg/NavSatFix"
+    plain, value = message(name), filled(name)
+    value["header"]["stamp"] = {"sec": 1_700_000_000, "nanosec": 5}
+    cdr = plain.write(value)
+    dropped = message(name, stamp=HeaderStamp.DROP)
+    read, stamp_ns = dropped.read(cdr)
+    assert stamp_ns is None
+    assert read["header"] == {"frame_id": "Grün"}
+    assert plain.read(dropped.write(read))[0]["header"]["stamp"] == {"sec": 0, "nanosec": 0}
+    aged = message(name, stamp=HeaderStamp.AGE)
+    read, stamp_ns = aged.read(cdr)
+    assert stamp_ns == 1_700_000_000_000_000_005
+    again, _ = plain.read(aged.write(read, stamp_ns - 1_000_000_000))
+    assert again["header"]["stamp"] == {"sec": 1_699_999_999, "nanosec": 5}
+    assert again["header"]["frame_id"] == "Grün"
+    with pytest.raises(ConfigError, match="has no header"):
+        message("geometry_msgs/msg/Twist", stamp=HeaderStamp.DROP)
+
+
+def test_a_fixed_array_of_bytes_has_its_length() -> None:
+    ros = message("unique_identifier_msgs/msg/UUID")
+    assert ros.read(ros.write({"uuid": bytes(range(16))}))[0] == {"uuid": bytes(range(16))}
+    with pytest.raises(PayloadInvalidError, match="uuid has 3 bytes; allowed: 16"):
+        ros.write({"uuid": b"abc"})

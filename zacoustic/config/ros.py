@@ -1,0 +1,329 @@
+"""ROS 2 in the section: interfaces as types, and streams that are topics, services, actions of ROS.
+
+A stream may have a ROS type without being one of ROS: then it is on Zenoh as any other, CBOR with
+the member names of the definition. With ``ros: {}`` it is one of rmw_zenoh. What crosses the water
+is the same, so the two ends may differ in that.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import msgspec
+
+from zacoustic.config.complaints import Place, shown
+from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
+from zacoustic.core.qos import Stamp
+from zacoustic.core.types import TypeSpec
+from zacoustic.errors import ConfigError
+from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.names import check_namespace, is_interface, stream_name
+from zacoustic.ros.qos import RosDurability, RosQos, RosReliability
+from zacoustic.ros.streams import (
+    RosStream,
+    RosTopic,
+    messages_of,
+    ros_action,
+    ros_service,
+)
+
+if TYPE_CHECKING:  # they need rosbags, which a file without ROS does not
+    from zacoustic.ros.mapping import TypeMapper
+    from zacoustic.ros.messages import RosMessage
+
+DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
+"""Environment variable with the domain."""
+_LAST_DOMAIN: Final = 232
+_TRANSIENT_LOCAL: Final = "transient_local"
+
+_KINDS: Final = {"topic": "msg", "service": "srv", "action": "action"}
+_TYPE_KEYS: Final = {
+    "topic": ("type",),
+    "service": ("type", "request", "response"),
+    "action": ("type", "goal", "feedback", "result"),
+}
+_PARTS: Final = {
+    "topic": {"type": ""},
+    "service": {"request": "_Request", "response": "_Response"},
+    "action": {"goal": "_Goal", "feedback": "_Feedback", "result": "_Result"},
+}
+
+
+class RosConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """What the file says of ROS."""
+
+    domain: int
+    """``ROS_DOMAIN_ID``."""
+    distro: str
+    """The distribution."""
+    streams: dict[int, RosStream]
+    """The streams that are of ROS, by id."""
+
+
+class RosReader:
+    """Reads what is said of ROS, and what it says of the streams.
+
+    Args:
+        place: The section.
+        written: What is written.
+        folder: What the folder of packages is relative to.
+
+    Raises:
+        ConfigError: What the section says of ROS is wrong, or the extra is missing.
+    """
+
+    def __init__(self, place: Place, written: Section, folder: Path) -> None:
+        self.streams: dict[int, RosStream] = {}
+        """The streams that are of ROS, by id, as far as they were read."""
+        self._place = place
+        self._entry = written.ros or RosEntry()
+        self._folder = folder
+        self._overlays = written.overlays
+        self._interfaces: Interfaces | None = None
+        self._mapper: TypeMapper | None = None
+        self._messages: dict[tuple[str, str], RosMessage] = {}
+        here = place.at("ros")
+        self.domain = _domain(here.at("domain"), self._entry.domain)
+        try:
+            check_namespace(self._entry.namespace)
+        except ConfigError as error:
+            here.at("namespace").complain(str(error.args[0]))
+        if written.ros is not None or written.overlays:
+            self._load()
+            self._check_overlays()
+
+    def config(self) -> RosConfig:
+        """Return what was read, when all streams are."""
+        return RosConfig(domain=self.domain, distro=self._entry.distro, streams=self.streams)
+
+    def types(self, streams: Place) -> list[TypeSpec]:
+        """Return the types that the streams and types of the section name by ROS interfaces."""
+        found: dict[str, TypeSpec] = {}
+        for index, entry in enumerate(streams.entries):
+            here = streams.at(index)
+            kind = next((kind for kind in _KINDS if isinstance(entry, dict) and kind in entry), "")
+            for key in _TYPE_KEYS.get(kind, ()):
+                name = here.at(key).written
+                if isinstance(name, str) and is_interface(name):
+                    for spec in self._types_of(here, key, name):
+                        found[spec.name] = spec
+        for place in self._field_types():
+            spec = self._message(place, place.written, "exact").spec
+            found[spec.name] = spec
+        return list(found.values())
+
+    def resolve(self, place: Place, kind: str) -> dict[str, Any]:
+        """Return the table of a stream with the types and the name that ROS ones stand for.
+
+        Args:
+            place: The table.
+            kind: topic, service or action.
+
+        Raises:
+            ConfigError: What it says of ROS is wrong.
+        """
+        written: dict[str, Any] = dict(place.written)
+        name = written.get("type")
+        is_ros = written.pop("ros", None) is not None
+        durability = written.get("durability")
+        if durability == _TRANSIENT_LOCAL and not is_ros:
+            place.at("durability").complain(
+                f'"{_TRANSIENT_LOCAL}" of a topic without ros',
+                allowed='"volatile"',
+                hint="a get on its key is answered from the last value in any case",
+            )
+        if isinstance(name, str) and is_interface(name):
+            written |= self._typed(place, kind, name)
+        elif is_ros:
+            place.at("type").complain(
+                shown(name) if name is not None else "is missing",
+                allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
+            )
+        elif kind != "topic" and name is not None:
+            place.at("type").complain(
+                allowed=f'a ROS type, such as "{_EXAMPLES[kind]}"',
+                hint=f"other types: {', '.join(_PARTS[kind])}",
+            )
+        if kind != "topic":
+            written.pop("type", None)
+        if is_ros:
+            written |= self._ros(place, kind, str(name))
+        return written
+
+    # Below the methods above
+
+    def _load(self) -> Interfaces:
+        if self._interfaces is not None:
+            return self._interfaces
+        here = self._place.at("ros")
+        packages = self._entry.packages
+        folder = self._folder / packages if packages is not None else None
+        if folder is not None and not folder.is_dir():
+            here.at("packages").complain(f"{shown(packages)} is no folder", allowed="a folder")
+        try:
+            self._interfaces = Interfaces(self._entry.distro, folder)
+            from zacoustic.ros.mapping import TypeMapper
+
+            self._mapper = TypeMapper(self._interfaces, self._overlays)
+        except ImportError as error:
+            here.complain(f"ROS 2 needs {error.name}", hint='pip install "zacoustic[ros]"')
+        except ConfigError as error:
+            key = "distro" if str(error.args[0]).startswith('"') else "packages"
+            is_package = "needs the package" in str(error.args[0])
+            (here if is_package else here.at(key)).complain(str(error.args[0]), hint=error.hint)
+        return self._interfaces
+
+    def _check_overlays(self) -> None:
+        """Check that each rule fits some member of its type."""
+        assert self._mapper is not None
+        for index, overlay in enumerate(self._overlays):
+            here = self._place.at("overlays").at(index)
+            try:
+                self._mapper.map(overlay.type)
+            except ConfigError as error:
+                known = self._interfaces is not None and overlay.type in self._interfaces
+                (here if known else here.at("type")).complain(str(error.args[0]), hint=error.hint)
+            for number, field in enumerate(overlay.fields):
+                if id(field) not in self._mapper.used:
+                    here.at("fields").at(number).at("field").complain(
+                        f'"{field.field}" names no member of {overlay.type}',
+                        allowed="members, parted by dots; * stands for any one",
+                    )
+
+    def _message(self, place: Place, name: str, stamp: str) -> "RosMessage":
+        interfaces = self._load()
+        from zacoustic.ros.messages import HeaderStamp, RosMessage
+
+        known = self._messages.get((name, stamp))
+        if known is not None:
+            return known
+        assert self._mapper is not None
+        try:
+            message = RosMessage(interfaces, self._mapper, name, HeaderStamp(stamp))
+        except ConfigError as error:
+            place.complain(str(error.args[0]), hint=error.hint)
+        self._messages[(name, stamp)] = message
+        return message
+
+    def _types_of(self, place: Place, key: str, name: str) -> list[TypeSpec]:
+        """Return the types that cross of an interface which a stream names."""
+        if key == "type" and name.split("/")[1] != "msg":
+            return [
+                self._message(place.at(key), each, "exact").spec
+                for each in messages_of(name)
+                if each in self._load()
+            ]
+        stamp = _stamp_of(place) if key == "type" else "exact"
+        return [self._message(place.at(key), name, stamp).spec]
+
+    def _field_types(self) -> list[Place]:
+        """Return where fields of types name interfaces."""
+        types = self._place.at("types")
+        fields = [
+            types.at(index).at("fields").at(number).at("type")
+            for index in range(len(types.entries))
+            for number in range(len(types.at(index).at("fields").entries))
+        ]
+        return [
+            each for each in fields if isinstance(each.written, str) and is_interface(each.written)
+        ]
+
+    def _typed(self, place: Place, kind: str, name: str) -> dict[str, Any]:
+        """Return the types of the parts of a stream."""
+        if name.split("/")[1] != _KINDS[kind]:
+            place.at("type").complain(
+                f'"{name}" for {_ARTICLES[kind]}', allowed=f"PACKAGE/{_KINDS[kind]}/Name"
+            )
+        for key in _PARTS[kind]:
+            if key != "type" and place.at(key).written is not None:
+                place.at(key).complain("beside type", allowed="one of them")
+        stamp = _stamp_of(place) if kind == "topic" else "exact"
+        return {
+            key: self._message(place.at("type"), name + suffix, stamp).spec.name
+            for key, suffix in _PARTS[kind].items()
+        }
+
+    def _ros(self, place: Place, kind: str, name: str) -> dict[str, Any]:
+        """Note a stream of ROS; returns what is to be read otherwise."""
+        if place.at("encoding").written is not None:
+            place.at("encoding").complain(
+                f"{shown(place.at('encoding').written)} with ros", allowed="none: ROS has CDR"
+            )
+        interfaces, identity = self._load(), place.at("id").written
+        try:
+            called = stream_name(str(place.at(kind).written), self._entry.namespace)
+        except ConfigError as error:
+            place.at(kind).complain(str(error.args[0]), hint=error.hint)
+        messages = {
+            each: self._message(place.at("type"), each, "exact")
+            for each in messages_of(name)
+            if kind != "topic"
+        }
+        stamp = _stamp_of(place)
+        changed: dict[str, Any] = {kind: called}
+        if kind == "topic":
+            if place.at("wildcards").entries:
+                place.at("wildcards").complain("with ros", allowed="{node} alone")
+            topic = RosTopic(
+                interface=name,
+                hash=interfaces.hash_of(name),
+                message=self._message(place.at("type"), name, stamp),
+                qos=_qos(place.written),
+            )
+            self.streams[identity] = topic
+            if topic.is_latched:
+                changed["durability"] = "volatile"  # late joiners are no matter of the water
+            if stamp == Stamp.AGE.value:
+                changed["stamp"] = stamp
+            return changed
+        if place.at("ros").at("stamp").written is not None:
+            place.at("ros").at("stamp").complain(f"of {_ARTICLES[kind]}", allowed="of topics")
+        make = ros_service if kind == "service" else ros_action
+        self.streams[identity] = make(interfaces, name, messages)
+        return changed
+
+
+_EXAMPLES: Final = {
+    "topic": "geometry_msgs/msg/Twist",
+    "service": "std_srvs/srv/SetBool",
+    "action": "example_interfaces/action/Fibonacci",
+}
+_ARTICLES: Final = {"topic": "a topic", "service": "a service", "action": "an action"}
+
+
+def _stamp_of(place: Place) -> str:
+    """Return what becomes of `header.stamp`."""
+    here = place.at("ros")
+    if here.written is None:
+        return "exact"
+    entry = here.convert(StreamRosEntry)
+    words = ("exact", "drop", "age")
+    if entry.stamp is not None and entry.stamp not in words:
+        here.at("stamp").complain(allowed=", ".join(words))
+    return entry.stamp or "exact"
+
+
+def _qos(written: Mapping[str, Any]) -> RosQos:
+    """Return the QoS of the endpoints that stand for a topic."""
+    is_reliable = written.get("reliability") == "reliable"
+    is_latched = written.get("durability") == _TRANSIENT_LOCAL
+    depth = written.get("depth", 1)
+    return RosQos(
+        reliability=RosReliability.RELIABLE if is_reliable else RosReliability.BEST_EFFORT,
+        durability=RosDurability.TRANSIENT_LOCAL if is_latched else RosDurability.VOLATILE,
+        depth=depth if isinstance(depth, int) else 1,
+    )
+
+
+def _domain(place: Place, written: int | None) -> int:
+    if written is not None:
+        if not 0 <= written <= _LAST_DOMAIN:
+            place.complain(allowed=ALLOWED["domain"])
+        return written
+    text = os.environ.get(DOMAIN_VARIABLE, "") or "0"
+    if not text.isdecimal() or int(text) > _LAST_DOMAIN:
+        place.complain(
+            f"{shown(text)} in ${DOMAIN_VARIABLE}", allowed=ALLOWED["domain"], hint="or say it here"
+        )
+    return int(text)

@@ -1,0 +1,153 @@
+"""`Interfaces`: all interface definitions of one ROS distribution, and those of own packages."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from zacoustic.errors import ConfigError
+from zacoustic.ros.hashes import rihs01
+from zacoustic.ros.members import Member, Members
+from zacoustic.ros.names import NO_HASH
+from zacoustic.ros.shipped import shipped
+from zacoustic.ros.tokens import EXTRA_HINT
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+DEFAULT_DISTRO: Final = "jazzy"
+"""The distribution where nothing is said."""
+
+_WITHOUT_HASH: Final = "humble"
+_PREFIX: Final = "ros2_"
+# rmw_zenoh begins with Humble.
+_TOO_OLD: Final = ("dashing", "eloquent", "foxy", "galactic")
+
+
+class Interfaces:
+    """The interfaces that one distribution knows.
+
+    Args:
+        distro: Its name, such as ``jazzy``; ``rolling`` is the newest there is.
+        folder: Where own packages are, or None.
+
+    Raises:
+        ConfigError: `rosbags` is not installed, the distribution is not known, or a definition
+            cannot be read.
+    """
+
+    def __init__(self, distro: str = DEFAULT_DISTRO, folder: Path | None = None) -> None:
+        self.distro = distro
+        self._members = dict(_known(distro))
+        self._hashes: dict[str, str] = {}
+        self._store: Typestore | None = None
+        if folder is not None:
+            from zacoustic.ros.parsing import read_folder
+
+            self._members |= read_folder(folder)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._members
+
+    def members(self, name: str) -> Members:
+        """Return the members of an interface.
+
+        Raises:
+            ConfigError: It is not known, or uses one that is not.
+        """
+        found = self._members.get(name)
+        if found is None:
+            close = get_close_matches(name, self._members, 1)
+            raise ConfigError(
+                f'"{name}" is no interface of {self.distro}',
+                hint=f'did you mean "{close[0]}"?'
+                if close
+                else "name the folder with its package: ros: { packages: FOLDER }",
+            )
+        return found
+
+    def hash_of(self, name: str) -> str:
+        """Return the hash of a message, a service or an action, as it stands in keys.
+
+        Raises:
+            ConfigError: It is not known.
+        """
+        if self.distro == _WITHOUT_HASH:
+            self.members(name)
+            return NO_HASH
+        if name not in self._hashes:
+            self._hashes[name] = rihs01(name, self.members)
+        return self._hashes[name]
+
+    def store(self, name: str) -> "Typestore":
+        """Return what `rosbags` needs to read and write an interface in CDR.
+
+        Raises:
+            ConfigError: It is not known.
+        """
+        from rosbags.typesys import Stores, get_typestore
+
+        if self._store is None:
+            self._store = get_typestore(Stores.EMPTY)
+        missing = [each for each in self._used(name, []) if each not in self._store.fielddefs]
+        if missing:
+            entries: Any = {each: ([], list(map(_entry, self._members[each]))) for each in missing}
+            self._store.register(entries)
+        return self._store
+
+    def _used(self, name: str, found: list[str]) -> Iterable[str]:
+        if name not in found:
+            found.append(name)
+            for member in self.members(name):
+                if member.is_nested:
+                    self._used(member.type, found)
+        return found
+
+
+def distros() -> tuple[str, ...]:
+    """Return the names of the distributions that are known, oldest first.
+
+    Raises:
+        ConfigError: `rosbags` is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores
+    except ImportError as error:
+        raise ConfigError("ROS 2 needs the package rosbags", hint=EXTRA_HINT) from error
+    names = [store.value.removeprefix(_PREFIX) for store in Stores if _PREFIX in store.value]
+    return tuple(name for name in names if name not in _TOO_OLD)
+
+
+@cache
+def _known(distro: str) -> dict[str, Members]:
+    """Return what a distribution ships: messages of `rosbags`, and what it lacks."""
+    known = distros()
+    if distro not in (*known, "rolling"):
+        raise ConfigError(f'"{distro}"; allowed: {", ".join(known)}, rolling')
+    from rosbags.typesys import Stores, get_typestore
+
+    from zacoustic.ros.parsing import members_of, parse_definition
+
+    store = get_typestore(Stores(_PREFIX + (known[-1] if distro == "rolling" else distro)))
+    found: dict[str, Members] = {}
+    for name, text in shipped().items():
+        found |= parse_definition(name, text)
+    found |= {name: members_of(entries) for name, (_, entries) in store.fielddefs.items()}
+    return found
+
+
+def _entry(member: Member) -> tuple[str, Any]:
+    """Return a member in the form of `rosbags`."""
+    from rosbags.interfaces import Nodetype
+
+    described: Any = (
+        (Nodetype.NAME, member.type)
+        if member.is_nested
+        else (Nodetype.BASE, (member.type, member.most_characters))
+    )
+    if member.is_array:
+        described = (Nodetype.ARRAY, (described, member.count))
+    elif member.is_sequence:
+        described = (Nodetype.SEQUENCE, (described, member.count))
+    return member.name, described

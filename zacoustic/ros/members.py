@@ -1,0 +1,43 @@
+"""The members of a ROS interface: what a definition says, and no more."""
+
+from typing import Final
+
+import msgspec
+
+BASE_TYPES: Final = (
+    "bool", "byte", "char", "float32", "float64",
+    "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "string",
+)  # fmt: skip
+"""Types that are no interfaces."""
+
+NO_MEMBER: Final = "structure_needs_at_least_one_member"
+"""The only member of an interface without any: a byte that says nothing."""
+
+
+class Member(msgspec.Struct, frozen=True, kw_only=True):
+    """One member."""
+
+    name: str
+    """As the definition has it."""
+    type: str
+    """One of `BASE_TYPES`, or the name of an interface."""
+    most_characters: int = 0
+    """Bound of a string; 0: none."""
+    is_array: bool = False
+    """A fixed number of them."""
+    is_sequence: bool = False
+    """Any number of them, or up to `count`."""
+    count: int = 0
+    """How many, of an array; the bound of a sequence, 0: none."""
+
+    @property
+    def is_nested(self) -> bool:
+        """Whether the type is an interface."""
+        return self.type not in BASE_TYPES
+
+
+Members = tuple[Member, ...]
+"""Of one interface, in order."""
+
+PLACEHOLDER: Final[Members] = (Member(name=NO_MEMBER, type="uint8"),)
+"""What an interface without members has."""

@@ -1,0 +1,124 @@
+"""`RosMessage`: CDR to values of a type and back.
+
+`header.stamp` of a message that has a header is a matter of its own: eight bytes that say when the
+message was made, in a clock that the far side may not share. What becomes of it is a `HeaderStamp`:
+it crosses as it is; it does not cross; or whoever sends it turns it into an age, which crosses in
+one byte, and the far side makes a stamp of its own clock out of that again.
+"""
+
+import enum
+import struct
+from typing import Any, Final
+
+from rosbags.serde import SerdeError
+
+from zacoustic.core.types import TypeSpec
+from zacoustic.errors import ConfigError, PayloadInvalidError
+from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.mapping import TypeMapper
+from zacoustic.ros.names import UNSTAMPED
+from zacoustic.ros.overlays import OverlayField
+
+HEADER: Final = "std_msgs/msg/Header"
+TIME: Final = "builtin_interfaces/msg/Time"
+
+_NS_PER_S: Final = 1_000_000_000
+_LAST_S: Final = 2**31 - 1
+
+
+class HeaderStamp(enum.Enum):
+    """What becomes of `header.stamp`."""
+
+    EXACT = "exact"
+    """It crosses as it is: eight bytes, less where packed."""
+    DROP = "drop"
+    """It does not cross, and is zero on the far side."""
+    AGE = "age"
+    """It is rebuilt from the age of the sample, one byte."""
+
+
+class RosMessage:
+    """One message, for one stream.
+
+    Args:
+        interfaces: The definitions.
+        mapper: Maps them.
+        name: The interface.
+        stamp: What becomes of its `header.stamp`.
+
+    Raises:
+        ConfigError: It is not known, a rule of an overlay does not fit, or it has no header whose
+            stamp could be dropped.
+    """
+
+    def __init__(
+        self,
+        interfaces: Interfaces,
+        mapper: TypeMapper,
+        name: str,
+        stamp: HeaderStamp = HeaderStamp.EXACT,
+    ) -> None:
+        self.name = name
+        self.stamp = stamp
+        self._store = interfaces.store(name)
+        if stamp is HeaderStamp.EXACT:
+            mapped = mapper.map(name)
+        else:
+            if not has_header(interfaces, name):
+                raise ConfigError(f'stamp: "{stamp.value}"; allowed: exact, {name} has no header')
+            omitted = OverlayField(field="header.stamp", omit=True)
+            mapped = mapper.map(name, called=name + UNSTAMPED, extra=[omitted])
+        self.spec: TypeSpec = mapped.spec
+        """What crosses."""
+        self._read, self._write = mapped.read, mapped.write
+        self._time = self._store.types.get(TIME)
+
+    def read(self, cdr: bytes) -> tuple[dict[str, Any], int | None]:
+        """Read a message.
+
+        Returns:
+            The values, not validated yet, and `header.stamp`, ns since 1970: only where that is to
+            become an age, and is not zero.
+
+        Raises:
+            PayloadInvalidError: It is no such message, or not what an overlay says.
+        """
+        try:
+            message: Any = self._store.deserialize_cdr(cdr, self.name)
+        except (SerdeError, struct.error, ValueError, IndexError) as error:
+            reason = " ".join(str(error).split())
+            raise PayloadInvalidError(f"no {self.name} in CDR: {reason}") from error
+        stamp_ns = None
+        if self.stamp is HeaderStamp.AGE:
+            stamp = message.header.stamp
+            stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec or None
+        return self._read(message), stamp_ns
+
+    def write(self, value: Any, stamp_ns: int | None = None) -> bytes:  # noqa: ANN401 (a dict)
+        """Write a message.
+
+        Args:
+            value: The values, as `TypeSpec.validate` leaves them.
+            stamp_ns: What becomes of `header.stamp` where that was an age, ns since 1970.
+
+        Raises:
+            PayloadInvalidError: It cannot be written.
+        """
+        message = self._write(value)
+        if stamp_ns is not None and self.stamp is HeaderStamp.AGE and self._time is not None:
+            seconds, nanoseconds = divmod(max(stamp_ns, 0), _NS_PER_S)
+            stamp: Any = self._time(min(seconds, _LAST_S), nanoseconds)
+            # The header may be the one that stands in for all that do not cross.
+            message.header = type(message.header)(stamp, message.header.frame_id)
+        try:
+            return bytes(self._store.serialize_cdr(message, self.name, little_endian=True))
+        except (SerdeError, struct.error, ValueError, TypeError) as error:
+            raise PayloadInvalidError(f"no {self.name}: {error}") from error
+
+
+def has_header(interfaces: Interfaces, name: str) -> bool:
+    """Tell whether a message has a header."""
+    return any(
+        member.name == "header" and member.type == HEADER and not member.is_sequence
+        for member in interfaces.members(name)
+    )

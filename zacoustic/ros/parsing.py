@@ -1,0 +1,155 @@
+"""Definitions out of the text of ``.msg``, ``.srv`` and ``.action`` files.
+
+`rosbags` reads messages. A service is two of them and an action three, parted by lines of ``---``;
+what ROS makes of those beside is synthesised here: the event of a service, and the two services and
+the feedback message of an action.
+"""
+
+import re
+from pathlib import Path
+from typing import Any, Final
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import TypesysError, get_types_from_msg
+
+from zacoustic.errors import ConfigError
+from zacoustic.ros.members import PLACEHOLDER, Member, Members
+from zacoustic.ros.names import is_interface
+
+SUFFIXES: Final = (".msg", ".srv", ".action")
+"""Of files with definitions; the kind of the interface is the suffix without its dot."""
+
+_PARTS: Final = {
+    "msg": ("",),
+    "srv": ("_Request", "_Response"),
+    "action": ("_Goal", "_Result", "_Feedback"),
+}
+_DASHES: Final = re.compile(r"^---\s*(?:#.*)?$", re.MULTILINE)
+_UUID: Final = "unique_identifier_msgs/msg/UUID"
+_TIME: Final = "builtin_interfaces/msg/Time"
+
+
+def parse_definition(name: str, text: str) -> dict[str, Members]:
+    """Read the definition of an interface.
+
+    Args:
+        name: ``PACKAGE/msg|srv|action/Name``.
+        text: The content of its file.
+
+    Returns:
+        The members of the interface and of all that belongs to it, by name.
+
+    Raises:
+        ConfigError: It is no definition.
+    """
+    package, kind, _ = name.split("/")
+    parts = _DASHES.split(text)
+    suffixes = _PARTS[kind]
+    if len(parts) != len(suffixes):
+        raise ConfigError(
+            f"{name}: {len(parts) - 1} lines of ---; allowed: {len(suffixes) - 1} in a .{kind} file"
+        )
+    found: dict[str, Members] = {}
+    for suffix, part in zip(suffixes, parts, strict=True):
+        found[name + suffix] = _parse_message(package, name + suffix, part)
+    if kind == "srv":
+        found |= with_event(name)
+    if kind == "action":
+        found |= _of_action(name)
+    return found
+
+
+def read_folder(folder: Path) -> dict[str, Members]:
+    """Read all definitions below a folder: files ``PACKAGE/msg/Name.msg`` and so on.
+
+    Raises:
+        ConfigError: There is none, or one cannot be read; names the file.
+    """
+    found: dict[str, Members] = {}
+    for path in sorted(each for each in folder.rglob("*") if each.suffix in SUFFIXES):
+        name = "/".join((path.parent.parent.name, path.suffix[1:], path.stem))
+        if path.parent.name != path.suffix[1:] or not is_interface(name):
+            raise ConfigError(f"{path} stands elsewhere; allowed: PACKAGE/msg/Name.msg and so on")
+        try:
+            found |= parse_definition(name, path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path} cannot be read: {error}") from error
+        except ConfigError as error:
+            raise ConfigError(f"{path}: {error.args[0]}", hint=error.hint) from error
+    if not found:
+        raise ConfigError(f"{folder} has no .msg, .srv or .action file")
+    return found
+
+
+def members_of(entries: Any) -> Members:  # noqa: ANN401 (rosbags' own form)
+    """Return the members of a definition that `rosbags` has read."""
+    return tuple(_member(name, described) for name, described in entries) or PLACEHOLDER
+
+
+def with_event(service: str) -> dict[str, Members]:
+    """Return the event of a service, which its hash covers, and the service itself."""
+    request, response = f"{service}_Request", f"{service}_Response"
+    return {
+        f"{service}_Event": (
+            Member(name="info", type="service_msgs/msg/ServiceEventInfo"),
+            Member(name="request", type=request, is_sequence=True, count=1),
+            Member(name="response", type=response, is_sequence=True, count=1),
+        ),
+        service: (
+            Member(name="request_message", type=request),
+            Member(name="response_message", type=response),
+            Member(name="event_message", type=f"{service}_Event"),
+        ),
+    }
+
+
+def _of_action(action: str) -> dict[str, Members]:
+    goal_id = Member(name="goal_id", type=_UUID)
+    send, get = f"{action}_SendGoal", f"{action}_GetResult"
+    return {
+        f"{send}_Request": (goal_id, Member(name="goal", type=f"{action}_Goal")),
+        f"{send}_Response": (
+            Member(name="accepted", type="bool"),
+            Member(name="stamp", type=_TIME),
+        ),
+        f"{get}_Request": (goal_id,),
+        f"{get}_Response": (
+            Member(name="status", type="int8"),
+            Member(name="result", type=f"{action}_Result"),
+        ),
+        f"{action}_FeedbackMessage": (
+            goal_id,
+            Member(name="feedback", type=f"{action}_Feedback"),
+        ),
+        **with_event(send),
+        **with_event(get),
+    }
+
+
+def _parse_message(package: str, name: str, text: str) -> Members:
+    # Under the name of a message of the package: others of it may be named without the package.
+    stand_in = f"{package}/msg/StandIn"
+    try:
+        types = get_types_from_msg(text, stand_in)
+    except (TypesysError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError(f"{name}: no definition: {reason}") from error
+    return members_of(types[stand_in][1])
+
+
+def _member(name: str, described: Any) -> Member:  # noqa: ANN401
+    node, rest = described
+    count, is_array, is_sequence = 0, False, False
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        is_array, is_sequence = node == Nodetype.ARRAY, node == Nodetype.SEQUENCE
+        (node, rest), count = rest
+    if node == Nodetype.NAME:
+        return Member(name=name, type=rest, is_array=is_array, is_sequence=is_sequence, count=count)
+    return Member(
+        name=name,
+        type=rest[0],
+        most_characters=rest[1],
+        is_array=is_array,
+        is_sequence=is_sequence,
+        count=count,
+    )

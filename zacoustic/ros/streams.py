@@ -1,0 +1,156 @@
+"""What a stream is in ROS: a topic, a service or an action with its messages and hashes."""
+
+from typing import TYPE_CHECKING, Final
+
+import msgspec
+
+from zacoustic.core.types import TypeSpec
+from zacoustic.ros.interfaces import Interfaces
+from zacoustic.ros.names import RosKey, dds_type
+from zacoustic.ros.qos import RosDurability, RosQos
+
+if TYPE_CHECKING:
+    from zacoustic.ros.messages import RosMessage
+
+CANCEL_GOAL: Final = "action_msgs/srv/CancelGoal"
+"""The service that cancels goals, of all actions."""
+GOAL_STATUS: Final = "action_msgs/msg/GoalStatusArray"
+"""The message that tells how goals are, of all actions."""
+
+SERVICE_QOS: Final = RosQos(depth=10)
+"""Of services and their clients, and of the feedback of an action: ROS's default profile."""
+STATUS_QOS: Final = RosQos(depth=1, durability=RosDurability.TRANSIENT_LOCAL)
+"""Of the topic that tells how goals are."""
+
+
+class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
+    """A topic."""
+
+    interface: str
+    """Name of the type."""
+    hash: str
+    """Its hash, as it stands in keys."""
+    message: "RosMessage"
+    """Reads and writes it."""
+    qos: RosQos = RosQos()
+    """What tokens say of its endpoints."""
+
+    @property
+    def is_latched(self) -> bool:
+        """Whether late joiners get what was published before."""
+        return self.qos.durability is RosDurability.TRANSIENT_LOCAL
+
+    def key(self, domain: int, name: str) -> RosKey:
+        """Return the key of rmw_zenoh."""
+        return RosKey(domain=domain, name=name, type=dds_type(self.interface), hash=self.hash)
+
+
+class RosService(msgspec.Struct, frozen=True, kw_only=True):
+    """A service."""
+
+    interface: str
+    """Name of the type."""
+    hash: str
+    """Its hash, as it stands in keys."""
+    request: "RosMessage"
+    """Reads and writes a request."""
+    response: "RosMessage"
+    """Reads and writes a response."""
+
+    def key(self, domain: int, name: str) -> RosKey:
+        """Return the key of rmw_zenoh."""
+        return RosKey(domain=domain, name=name, type=dds_type(self.interface), hash=self.hash)
+
+
+class RosAction(msgspec.Struct, frozen=True, kw_only=True):
+    """An action: three services and two topics."""
+
+    interface: str
+    """Name of the type."""
+    send_goal: RosService
+    """Begins a goal."""
+    get_result: RosService
+    """Waits for its end."""
+    cancel_goal: RosService
+    """Asks for its end."""
+    feedback: RosTopic
+    """Tells how far it is."""
+    status: RosTopic
+    """Tells of all goals how they are."""
+    types: tuple[TypeSpec, TypeSpec, TypeSpec]
+    """What crosses of goal, feedback and result."""
+
+
+RosStream = RosTopic | RosService | RosAction
+"""What a stream is in ROS."""
+
+
+def ros_service(
+    interfaces: Interfaces, interface: str, messages: "dict[str, RosMessage]"
+) -> RosService:
+    """Return a service.
+
+    Args:
+        interfaces: The definitions.
+        interface: Its type.
+        messages: Reads and writes what is said, by interface.
+    """
+    return RosService(
+        interface=interface,
+        hash=interfaces.hash_of(interface),
+        request=messages[f"{interface}_Request"],
+        response=messages[f"{interface}_Response"],
+    )
+
+
+def ros_action(
+    interfaces: Interfaces, interface: str, messages: "dict[str, RosMessage]"
+) -> RosAction:
+    """Return an action; arguments as for `ros_service`."""
+
+    def topic(name: str, qos: RosQos) -> RosTopic:
+        return RosTopic(
+            interface=name, hash=interfaces.hash_of(name), message=messages[name], qos=qos
+        )
+
+    def service(name: str) -> RosService:
+        return ros_service(interfaces, name, messages)
+
+    goal, feedback, result = (
+        messages[f"{interface}_{part}"].spec for part in ("Goal", "Feedback", "Result")
+    )
+    return RosAction(
+        interface=interface,
+        send_goal=service(f"{interface}_SendGoal"),
+        get_result=service(f"{interface}_GetResult"),
+        cancel_goal=service(CANCEL_GOAL),
+        feedback=topic(f"{interface}_FeedbackMessage", SERVICE_QOS),
+        status=topic(GOAL_STATUS, STATUS_QOS),
+        types=(goal, feedback, result),
+    )
+
+
+def messages_of(interface: str) -> tuple[str, ...]:
+    """Return the messages that a stream of an interface has, those that cross first.
+
+    Args:
+        interface: A message, a service or an action.
+    """
+    kind = interface.split("/")[1]
+    if kind == "srv":
+        return f"{interface}_Request", f"{interface}_Response"
+    if kind == "action":
+        return (
+            f"{interface}_Goal",
+            f"{interface}_Feedback",
+            f"{interface}_Result",
+            f"{interface}_SendGoal_Request",
+            f"{interface}_SendGoal_Response",
+            f"{interface}_GetResult_Request",
+            f"{interface}_GetResult_Response",
+            f"{interface}_FeedbackMessage",
+            f"{CANCEL_GOAL}_Request",
+            f"{CANCEL_GOAL}_Response",
+            GOAL_STATUS,
+        )
+    return (interface,)

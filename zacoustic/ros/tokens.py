@@ -1,0 +1,154 @@
+"""Liveliness tokens of rmw_zenoh: they are what nodes know of each other.
+
+::
+
+    @ros2_lv/DOMAIN/ZID/NODE/ID/NN/ENCLAVE/NAMESPACE/NAME
+    @ros2_lv/DOMAIN/ZID/NODE/ID/MP|MS|SS|SC/ENCLAVE/NAMESPACE/NAME/TOPIC/TYPE/HASH/QOS
+
+A node, a publisher, a subscription, the server or a client of a service. A slash inside of a part
+is written ``%``, and an empty part is ``%`` as well. There is no other announcement: a publisher
+without a token is heard, but nobody can list it, and a client waits for ever for a server without.
+
+The gid of an endpoint is the 128-bit XXH3 of its token, so whoever reads a gid beside a message can
+tell whose it is.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ConfigError
+from zacoustic.ros.qos import RosQos, read_qos
+
+PREFIX: Final = "@ros2_lv"
+"""First chunk of all tokens; no wildcard of an application matches it."""
+EXTRA_HINT: Final = 'pip install "zacoustic[ros]"'
+"""What to do where a package of the extra is missing."""
+
+_SLASH: Final = "%"
+
+
+class Entity(enum.Enum):
+    """What a token announces."""
+
+    NODE = "NN"
+    PUBLISHER = "MP"
+    SUBSCRIPTION = "MS"
+    SERVER = "SS"
+    CLIENT = "SC"
+
+
+class RosNode(msgspec.Struct, frozen=True, kw_only=True):
+    """A node, as its session announces it."""
+
+    domain: int
+    """``ROS_DOMAIN_ID``."""
+    zid: str
+    """Id of its Zenoh session."""
+    number: int
+    """Number of the node in its session."""
+    name: str
+    """Its name."""
+    namespace: str = "/"
+    """Its namespace, with a leading slash."""
+    enclave: str = "/"
+    """Its enclave, with a leading slash."""
+
+
+class Token(msgspec.Struct, frozen=True, kw_only=True):
+    """One announcement."""
+
+    node: RosNode
+    """The node, or that of the endpoint."""
+    number: int
+    """Number of the entity in its session; of a node that of the node."""
+    kind: Entity
+    """What it is."""
+    topic: str = ""
+    """Full name of the topic or service, with a leading slash; of endpoints."""
+    type: str = ""
+    """DDS name of its type; of endpoints."""
+    hash: str = ""
+    """Hash of the type; of endpoints."""
+    qos: RosQos = RosQos()
+    """Of endpoints."""
+
+    def __str__(self) -> str:
+        """The key of the token."""
+        node = self.node
+        parts: list[object] = [
+            PREFIX,
+            node.domain,
+            node.zid,
+            node.number,
+            self.number,
+            self.kind.value,
+            mangled(node.enclave),
+            mangled(node.namespace),
+            node.name,
+        ]
+        if self.kind is not Entity.NODE:
+            parts += [mangled(self.topic), mangled(self.type), self.hash, self.qos]
+        return "/".join(map(str, parts))
+
+    @property
+    def full_node_name(self) -> str:
+        """Namespace and name of the node."""
+        return f"{self.node.namespace.rstrip('/')}/{self.node.name}"
+
+
+def read_token(key: str) -> Token | None:
+    """Read the key of a token; None where it is none. What newer versions append is passed over."""
+    parts = key.split("/")
+    if len(parts) < 9 or parts[0] != PREFIX:
+        return None
+    kinds = {each.value: each for each in Entity}
+    kind = kinds.get(parts[5])
+    if kind is None or not all(parts[index].isdecimal() for index in (1, 3, 4)):
+        return None
+    node = RosNode(
+        domain=int(parts[1]),
+        zid=parts[2],
+        number=int(parts[3]),
+        name=parts[8],
+        namespace=unmangled(parts[7]),
+        enclave=unmangled(parts[6]),
+    )
+    if kind is Entity.NODE:
+        return Token(node=node, number=int(parts[4]), kind=kind)
+    qos = read_qos(parts[12]) if len(parts) > 12 else None
+    if qos is None:
+        return None
+    return Token(
+        node=node,
+        number=int(parts[4]),
+        kind=kind,
+        topic=unmangled(parts[9]),
+        type=unmangled(parts[10]),
+        hash=parts[11],
+        qos=qos,
+    )
+
+
+def mangled(text: str) -> str:
+    """Write a name as one chunk of a token."""
+    return text.replace("/", _SLASH) or _SLASH
+
+
+def unmangled(chunk: str) -> str:
+    """Read a name that is one chunk of a token."""
+    return chunk.replace(_SLASH, "/")
+
+
+def gid_of(token: Token | str) -> bytes:
+    """Return the gid of an endpoint, 16 bytes.
+
+    Raises:
+        ConfigError: `xxhash` is not installed.
+    """
+    try:
+        from xxhash import xxh3_128_digest
+    except ImportError as error:
+        raise ConfigError("ROS 2 needs the package xxhash", hint=EXTRA_HINT) from error
+    return xxh3_128_digest(str(token).encode())[::-1]
