@@ -14,7 +14,7 @@ from zacoustic.config import read_config
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.tools.decode import FrameDecoder
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "08_rmw_desert.json5"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "09_rmw_desert.json5"
 VECTORS = {vector.name: vector for vector in read_vectors()}
 TWIST = VECTORS["twist_id4"].packet
 

@@ -60,14 +60,19 @@ SECTION: dict[str, Any] = {
 Body = Callable[[Island, zenoh.Session, Vehicle], Awaitable[None]]
 
 
-def on_desert(body: Body, *, discovery: DiscoverySpec | None = None) -> None:
+def on_desert(
+    body: Body,
+    *,
+    section: dict[str, Any] | None = None,
+    discovery: DiscoverySpec | None = None,
+) -> None:
     """Run a test with a gateway at one node of a stand-in and a vehicle at the other."""
 
     async def main() -> None:
         server = StandInServer(standin(), time_scale=SCALE)
         await server.open()
         found = Island(free_port())
-        config = config_from_mapping(SECTION, source="test")
+        config = config_from_mapping(section or SECTION, source="test")
         config = msgspec.structs.replace(
             config,
             zenoh_config=zenoh_config("router", listen=found.port),

@@ -8,7 +8,7 @@ is the same, so the two ends may differ in that.
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeGuard
 
 import msgspec
 
@@ -16,6 +16,7 @@ from zacoustic.config.complaints import Place, shown
 from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
 from zacoustic.core.qos import Stamp
 from zacoustic.core.types import TypeSpec
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.names import check_namespace, is_interface, stream_name
@@ -81,6 +82,10 @@ class RosReader:
         self._entry = written.ros or RosEntry()
         self._folder = folder
         self._overlays = written.overlays
+        # What the file defines by itself is not looked up.
+        self._defined = {each.name for each in written.types}
+        is_desert = any(each.wire == WireProfile.RMW_DESERT.value for each in written.links)
+        self._wire = WireProfile.RMW_DESERT if is_desert else WireProfile.NATIVE
         self._interfaces: Interfaces | None = None
         self._mapper: TypeMapper | None = None
         self._messages: dict[tuple[str, str], RosMessage] = {}
@@ -106,7 +111,7 @@ class RosReader:
             kind = next((kind for kind in _KINDS if isinstance(entry, dict) and kind in entry), "")
             for key in _TYPE_KEYS.get(kind, ()):
                 name = here.at(key).written
-                if isinstance(name, str) and is_interface(name):
+                if self._is_interface(name):
                     for spec in self._types_of(here, key, name):
                         found[spec.name] = spec
         for place in self._field_types():
@@ -134,7 +139,7 @@ class RosReader:
                 allowed='"volatile"',
                 hint="a get on its key is answered from the last value in any case",
             )
-        if isinstance(name, str) and is_interface(name):
+        if self._is_interface(name):
             written |= self._typed(place, kind, name)
         elif is_ros:
             place.at("type").complain(
@@ -154,6 +159,10 @@ class RosReader:
 
     # Below the methods above
 
+    def _is_interface(self, name: object) -> TypeGuard[str]:
+        """Tell whether a type is to be looked up as an interface of ROS."""
+        return isinstance(name, str) and is_interface(name) and name not in self._defined
+
     def _load(self) -> Interfaces:
         if self._interfaces is not None:
             return self._interfaces
@@ -166,7 +175,7 @@ class RosReader:
             self._interfaces = Interfaces(self._entry.distro, folder)
             from zacoustic.ros.mapping import TypeMapper
 
-            self._mapper = TypeMapper(self._interfaces, self._overlays)
+            self._mapper = TypeMapper(self._interfaces, self._overlays, wire=self._wire)
         except ImportError as error:
             here.complain(f"ROS 2 needs {error.name}", hint='pip install "zacoustic[ros]"')
         except ConfigError as error:
@@ -239,9 +248,7 @@ class RosReader:
             for index in range(len(types.entries))
             for number in range(len(types.at(index).at("fields").entries))
         ]
-        return [
-            each for each in fields if isinstance(each.written, str) and is_interface(each.written)
-        ]
+        return [each for each in fields if self._is_interface(each.written)]
 
     def _typed(self, place: Place, kind: str, name: str) -> dict[str, Any]:
         """Return the types of the parts of a stream."""

@@ -15,11 +15,14 @@ another message                          another type; one without members is le
 On top of that come the rules of overlays. What they leave out is known to both ends: a constant, or
 zero. A type whose members a rule of an outer type changes has a name of its own,
 ``geometry_msgs/msg/Twist.linear``; names do not cross.
+
+For rmw_desert a type has what that sends, member by member: fixed arrays of ``uint8`` and ``char``
+are lists of that many, what is ``byte`` is left out, and nothing else may be.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import msgspec
 import numpy as np
@@ -28,6 +31,7 @@ from rosbags.serde.utils import ndtype
 from zacoustic.core.types import FieldSpec, TypeSpec
 from zacoustic.core.types.fields import MAX_LENGTH
 from zacoustic.core.types.scalars import shown
+from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.members import NO_MEMBER, Member
@@ -83,10 +87,18 @@ class TypeMapper:
     Args:
         interfaces: The definitions.
         overlays: Rules for some of the types.
+        wire: What is spoken on the link.
     """
 
-    def __init__(self, interfaces: Interfaces, overlays: Sequence[Overlay] = ()) -> None:
+    def __init__(
+        self,
+        interfaces: Interfaces,
+        overlays: Sequence[Overlay] = (),
+        *,
+        wire: WireProfile = WireProfile.NATIVE,
+    ) -> None:
         self._interfaces = interfaces
+        self._on_desert = wire is WireProfile.RMW_DESERT
         self._overlays: dict[str, list[OverlayField]] = {}
         for overlay in overlays:
             self._overlays.setdefault(overlay.type, []).extend(overlay.fields)
@@ -143,9 +155,14 @@ class TypeMapper:
     ) -> _Part:
         ended = [rule for rule in rules if not rule.rest]
         self.used.update(id(rule.said) for rule in ended)
-        if member.name == NO_MEMBER or any(rule.said.omit for rule in ended):
+        if self._on_desert and member.type == "byte":
             return _Part(attribute=attribute, standing_in=self._zero(member))
         constant = constant_of(ended)
+        is_omitted = any(rule.said.omit for rule in ended)
+        if self._on_desert and (is_omitted or constant is not None):
+            self._refuse(f"{called}.{member.name}: left out by an overlay")
+        if member.name == NO_MEMBER or is_omitted:
+            return _Part(attribute=attribute, standing_in=self._zero(member))
         if constant is not None:
             return self._constant(member, attribute, called, constant)
         deeper = [rule for rule in rules if rule.rest]
@@ -154,7 +171,9 @@ class TypeMapper:
             part = (
                 _texts_part(member, attribute, called, ended, nested)
                 if is_texts
-                else _scalar_part(member, attribute, called, ended)
+                else _scalar_part(
+                    member, attribute, called, ended, is_listed=self._on_desert and member.is_array
+                )
             )
             return msgspec.structs.replace(part, standing_in=self._zero(member))
         name = f"{called}.{member.name}" if deeper else member.type
@@ -165,6 +184,8 @@ class TypeMapper:
         if is_several:
             made = [made] * (member.count if member.is_array else 0)
         if not inner.spec.fields:
+            if self._on_desert:
+                self._refuse(f"{called}.{member.name}: a message without members in another one")
             if member.is_sequence:
                 raise ConfigError(f"{called}.{member.name}: a sequence of what has no members")
             check: Convert = (lambda each: [*map(read, each)]) if is_several else read
@@ -181,6 +202,10 @@ class TypeMapper:
                 standing_in=made,
             )
         return _Part(attribute=attribute, field=field, read=read, write=write, standing_in=made)
+
+    def _refuse(self, what: str) -> NoReturn:
+        wire = WireProfile.RMW_DESERT.value
+        raise ConfigError(f'{what} with wire: "{wire}"; allowed: what that has')
 
     def _constant(self, member: Member, attribute: str, called: str, constant: Any) -> _Part:  # noqa: ANN401
         field = _scalar_part(member, attribute, called, []).field
@@ -219,9 +244,11 @@ class TypeMapper:
         return several if member.is_nested or member.type == "string" else _array(member)(several)
 
 
-def _scalar_part(member: Member, attribute: str, called: str, rules: list[Rule]) -> _Part:
+def _scalar_part(
+    member: Member, attribute: str, called: str, rules: list[Rule], *, is_listed: bool = False
+) -> _Part:
     is_several = member.is_array or member.is_sequence
-    if is_several and member.type in _OCTETS:
+    if is_several and member.type in _OCTETS and not is_listed:
         field = FieldSpec(name=member.name, type="bytes", max_length=member.count or None)
         return _Part(
             attribute=attribute,

@@ -425,7 +425,7 @@ def test_no_bytes_harm_an_engine(parts: list[bytes], cuts: list[int]) -> None:
 def test_flipped_bits_never_raise_and_are_mostly_dropped(count: Callable[[int], int]) -> None:
     dice = random.Random(1)
     accepted = 0
-    tries = count(50_000)
+    tries = count(10_000)
     for _ in range(tries):
         end = node(VEHICLE)
         data = bytearray(VECTORS["twist_id4"].packet)
@@ -449,7 +449,7 @@ def test_an_engine_and_a_peer_understand_each_other(count: Callable[[int], int])
         shore.engine.publish(COMMAND, value, 0)
         (heard,) = vehicle.hear(said(shore, 0))
         numbers = [number for part in value.values() for number in part.values()]
-        assert heard.items == pytest.approx(numbers, rel=1e-6)
+        assert heard.items == pytest.approx(numbers, rel=1e-6, abs=2**-14)
         assert packet(SAMPLE, COMMAND, *numbers) == packet(SAMPLE, COMMAND, *heard.items)
 
 

@@ -8,6 +8,11 @@ handshake, no acknowledgement, no object, no heartbeat ever finds its way into a
 Nothing in a packet says who sent it. A sample counts as that of the one other node that may publish
 its topic; where there are several, or none is listed, its source is unknown (0), unless the link
 itself carries addresses.
+
+What is dropped is counted under the words of `zacoustic.core.receiver`: ``payload`` (no message, or
+one that its sender cannot have written), ``unknown_stream``, ``not_publisher``, ``not_subscriber``,
+``not_for_us``, ``unexpected_answer``, ``repeated_request``, ``too_many_calls``; and ``no_packet``
+for bytes of the stream that belong to none.
 """
 
 import random
