@@ -92,8 +92,8 @@ def test_any_type_comes_back_within_half_a_step(
 
 @pytest.mark.parametrize("name", ["lon", "speed"])
 def test_a_heading_or_speed_of_many_values_is_no_position_too(name: str) -> None:
-    many = {"type": "float64", "range": (-2.0, 3.0), "step": 1e-6}
-    fields = [{"name": name, **many, "wraps": name == "lon"}]
+    many: dict[str, Any] = {"type": "float64", "range": (-2.0, 3.0), "step": 1e-6}
+    fields: list[dict[str, Any]] = [{"name": name, **many, "wraps": name == "lon"}]
     fields += [{"name": "x", **many}, {"name": "y", **many}]
     if name == "speed":
         fields.append({"name": "heading", "type": "float64", "range": (0, 360), "step": 1.0,
