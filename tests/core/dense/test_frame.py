@@ -90,6 +90,29 @@ def test_any_type_comes_back_within_half_a_step(
                 assert is_close(field, found[field.name], expected[field.name])
 
 
+@pytest.mark.parametrize("name", ["lon", "speed"])
+def test_a_heading_or_speed_of_many_values_is_no_position_too(name: str) -> None:
+    many: dict[str, Any] = {"type": "float64", "range": (-2.0, 3.0), "step": 1e-6}
+    fields: list[dict[str, Any]] = [{"name": name, **many, "wraps": name == "lon"}]
+    fields += [{"name": "x", **many}, {"name": "y", **many}]
+    if name == "speed":
+        fields.append({"name": "heading", "type": "float64", "range": (0, 360), "step": 1.0,
+                       "wraps": True})  # fmt: skip
+    codec = DenseCodec({1: TypeSpec(name="T", fields=tuple(FieldSpec(**f) for f in fields))})
+    speaker, listener, rng = Speaker(codec), Listener(codec), random.Random(2)
+    for tick in range(40):
+        value = {each["name"]: rng.choice((0.0, 1.0, 1.5, rng.uniform(0, 2))) for each in fields}
+        encoded = speaker.encode([DenseSample(1, value, tick)], ROOM, {1})
+        assert encoded is not None
+        speaker.sent(encoded)
+        decoded = listener.decode(encoded.frame)
+        speaker.acknowledged(1, decoded.snapshot.mark)
+        for each in fields:
+            assert decoded.samples[0][1][each["name"]] == pytest.approx(
+                value[each["name"]], abs=0.5 * each["step"] * 1.001
+            )
+
+
 @given(schemas(), st.data())
 def test_whoever_changes_a_schema_has_another_digest(
     case: tuple[TypeSpec, list[dict[str, Any]]], data: st.DataObject

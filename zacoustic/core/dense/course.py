@@ -92,8 +92,7 @@ def course_of(columns: Sequence[Column], order: Sequence[int]) -> Course | None:
         None where there is no heading or are no two positions coded after it and the speed.
     """
     headings = [n for n in order if columns[n].wraps and columns[n].size >= _HEADING_SIZE]
-    positions = [n for n in order if columns[n].size >= _POSITION_SIZE]
-    if not headings or len(positions) < 2:
+    if not headings:
         return None
     speeds = [
         (n, zero)
@@ -102,6 +101,11 @@ def course_of(columns: Sequence[Column], order: Sequence[int]) -> Course | None:
         and (zero := columns[n].zero) is not None
     ]
     speed = speeds[0] if speeds else None
+    # Whatever the way is computed from must be known before the first position: it is none itself.
+    known = (headings[0], speed[0] if speed else None)
+    positions = [n for n in order if columns[n].size >= _POSITION_SIZE and n not in known]
+    if len(positions) < 2:
+        return None
     last = max(order.index(headings[0]), order.index(speed[0]) if speed else 0)
     if order.index(positions[0]) < last:
         return None

@@ -63,8 +63,9 @@ class StreamCodec:
         self._steadiness = list(prior.steadiness) if prior is not None else []
         self._steadiness = self._steadiness or [START_STEADY] * columns
         self._rest = RestCodec(self.layout.remainders, () if prior is None else prior.lines)
-        # What the row costs plainly, the ways included, bits.
-        self.plain_bits = sum(math.ceil(math.log2(size)) for size in self.model.sizes if size > 1)
+        self._widths = [math.ceil(math.log2(size)) for size in self.model.sizes]
+        # What a row costs plainly where everything is there, bits.
+        self.plain_bits = sum(self._widths)
 
     def split(self, value: object) -> tuple[Row, list[Any]]:
         """Take a value of the application apart.
@@ -85,7 +86,7 @@ class StreamCodec:
         """Write a sample in the shortest way; gives its state."""
         row, rest = parts
         before = coder.mark()
-        limit = coder.bits + self.plain_bits + plain_bits(rest) + _DEAR_BITS
+        limit = coder.bits + self._plain_bits(row) + plain_bits(rest) + _DEAR_BITS
         best, fewest = _PLAIN, 1 << 60
         for way in (_AGAINST, _FIRST, _PLAIN) if reference is not None else (_FIRST, _PLAIN):
             coder.rewind(before)
@@ -114,6 +115,14 @@ class StreamCodec:
         rest: list[Any] = [None] * len(self.layout.remainders)
         state = self._code(coder, None, row, rest, reference, steps, beside)
         return self.layout.join(row, rest), state
+
+    def _plain_bits(self, row: Row) -> int:
+        """What a row costs plainly, bits."""
+        if None not in row:
+            return self.plain_bits
+        return sum(
+            width for width, count in zip(self._widths, row, strict=True) if count is not None
+        )
 
     def _code(
         self,
