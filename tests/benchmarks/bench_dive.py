@@ -24,7 +24,7 @@ WORST_STOP_S: Final = 6.0
 WORST_STOP_WITH_PHOTO_S: Final = 10.0
 _WITHIN_S: Final = 120.0
 
-Order = Callable[[VirtualDive], object]
+Order = Callable[[VirtualDive], None]
 
 
 def percentile(values: list[float], share: float) -> float:
@@ -32,14 +32,14 @@ def percentile(values: list[float], share: float) -> float:
     return sorted(values)[min(len(values) - 1, int(len(values) * share))]
 
 
-def stop(water: VirtualDive) -> object:
+def stop(water: VirtualDive) -> None:
     """Order the vehicle to stop."""
-    return water.put(STOP, Stop())
+    water.put(STOP, Stop())
 
 
-def hold(water: VirtualDive) -> object:
+def hold(water: VirtualDive) -> None:
     """Order the autopilot to steer."""
-    return water.call(HOLD, Hold(True, 10.0, 90.0, 1.5))
+    water.call(HOLD, Hold(True, 10.0, 90.0, 1.5))
 
 
 def latency_s(seed: int, loss: float, order: Order, *, with_photo: bool) -> float:
