@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo test soak bench clean distclean
+.PHONY: help demo auv test soak bench clean distclean
 .PHONY: venv-run venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -19,6 +19,7 @@ STEP = @echo && echo "== $@:
 
 help:
 	@echo "make demo    show it: two islands joined through simulated water"
+	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
@@ -26,6 +27,9 @@ help:
 
 demo: venv-run
 	@.venv/bin/zacoustic demo $(ARGS)
+
+auv: venv-run
+	@$(VENV_PYTHON) -m examples.auv $(ARGS)
 
 test: format lint types contracts unit examples package
 	@echo

@@ -194,6 +194,8 @@ class Composer:
         )
         if taken is None:
             return None
+        if taken.ends_run:
+            self.port.end_run()
         cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
         self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
         data_bytes = len(taken.record) - taken.header_bytes
@@ -267,7 +269,12 @@ class Composer:
         owed = answers + owed
         filling: Filling | None = None
         if self.port is not None and (first or introduction or owed):
-            said = self.port.controls(room_bytes - first_bytes, self._queue.waiting_bytes, now)
+            said = self.port.controls(
+                room_bytes - first_bytes,
+                self._queue.waiting_bytes,
+                now,
+                has_object=self.objects is not None and self.objects.has_fragment(now),
+            )
             if said:
                 owed.append((Cause.ACCESS, said))
                 room_bytes -= len(said)

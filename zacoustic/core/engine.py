@@ -135,7 +135,9 @@ class Engine:
             address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
-        self._transmitter = Transmitter(address, protocols, self.silence, rules, self.stats, rng)
+        self._transmitter = Transmitter(
+            address, protocols, self.silence, rules, self.stats, rng, self.measurements
+        )
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)

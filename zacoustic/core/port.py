@@ -6,6 +6,10 @@ listen windows, unless the access gives everybody turns.
 
 A frame that arrives twice because a modem or the water made two of it is recognised where that is
 certain: the same bytes from the same source, sooner than the source can have sent them again.
+
+How far away the others are decides where a frame has to start to arrive in a listen window: half of
+it is off by a second at 1500 m. A modem that measures the way on each frame says so; otherwise what
+was last measured of that node holds, less and less certain, and without that half of the longest.
 """
 
 import random
@@ -24,10 +28,13 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.measurements import Measurements
 from zacoustic.core.objects.wire import Call
 
 # What a modem's own time stamps may be wrong.
 _STAMP_ERROR_NS = NS_PER_S // 1000
+# A remembered way becomes wrong as fast as two vehicles approach each other: 4 m/s in 1500 m/s.
+_WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
 
 
@@ -40,6 +47,7 @@ class LinkPort:
         rng: For the back-off of the medium access.
         access: What the config says of medium access, or None.
         envelope: What goes around a frame; None: what the link lacks.
+        measurements: What was measured of the others; only read.
 
     Raises:
         ConfigError: That choice cannot work on this link.
@@ -53,6 +61,7 @@ class LinkPort:
         access: AccessSpec | None = None,
         *,
         envelope: Envelope | None = None,
+        measurements: Measurements | None = None,
     ) -> None:
         self.capabilities = capabilities
         self.envelope = envelope or Envelope(capabilities, address)
@@ -61,6 +70,7 @@ class LinkPort:
         """The pauses of this node and of the others."""
         self._listens = not self.access.is_scheduled
         self._address = address
+        self._measurements = measurements or Measurements()
         self._outstanding: Transmission | None = None
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
@@ -77,7 +87,7 @@ class LinkPort:
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
-            invited_at = self.listening.invited_at(max(due_at, now))
+            invited_at = self.listening.invited_at(max(due_at, now), is_urgent=wanted.is_urgent)
             if invited_at is not None:
                 due_at, is_invited = invited_at, True
         return self.access.ready_at(Wanted(due_at, wanted.is_urgent, is_invited), now)
@@ -89,17 +99,20 @@ class LinkPort:
         speak_at = self.access.speak_at(now)
         return None if speak_at is None else max(speak_at, self._gap_until)
 
-    def controls(self, room_bytes: int, backlog_bytes: int, now: int) -> bytes:
+    def controls(self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool) -> bytes:
         """Take what a frame that starts now is to say of medium access.
 
         Args:
             room_bytes: What it has left.
             backlog_bytes: All that waits, its payload included.
             now: The instant.
+            has_object: An object is being sent.
         """
         said = self.access.controls(room_bytes, now, alone=False)
         if self._listens:
-            said += self.listening.controls(room_bytes - len(said), backlog_bytes, now)
+            said += self.listening.controls(
+                room_bytes - len(said), backlog_bytes, now, has_object=has_object
+            )
         return said
 
     def comfort_bytes(self, now: int) -> int | None:
@@ -132,11 +145,15 @@ class LinkPort:
         """How many of the largest frames, one that starts now included, go before a pause."""
         return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
 
+    def end_run(self) -> None:
+        """The frame that is being made says that a listen window follows."""
+        self.listening.end_run()
+
     def handle_call(self, source: int, call: Call, frame: ReceivedFrame, now: int) -> None:
         """Take from a fragment of `source` when it will listen."""
         if call is Call.WINDOW:
             airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
-            way_ns, _ = self._way(frame)
+            way_ns, _ = self._way(source, frame, now)
             started_at = frame.received_at - way_ns - airtime_ns
             self.listening.heard_pause(source, airtime_ns, started_at, way_ns, now)
         elif call is not Call.NONE:
@@ -157,21 +174,26 @@ class LinkPort:
     ) -> None:
         """Take a control of medium access that came in a frame of `source`."""
         airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
-        way_ns, error_ns = self._way(frame)
+        way_ns, error_ns = self._way(source, frame, now)
         started_at = frame.received_at - way_ns - airtime_ns
         if isinstance(control, Turn) and control.node == ANYBODY:
             self.listening.heard_pause(source, control.span_ns, started_at, way_ns, now)
         else:
             self.access.handle_control(source, control, started_at, error_ns, now)
 
-    def _way(self, frame: ReceivedFrame) -> tuple[int, int]:
+    def _way(self, source: int, frame: ReceivedFrame, now: int) -> tuple[int, int]:
         """Return the propagation delay of a frame, and by how much it may be wrong, ns."""
         measured_s = frame.metrics.propagation_s
         if measured_s is not None:
             return seconds_to_ns(measured_s), _STAMP_ERROR_NS
         # Anywhere between here and the farthest node.
-        way_ns = seconds_to_ns(self.capabilities.propagation_s) // 2
-        return way_ns, way_ns + _STAMP_ERROR_NS
+        guessed_ns = seconds_to_ns(self.capabilities.propagation_s) // 2
+        known = self._measurements.range(source)
+        if known is not None:
+            drifted_ns = int((now - known.measured_at) * _WAY_DRIFT)
+            if drifted_ns < guessed_ns:
+                return seconds_to_ns(known.propagation_s), drifted_ns + _STAMP_ERROR_NS
+        return guessed_ns, guessed_ns + _STAMP_ERROR_NS
 
     def refuse(self, opened: Opened | Damaged, frame: ReceivedFrame) -> str | None:
         """Return the reason why a frame is not looked into, or None."""

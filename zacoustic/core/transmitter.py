@@ -5,6 +5,7 @@ import random
 from zacoustic.core.access import Wanted
 from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
+from zacoustic.core.measurements import Measurements
 from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.queue import LaneKey
@@ -23,6 +24,7 @@ class Transmitter:
         rules: What the config says of transmitting.
         stats: Counts.
         rng: For the back-off of the medium access.
+        measurements: What was measured of the others; only read.
     """
 
     def __init__(
@@ -33,6 +35,7 @@ class Transmitter:
         rules: TransmitRules,
         stats: EngineStats,
         rng: random.Random,
+        measurements: Measurements,
     ) -> None:
         self.port: LinkPort | None = None
         """The link; None before it was up."""
@@ -46,14 +49,19 @@ class Transmitter:
         self._rules = rules
         self._stats = stats
         self._rng = rng
+        self._measurements = measurements
         self._clock: tuple[int, int] | None = None
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
         """Begin with a link, or with other capabilities of it."""
-        envelope = self._protocols.envelope(capabilities)
         port = LinkPort(
-            capabilities, self._address, self._rng, self._rules.access, envelope=envelope
+            capabilities,
+            self._address,
+            self._rng,
+            self._rules.access,
+            envelope=self._protocols.envelope(capabilities),
+            measurements=self._measurements,
         )
         self.port = port
         if self._clock is not None:

@@ -177,3 +177,57 @@ def test_who_is_heard_in_the_pause_is_heard_out() -> None:
     assert talker.listening.pauses_until(0, after, is_urgent=False) == heard_out_at
     talker.listening.handle_carrier(False, after + 5)
     assert talker.listening.pauses_until(0, after + 5, is_urgent=False) == 0
+
+
+def test_pauses_that_were_told_are_kept_when_frames_are_small() -> None:
+    for seed in range(50):
+        rng = random.Random(seed)
+        talker = Talker(backlog_bytes=0)
+        told: int | None = None
+        for _ in range(60):
+            is_small = rng.random() < 0.3
+            talker.now = talker.listening.pauses_until(talker.now, talker.now, is_urgent=False)
+            if not is_small and talker.listening.frames_before_pause(talker.now) == 1:
+                talker.listening.end_run()
+                pause_at = talker.now + LARGEST_NS
+                period_ns = talker.listening.period_ns
+                late_ns = 0 if told is None else (pause_at - told) % period_ns
+                told = pause_at if told is None or 3 * S > late_ns > S // 20 else told
+            talker.send(LINK.airtime_ns(6) if is_small else LARGEST_NS)
+        assert talker.longest_run() <= 4 * S, seed
+        windows = range(told or 0, talker.now, talker.listening.period_ns)
+        for opens_at in list(windows)[:2]:
+            busy = [
+                began
+                for began, ended, _ in talker.sent
+                if ended > opens_at + S // 10 and began < opens_at + talker.listening.pause_ns - 1
+            ]
+            assert not busy, (seed, opens_at, busy)
+
+
+def test_what_is_due_much_later_does_not_make_a_rhythm_forgotten() -> None:
+    listener = Listening(LINK)
+    listener.heard_pause(1, 2 * S, 0, S // 10, S)
+    assert listener.invited_at(1000 * S) is None
+    assert listener.invited_at(S) is not None
+
+
+def test_second_copy_of_what_is_urgent_follows_into_the_same_pause() -> None:
+    listener = Listening(
+        LinkCapabilities(
+            mtu_bytes=64, bit_rate_bps=8 / 0.011094, preamble_s=0.1503, gap_s=0.0904,
+            propagation_s=1.0, senses_carrier=True,
+        )
+    )  # fmt: skip
+    listener.heard_pause(1, 2 * S, 0, S // 10, S)
+    first_at = listener.invited_at(S)
+    assert first_at is not None
+    listener.handle_started(first_at)
+    ended_at = first_at + LINK.airtime_ns(9)
+    listener.handle_transmitted(first_at, ended_at)
+    after = ended_at + GAP_NS
+    assert listener.invited_at(after, is_urgent=True) == after
+    later_at = listener.invited_at(after)
+    assert later_at is not None
+    assert later_at > after + S
+    assert listener.invited_at(after + S // 2, is_urgent=True) == later_at

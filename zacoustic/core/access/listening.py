@@ -13,11 +13,18 @@ anybody says in how long it begins, seen from the beginning of the frame, and wh
 computes the later ones from the same rhythm. It costs three bytes in the second frame of a first
 run and in one of every third run, and only while so much waits that the run will be full. Payloads
 that fill a frame leave no room for it; who makes them can announce the pause in a way of its own
-and hand it to `heard_pause` at the other end.
+and hand it to `heard_pause` at the other end; `end_run` tells this one.
+
+What is smaller than a full frame, a report among the fragments of a photo, would shift the rhythm:
+the next fragment does not fit the run any more. So pauses that were told are kept, and are only
+longer then: one begins when the last frame ends, and ends when it was to end. Such a frame does not
+say that a pause follows (`frames_before_pause`): whoever counted on from there would be too early.
 
 While another node is in a run, a frame of ours starts so that it arrives in the next pause, and is
 to be short (`comfort_ns`): a longer one goes nevertheless, and the other side, when it senses a
-carrier, stays quiet until its end.
+carrier, stays quiet until its end, or as long as the largest frame takes. So on such a link a
+second copy of what is urgent follows at once: any one frame may be lost, and the next pause is
+four seconds away.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent.
@@ -81,8 +88,12 @@ class Listening:
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._runs_since_announcement = ANNOUNCED_RUNS
+        self._ends_run = False
         self._rhythms: dict[int, _Rhythm] = {}
         self._busy_since: int | None = None
+        self._senses_carrier = capabilities.senses_carrier
+        self._burst_at: int | None = None
+        """Start of the first own frame of the last while as long as the largest one takes."""
 
     @property
     def period_ns(self) -> int:
@@ -109,45 +120,68 @@ class Listening:
         return max(0, min(comforts)) if comforts else None
 
     def frames_before_pause(self, now: int) -> int:
-        """How many of the largest frames, one that starts now included, go before the pause."""
-        if not self._continues(now):
-            return self._frames
-        left_ns = self._run_begun_at + self._frames * self._unit_ns - now
-        return max(1, left_ns // self._unit_ns)
+        """How many of the largest frames, one that starts now included, go before the pause.
 
-    def controls(self, room_bytes: int, backlog_bytes: int, now: int) -> bytes:
+        1 is only said of a frame behind which others may expect the pause, and all that follow.
+        """
+        if not self._continues(now):
+            begin_at = self._told_begin_at(now)
+            return self._frames if begin_at is None else self._fitting(begin_at, now)
+        return self._fitting(self._run_begun_at, now)
+
+    def end_run(self) -> None:
+        """The frame that is about to start says that a pause follows."""
+        self._ends_run = True
+
+    def controls(
+        self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool = False
+    ) -> bytes:
         """Announce the pause, if that is worth it.
 
         Args:
             room_bytes: What the frame, which starts now, has left.
             backlog_bytes: All that waits, this frame's payload included.
             now: The instant.
+            has_object: An object is being sent. Its fragments have no room for this, so whatever
+                has says it, in every run.
         """
         if self.exclusive or room_bytes < TURN_BYTES or not self._follows(now):
             return b""
         begins_anew = not self._continues(now)
-        told = self._runs_since_announcement + begins_anew < ANNOUNCED_RUNS
+        runs = 1 if has_object else ANNOUNCED_RUNS
+        told = self._runs_since_announcement + begins_anew < runs
         full_frames = self.frames_before_pause(now) + _BACKLOG_FRAMES
-        if told or backlog_bytes < full_frames * room_bytes:
+        if told or (backlog_bytes < full_frames * room_bytes and not has_object):
             return b""
+        begin_at = self._told_begin_at(now)
+        begun_at = self._run_begun_at
+        if begins_anew:
+            begun_at = now if begin_at is None else begin_at
         self._runs_since_announcement = -begins_anew  # a new run is counted when it starts
-        begun_at = now if begins_anew else self._run_begun_at
         return Turn(ANYBODY, begun_at + self._run_ns - now).encode()
 
     def handle_started(self, now: int) -> None:
         """An own frame is handed to the link."""
+        if self._burst_at is None or now - self._burst_at >= self._largest_ns:
+            self._burst_at = now
         if not self._continues(now):
+            begin_at = self._told_begin_at(now)
             if self._follows(now):
                 self._runs_since_announcement += 1
             else:
                 self._runs_since_announcement = ANNOUNCED_RUNS
-            self._run_begun_at = now
+            self._run_begun_at = now if begin_at is None else begin_at
 
     def handle_transmitted(self, started_at: int, ended_at: int) -> None:
         """That frame has ended; it began when the device was ready."""
-        if not self._continues(started_at):
+        if not self._continues(started_at) and not self._is_told:
             self._run_begun_at = started_at
         self._last_ended_at = ended_at
+        if self._ends_run:
+            self._ends_run = False
+            if not self._is_told:
+                self._run_begun_at = ended_at - self._run_ns
+            self._runs_since_announcement = 0
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Somebody else began to be heard, or is not heard any more."""
@@ -155,7 +189,7 @@ class Listening:
 
     # Others
 
-    def invited_at(self, at: int) -> int | None:
+    def invited_at(self, at: int, *, is_urgent: bool = False) -> int | None:
         """Return when to start, not before `at`, to arrive in the pauses of those in a run, ns.
 
         None when nobody is known to be in one.
@@ -163,7 +197,9 @@ class Listening:
         invited_at: int | None = None
         for rhythm in self._active(at):
             opens_at = self._opens_at(rhythm, at)
-            if at > opens_at + self.pause_ns - 2 * _MARGIN_NS - self._short_ns:
+            last_ns = self.pause_ns - 2 * _MARGIN_NS - self._short_ns
+            follows = is_urgent and self._is_heard_out(opens_at, opens_at + last_ns, at)
+            if at > opens_at + last_ns and not follows:
                 opens_at += self.period_ns
             if opens_at - rhythm.heard_at <= self.period_ns + self._unit_ns + rhythm.way_ns:
                 invited_at = max(invited_at or at, opens_at)
@@ -197,39 +233,68 @@ class Listening:
 
     def _continues(self, now: int) -> bool:
         """Whether a frame that starts now would be in the run that there is."""
-        return self._last_ended_at is not None and now - self._last_ended_at < self.pause_ns
+        if self._last_ended_at is None:
+            return False
+        if self._is_told and now < self._run_begun_at + self._run_ns:
+            return True
+        return now - self._last_ended_at < self.pause_ns
+
+    @property
+    def _is_told(self) -> bool:
+        """Whether others know the rhythm of this node."""
+        return self._runs_since_announcement < ANNOUNCED_RUNS
+
+    def _told_begin_at(self, now: int) -> int | None:
+        """When a run that begins now was to begin, ns; None: nobody was told."""
+        begin_at = self._run_begun_at + self.period_ns
+        if self._is_told and begin_at <= now < begin_at + self._unit_ns:
+            return begin_at
+        return None
+
+    def _fitting(self, begun_at: int, now: int) -> int:
+        """How many of the largest frames fit the rest of a run, as `frames_before_pause`."""
+        left_ns = begun_at + self._frames * self._unit_ns - now
+        count = max(1, left_ns // self._unit_ns)
+        is_early = left_ns - self._unit_ns > _MARGIN_NS
+        return count + 1 if count == 1 and is_early and self._is_told else count
 
     def _follows(self, now: int) -> bool:
         """Whether a frame that starts now comes so soon behind the last that there is a rhythm."""
         if self._last_ended_at is None:
             return False
-        return now - self._last_ended_at < self.pause_ns + self._unit_ns
+        ended_at = self._last_ended_at
+        if self._is_told:
+            ended_at = max(ended_at, self._run_begun_at + self._run_ns)
+        return now - ended_at < self.pause_ns + self._unit_ns
 
     def _own_pause_end(self, at: int) -> int:
         """End of the own pause that has to come before a frame at `at`, ns; or earlier."""
         assert self._last_ended_at is not None
-        if not self._continues(at):
-            # Whoever was invited to speak, and is heard, is heard out.
-            if (
-                self._busy_since is not None
-                and self._busy_since - self._last_ended_at < self.pause_ns
-            ):
-                return self._busy_since + self._largest_ns
+        run_ends_at = self._run_begun_at + self._run_ns
+        fits = at + self._largest_ns <= run_ends_at
+        if fits and self._continues(at):
             return at
-        if at + self._largest_ns <= self._run_begun_at + self._run_ns:
-            return at
-        pause_at = max(self._last_ended_at, self._run_begun_at + self._run_ns)
-        if self._runs_since_announcement >= ANNOUNCED_RUNS:
-            pause_at = self._last_ended_at  # nobody was told when
-        return pause_at + self.pause_ns
+        # Nobody counts on an end of the run that nobody was told.
+        pause_at = max(self._last_ended_at, run_ends_at) if self._is_told else self._last_ended_at
+        pause_until = pause_at + self.pause_ns
+        if at < pause_until:
+            return pause_until
+        # Whoever was invited to speak, and is heard, is heard out.
+        if self._busy_since is not None and self._busy_since < pause_until:
+            return self._busy_since + self._largest_ns
+        return at
 
     def _active(self, at: int) -> list[_Rhythm]:
-        """Rhythms of nodes that still speak; the others are forgotten."""
-        for source, rhythm in list(self._rhythms.items()):
-            if at - rhythm.heard_at > ANNOUNCED_RUNS * self.period_ns:
-                del self._rhythms[source]
+        """Rhythms of nodes that still speak at an instant; it may be one to come."""
         limit_ns = self.period_ns + self._unit_ns
         return [each for each in self._rhythms.values() if at - each.heard_at <= limit_ns]
+
+    def _is_heard_out(self, opens_at: int, last_at: int, at: int) -> bool:
+        """Whether who heard our first frame in its pause is still silent for a short one."""
+        first_at = self._burst_at
+        if first_at is None or not self._senses_carrier or not opens_at <= first_at <= last_at:
+            return False
+        return at + self._short_ns + _MARGIN_NS <= first_at + self._largest_ns
 
     def _opens_at(self, rhythm: _Rhythm, at: int) -> int:
         """When a frame has to start to arrive in a pause: last time not after `at`, or next."""

@@ -38,6 +38,7 @@ from zacoustic.core.objects.timing import Timing
 from zacoustic.core.objects.wire import (
     FEEDBACK_BYTES,
     FRAGMENT_HEADER_BYTES,
+    Call,
     Feedback,
     Fragment,
 )
@@ -70,6 +71,8 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True):
     """How many of them are not payload."""
     is_repair: bool = False
     """It is a repair fragment."""
+    ends_run: bool = False
+    """It says that a listen window follows."""
 
 
 class Objects:
@@ -298,6 +301,10 @@ class Objects:
             rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
         )
 
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment is due."""
+        return self._timing is not None and self._sending(now) is not None
+
     def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
         """Take an answer that is due and goes to this destination, if it fits."""
         if room_bytes < FEEDBACK_BYTES or self._feedback_on_air:
@@ -334,6 +341,7 @@ class Objects:
             record=fragment.encode(),
             header_bytes=FRAGMENT_HEADER_BYTES,
             is_repair=sending.outgoing.is_repair(fragment.index),
+            ends_run=fragment.call is Call.WINDOW,
         )
 
     def transmitted(self, finished_at: int) -> None:

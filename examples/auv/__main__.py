@@ -1,0 +1,26 @@
+"""`python -m examples.auv`: the whole experiment; `make auv`."""
+
+import argparse
+import asyncio
+import sys
+
+
+def main() -> int:
+    """Read the arguments and run what they ask for."""
+    parser = argparse.ArgumentParser(prog="python -m examples.auv", description=__doc__)
+    parser.add_argument("--headless", action="store_true", help="the scripted dive, and its check")
+    parser.add_argument(
+        "--loss", type=float, default=0.0, metavar="P", help="share of the frames that is lost"
+    )
+    parser.add_argument("--port", type=int, default=8080, help="of the console's page")
+    given = parser.parse_args()
+    if given.headless:
+        from examples.auv.headless import headless
+
+        return asyncio.run(headless(loss=given.loss))
+    print("the console is not there yet: --headless", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

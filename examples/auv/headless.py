@@ -1,0 +1,54 @@
+"""The scripted dive between processes, in real time: tells what happens, and whether it held."""
+
+import asyncio
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from examples.auv.dive import Dive
+from examples.auv.expedition import expedition
+from examples.auv.session import open_session
+from examples.auv.shore import Shore
+from examples.auv.zenohshore import ZenohShore
+from zacoustic.errors import ZacousticError
+
+_PAUSE_S = 0.2
+_SHOWN = ("event", "lost", "status", "text", "service", "accepted", "reason")
+
+
+async def headless(*, loss: float = 0.0) -> int:
+    """Run the dive; returns the exit code."""
+    begun = time.monotonic()
+
+    def note(line: str) -> None:
+        sys.stdout.write(f"{time.monotonic() - begun:7.1f} s  {line}\n")
+        sys.stdout.flush()
+
+    def told(name: str, said: dict[str, Any]) -> None:
+        if said.get("event") in ("ready", "started", "stopped", "shore", "goal", "served"):
+            what = ", ".join(f"{key} {value}" for key, value in said.items() if key in _SHOWN)
+            note(f"{name}: {what}")
+
+    shore = Shore()
+    with tempfile.TemporaryDirectory(prefix="zacoustic-auv-") as folder:
+        try:
+            async with expedition(Path(folder), told, loss=loss) as running:
+                with await asyncio.to_thread(open_session, running.shore_endpoint) as session:
+                    carrier = ZenohShore(session, shore)
+                    dive = Dive(shore, carrier, note)
+                    while not dive.is_over:
+                        if running.failed.done():
+                            running.failed.result()
+                        now_s = time.monotonic()
+                        carrier.drain(now_s)
+                        dive.poke(now_s)
+                        await asyncio.sleep(_PAUSE_S)
+        except ZacousticError as error:
+            note(f"failed: {error}")
+            return 1
+    for complaint in dive.complaints:
+        note(f"complaint: {complaint}")
+    note("the dive went as it should" if not dive.complaints else "the dive failed")
+    return 1 if dive.complaints else 0

@@ -1,0 +1,152 @@
+"""The shore's side on Zenoh: an ordinary client that hears the vehicle and gives orders.
+
+Zenoh calls on threads of its own; what came waits in a queue until `drain`, so that the shore's
+state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and ranges.
+"""
+
+import json
+import os
+import queue
+from collections.abc import Callable
+from typing import Any, Final
+
+import msgspec
+import zenoh
+
+from examples.auv.messages import (
+    GOTO,
+    NAV,
+    PHOTO,
+    STATUS,
+    Done,
+    Nav,
+    Progress,
+    Reached,
+    Status,
+    Waypoint,
+)
+from examples.auv.session import CBOR, from_cbor, to_cbor
+from examples.auv.shore import Answer, Carrier, Shore
+from zacoustic.gateway import read_marker
+
+CALL_LIMIT_S: Final = 100.0
+RESULT_LIMIT_S: Final = 3600.0
+Take = Callable[[dict[str, Any]], None]
+_ACTION: Final = f"{GOTO}/_action"
+
+
+class ZenohShore(Carrier):
+    """Carries words between a `Shore` and Zenoh.
+
+    Args:
+        session: Zenoh's.
+        shore: What is known of the vehicle.
+    """
+
+    def __init__(self, session: zenoh.Session, shore: Shore) -> None:
+        self._session = session
+        self._shore = shore
+        self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
+        self.goal_id: bytes | None = None
+        """Of the goal that was sent last."""
+        self.health: dict[str, Any] = {}
+        """Documents of the gateway by the rest of their keys."""
+        for topic in (NAV, STATUS, PHOTO, f"{_ACTION}/feedback"):
+            session.declare_subscriber(topic, self._hear)
+        session.declare_subscriber("@acoustic/1/**", self._hear_health)
+
+    def drain(self, now_s: float) -> None:
+        """Take in all that came; `now_s` is the instant."""
+        while not self._came.empty():
+            self._came.get()(now_s)
+
+    def put(self, topic: str, value: msgspec.Struct) -> None:
+        """Publish."""
+        self._session.put(topic, to_cbor(value), encoding=CBOR)
+
+    def call(self, service: str, value: msgspec.Struct) -> Answer:
+        """Call a service of the vehicle."""
+        answer = Answer()
+
+        def answered(said: dict[str, Any]) -> None:
+            answer.answered(msgspec.convert(said, Done))
+
+        self._ask(service, value, CALL_LIMIT_S, answered, answer)
+        return answer
+
+    def send_goal(self, waypoint: Waypoint) -> Answer:
+        """Send a way-point to the vehicle."""
+        answer = Answer()
+        goal_id = self.goal_id = os.urandom(16)
+
+        def accepted(said: dict[str, Any]) -> None:
+            answer.accepted = said["accepted"]
+            if not answer.accepted:
+                answer.failed(said.get("text") or str(said.get("failure")))
+                return
+            question = {"goal_id": goal_id}
+            self._ask(f"{_ACTION}/get_result", question, RESULT_LIMIT_S, ended, answer)
+
+        def ended(said: dict[str, Any]) -> None:
+            if said["status"] == "succeeded":
+                answer.reached(msgspec.convert(said["result"], Reached))
+            else:
+                answer.failed(said["text"] or said["status"])
+
+        question = {"goal_id": goal_id, "goal": msgspec.to_builtins(waypoint)}
+        self._ask(f"{_ACTION}/send_goal", question, CALL_LIMIT_S, accepted, answer)
+        return answer
+
+    def cancel_goal(self) -> None:
+        """Ask for the end of the goal that was sent last."""
+        if self.goal_id is not None:
+            question = {"goal_id": self.goal_id}
+            self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, lambda said: None, Answer())
+
+    def _ask(
+        self,
+        key: str,
+        value: object,
+        limit_s: float,
+        take: Callable[[dict[str, Any]], None],
+        answer: Answer,
+    ) -> None:
+        """Ask, and take the answer when it is drained; a failure ends `answer`."""
+        replies: list[zenoh.Reply] = []
+
+        def over(_: float) -> None:
+            for reply in replies:
+                if reply.ok is not None:
+                    take(from_cbor(reply.ok.payload))
+                    return
+            errors = [reply.err.payload.to_string() for reply in replies if reply.err is not None]
+            answer.failed(errors[0] if errors else "no answer")
+
+        handler = zenoh.handlers.Callback(replies.append, lambda: self._came.put(over))
+        self._session.get(key, handler, payload=to_cbor(value), encoding=CBOR, timeout=limit_s)
+
+    def _hear(self, sample: zenoh.Sample) -> None:
+        topic, payload = str(sample.key_expr), sample.payload
+        marker = read_marker(sample.attachment)
+        age_s = 0.0 if marker is None or marker.age_s is None else marker.age_s
+
+        def take(now_s: float) -> None:
+            if topic == PHOTO:
+                self._shore.hear(topic, payload.to_bytes(), now_s)
+            elif topic == NAV:
+                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Nav), now_s, age_s)
+            elif topic == STATUS:
+                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Status), now_s)
+            else:
+                said = from_cbor(payload)["feedback"]
+                self._shore.progress = msgspec.convert(said, Progress)
+
+        self._came.put(take)
+
+    def _hear_health(self, sample: zenoh.Sample) -> None:
+        name, text = str(sample.key_expr).partition("@acoustic/1/")[2], sample.payload.to_string()
+
+        def take(_: float) -> None:
+            self.health[name] = json.loads(text)
+
+        self._came.put(take)
