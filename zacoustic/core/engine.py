@@ -446,7 +446,5 @@ class Engine:
 
     def peers(self) -> dict[int, bool]:
         """Return the nodes heard so far, and whether each has confirmed our table."""
-        return {
-            address: peer.confirmed_us
-            for address, peer in self._protocols.handshake.peers().items()
-        }
+        known = self._protocols.handshake.peers()
+        return {address: peer.confirmed_us for address, peer in known.items()}
