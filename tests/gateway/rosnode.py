@@ -249,6 +249,8 @@ class Client:
         self._response = node.message(f"{interface}_Response")
         self._session = node.session
         self._count = 0
+        self.errors: list[str] = []
+        """The texts of error replies."""
 
     def ask(self, value: dict[str, Any]) -> Told:
         """Ask all complete servers; replies come as pairs of value and attachment, then None."""
@@ -256,8 +258,10 @@ class Client:
         self._count += 1
 
         def take(reply: zenoh.Reply) -> None:
-            if reply.ok is None:
-                return  # rmw_zenoh logs it
+            if reply.ok is None:  # rmw_zenoh logs it
+                assert reply.err is not None
+                self.errors.append(reply.err.payload.to_string())
+                return
             assert reply.ok.attachment is not None
             beside = read_attachment(reply.ok.attachment.to_bytes())
             told.tell((self._response.read(reply.ok.payload.to_bytes())[0], beside))

@@ -65,7 +65,9 @@ async def test_a_server_may_take_its_time(pair: Pair) -> None:
     assert told.empty()
     (query,) = pair.auv.held()
     reply(query, pair.auv.message(f"{ADD}_Response").write(added(value)))
-    assert (await told.next())[0] == {"sum": 42}
+    answer = await told.next()
+    assert answer is not None, client.errors
+    assert answer[0] == {"sum": 42}
     assert await told.next() is None
 
 
