@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
 .PHONY: help demo auv test soak bench clean distclean
-.PHONY: venv-run venv-test format lint types contracts unit examples package
+.PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
 unexport PYTHONPATH PYTHONHOME
@@ -28,7 +28,7 @@ help:
 demo: venv-run
 	@.venv/bin/zacoustic demo $(ARGS)
 
-auv: venv-run
+auv: venv-console
 	@$(VENV_PYTHON) -m examples.auv $(ARGS)
 
 test: format lint types contracts unit examples package
@@ -84,6 +84,9 @@ package: venv-test
 
 venv-run:
 	@sh .ci/bootstrap terminal
+
+venv-console:
+	@sh .ci/bootstrap console
 
 venv-test:
 	@sh .ci/bootstrap test
