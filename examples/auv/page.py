@@ -30,6 +30,8 @@ class Page:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._shown_photos = 0
+        self._resets = desk.setpoints.resets
+        self._is_resetting = False
         ui.page_title("auv1")
         ui.keyboard(on_key=self._key)
         with ui.row().classes("w-full items-start no-wrap"):
@@ -67,6 +69,9 @@ class Page:
         self._status.set_text(desk.status_line())
         self._orders.set_text("\n".join(desk.order_lines()))
         self._link.set_text("\n".join(desk.link_lines()))
+        if self._resets != desk.setpoints.resets:
+            self._resets = desk.setpoints.resets
+            self._centre()
         if len(desk.shore.photos) != self._shown_photos:
             self._shown_photos = len(desk.shore.photos)
             picture = base64.b64encode(desk.shore.photos[-1]).decode()
@@ -74,7 +79,6 @@ class Page:
 
     def _sliders(self) -> None:
         """Set-points; forward and bow up are positive here, and have Gazebo's signs on the way."""
-        desk = self._desk
 
         def slider(name: str, topic: str, most: float, step: float) -> ui.slider:
             sign = -1.0 if topic == THRUST else 1.0
@@ -85,7 +89,7 @@ class Page:
                     max=most,
                     step=step,
                     value=0,
-                    on_change=lambda event: desk.setpoints.set(topic, sign * event.value),
+                    on_change=lambda event: self._moved(topic, sign * event.value),
                 )
                 ui.label().bind_text_from(found, "value", backward="{:g}".format)
             return found.mark(name)
@@ -93,6 +97,17 @@ class Page:
         self._thrust = slider("thrust N", THRUST, _MOST_THRUST_N, 0.5)
         self._rudder = slider("rudder rad", RUDDER, FIN_LIMIT_RAD // 0.01 * 0.01, 0.01)
         self._elevator = slider("elevator rad", ELEVATOR, FIN_LIMIT_RAD // 0.01 * 0.01, 0.01)
+
+    def _moved(self, topic: str, value: float) -> None:
+        if not self._is_resetting:
+            self._desk.setpoints.set(topic, value)
+
+    def _centre(self) -> None:
+        """Others steer now: what the sliders have said does not hold any more."""
+        self._is_resetting = True
+        for slider in (self._thrust, self._rudder, self._elevator):
+            slider.value = 0
+        self._is_resetting = False
 
     def _missions(self) -> None:
         desk = self._desk

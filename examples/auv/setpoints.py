@@ -16,6 +16,8 @@ class Setpoints:
     def __init__(self) -> None:
         self.wanted: dict[str, float] = {}
         """By topic; what holds."""
+        self.resets = 0
+        """How often `reset` was called: whoever shows sliders puts them back to the middle."""
         self._told: dict[str, float] = {}
         self._told_at_s = float("-inf")
 
@@ -25,6 +27,7 @@ class Setpoints:
 
     def reset(self) -> None:
         """Nothing is wanted, and what was told does not hold any more: others steer."""
+        self.resets += 1
         self.wanted.clear()
         self._told.clear()
 

@@ -168,6 +168,8 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
             assert await until(lambda: HOLD in topics(carrier))
             desk.shore.hear(NAV, nav(), clock.now_s)
             pages[0].refresh()
+            assert slider.value == 0  # the autopilot steers: what it showed does not hold
+            assert not desk.setpoints.wanted
             await user.should_see("auv1: goto")
             await user.should_see("depth 12.3 m")
             user.find("STOP").click()
