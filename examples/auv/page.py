@@ -78,7 +78,7 @@ class Page:
             self._photo.set_source(f"data:image/png;base64,{picture}")
 
     def _sliders(self) -> None:
-        """Set-points; forward and bow up are positive here, and have Gazebo's signs on the way."""
+        """Set-points; forward is positive here, and has Gazebo's sign on the way."""
 
         def slider(name: str, topic: str, most: float, step: float) -> ui.slider:
             sign = -1.0 if topic == THRUST else 1.0
