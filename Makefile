@@ -3,8 +3,8 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test soak bench clean distclean
-.PHONY: venv-run venv-test format lint types contracts unit examples package
+.PHONY: help demo auv test test-browser soak bench clean distclean
+.PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
 unexport PYTHONPATH PYTHONHOME
@@ -21,6 +21,7 @@ help:
 	@echo "make demo    show it: two islands joined through simulated water"
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
+	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
@@ -28,12 +29,17 @@ help:
 demo: venv-run
 	@.venv/bin/zacoustic demo $(ARGS)
 
-auv: venv-run
+auv: venv-console
 	@$(VENV_PYTHON) -m examples.auv $(ARGS)
 
 test: format lint types contracts unit examples package
 	@echo
 	@echo "make test: every step passed"
+
+test-browser: venv-test
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	    echo "test-browser: NOT RUN, no Chromium found"
+	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py -rs $(ARGS)
 
 soak: venv-test
 	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 -n auto --dist worksteal $(ARGS)
@@ -84,6 +90,9 @@ package: venv-test
 
 venv-run:
 	@sh .ci/bootstrap terminal
+
+venv-console:
+	@sh .ci/bootstrap console
 
 venv-test:
 	@sh .ci/bootstrap test

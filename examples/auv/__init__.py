@@ -17,5 +17,7 @@ the time that it is told, so the same dive runs in real time between processes a
 `session`, `vehicle`,           the same as Zenoh clients, in processes of their own, between
 `zenohshore`, `expedition`,     emulated modems; the scripted dive there
 `headless`
+`setpoints`, `drawing`,         the console: set-points at a rate that the water carries, pictures
+`desk`, `page`, `console`       without a browser, everything the operator sees and does; its page
 ==============================  ====================================================================
 """

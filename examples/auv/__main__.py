@@ -18,8 +18,16 @@ def main() -> int:
         from examples.auv.headless import headless
 
         return asyncio.run(headless(loss=given.loss))
-    print("the console is not there yet: --headless", file=sys.stderr)
-    return 2
+    try:
+        from examples.auv.console import run_console
+    except ModuleNotFoundError as error:
+        print(
+            f"{error.name} is missing: pip install 'zacoustic[console]', or --headless",
+            file=sys.stderr,
+        )
+        return 2
+    run_console(port=given.port, loss=given.loss)
+    return 0
 
 
 if __name__ == "__main__":

@@ -94,7 +94,7 @@ def main() -> int:
     print("an order, from the shore to the vehicle's program       p50 s   p95 s   p99 s")
     cases: tuple[tuple[str, float, Order, bool, float], ...] = (
         ("hold, 20 % loss", 0.2, hold, False, WORST_ORDER_S),
-        ("hold, 20 % loss, a photo is coming up", 0.2, hold, True, float("inf")),
+        ("hold, 20 % loss, a photo is coming up", 0.2, hold, True, WORST_ORDER_S),
         ("stop, 40 % loss", 0.4, stop, False, WORST_STOP_S),
         ("stop, a photo is coming up", 0.0, stop, True, WORST_STOP_WITH_PHOTO_S),
         ("stop, 40 % loss, a photo is coming up", 0.4, stop, True, WORST_STOP_WITH_PHOTO_S),

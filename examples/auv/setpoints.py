@@ -1,0 +1,48 @@
+"""Set-points from hands, at a rate that the water carries: the last ones hold.
+
+A slider moves many times a second, a frame takes a second to get there. So changes are collected:
+the first goes at once, whatever changes within the next seconds goes together when they are over.
+"""
+
+from typing import Final
+
+LEAST_PERIOD_S: Final = 3.0
+"""Between two transmissions of set-points, s."""
+
+
+class Setpoints:
+    """What the hands want, and what of it the vehicle was told."""
+
+    def __init__(self) -> None:
+        self.wanted: dict[str, float] = {}
+        """By topic; what holds."""
+        self.resets = 0
+        """How often `reset` was called: whoever shows sliders puts them back to the middle."""
+        self._told: dict[str, float] = {}
+        self._told_at_s = float("-inf")
+
+    def set(self, topic: str, value: float) -> None:
+        """Want another value."""
+        self.wanted[topic] = value
+
+    def reset(self) -> None:
+        """Nothing is wanted, and what was told does not hold any more: others steer."""
+        self.resets += 1
+        self.wanted.clear()
+        self._told.clear()
+
+    @property
+    def waiting(self) -> dict[str, float]:
+        """What the vehicle was not told yet."""
+        return {
+            topic: value for topic, value in self.wanted.items() if self._told.get(topic) != value
+        }
+
+    def poll(self, now_s: float) -> dict[str, float]:
+        """Return what is to be told now."""
+        waiting = self.waiting
+        if not waiting or now_s - self._told_at_s < LEAST_PERIOD_S:
+            return {}
+        self._told |= waiting
+        self._told_at_s = now_s
+        return waiting
