@@ -14,6 +14,8 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
 )
+from zacoustic.core.frame import Tag
+from zacoustic.core.linktypes import ReceivedFrame
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -125,6 +127,23 @@ def test_several_clients_get_their_own_answers_at_once() -> None:
         assert event.value == b"re %d.%d" % (address, number)
     assert len(calls) == 12
     assert desk.water.is_quiet
+
+
+def test_answer_arrives_after_a_late_frame_of_a_former_life_of_the_server() -> None:
+    desk = Desk(serve=later(30))
+    for number in range(3):
+        desk.water.at(100 * number, partial(desk.call, 2, b"%d" % number))
+    # The client does not know any more that the server knows it; the server does not know that.
+    frame = Tag(7).encode() + b"\x01x"
+    stray = ReceivedFrame(frame_bytes=frame, received_at=215 * 10**9, source=1)
+    desk.water.at(
+        215, lambda: desk.water.apply(2, lambda engine, now: engine.handle_frame(stray, now))
+    )
+    desk.water.run(until_s=400)
+    ends = [desk.end(2, call_id) for call_id in (1, 2, 3)]
+    answers = [end.value for end in ends if isinstance(end, ResponseReceived)]
+    assert answers == [b"re 0", b"re 1", b"re 2"]
+    assert [text for _, text in desk.executed] == [b"0", b"1", b"2"]
 
 
 def test_error_of_the_handler_reaches_the_caller() -> None:

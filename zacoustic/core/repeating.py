@@ -158,6 +158,12 @@ class Repeater:
         if repetition.stage is _Stage.SENT:
             self._push_again(repetition)
 
+    def resume(self, repetition: Repetition, now: int) -> None:
+        """Go on with what was stopped, unless its end has come."""
+        if repetition.stage is _Stage.OVER and (repetition.until is None or now < repetition.until):
+            self._repetitions[repetition] = None
+            self._push_again(repetition)
+
     def transmitted(self, records: Iterable[Waiting]) -> None:
         """Note which records are in the transmission that begins."""
         for record in records:

@@ -247,6 +247,7 @@ class Services:
                 return "unexpected_answer"
             kind, payload = named, payload[NAME_BYTES:]
         elif not self._handshake.knows_us(server):
+            self._ask_again(server, stream.stream_id, number, now)
             return "unexpected_answer"
         call_id = self._clients.find(server, stream.stream_id, number)
         if call_id is not None:
@@ -265,6 +266,18 @@ class Services:
             self._fail(call_id, failure, text, now)
             return None
         return self._receive_response(call_id, stream, payload, now)
+
+    def _ask_again(self, server: int, stream_id: int, number: int, now: int) -> None:
+        """Repeat the request of what may be an answer to a former life of this node.
+
+        The server takes us for somebody who knows that it knows our epoch, and we do not any more:
+        its own HELLO was new to us after it had confirmed ours. It would say the same for ever; a
+        request behind our HELLO or TAG makes it name whom it answers.
+        """
+        call_id = self._clients.find(server, stream_id, number)
+        request = None if call_id is None else self._clients.request(call_id)
+        if request is not None:
+            self._repeater.resume(request, now)
 
     def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
         """Tell a server that its answer has arrived; for a moment it may wait."""
