@@ -130,6 +130,11 @@ class Desk:
             assert self.serve(lambda engine, now: engine.actions.accept(event.goal, now))
 
 
+@pytest.mark.parametrize("seed", [446, 1669])
+def test_confirm_that_waits_is_not_for_a_goal_of_the_next_epoch(seed: int) -> None:
+    assert GoalStory(seed).run() == []
+
+
 @pytest.mark.parametrize("half", range(2))
 def test_no_goal_runs_twice_and_each_ends_once_whatever_goes_wrong(
     half: int, count: Callable[[int], int]

@@ -267,6 +267,7 @@ class Protocols:
         self.handshake.table_changed()
         self.dense.epoch_changed()
         self._write_epoch()
+        self.services.epoch_changed()
         self.actions.epoch_changed(now)
 
     def use_link(self, port: LinkPort, now: int) -> None:

@@ -316,9 +316,13 @@ class TransmitQueue:
     def drop_stream(self, stream_id: int) -> int:
         """Take back all payloads of a stream; returns how many."""
         dropped = self.pending(stream_id)
-        for key in [key for key in self._busy if key[0] == stream_id]:
-            self.drop_lane(key)
+        self.drop_lanes((stream_id,))
         return dropped
+
+    def drop_lanes(self, kind: LaneKey) -> None:
+        """Take back all payloads of the lanes whose key begins so."""
+        for key in [key for key in self._busy if key[: len(kind)] == kind]:
+            self.drop_lane(key)
 
     def readdress(self, stream_id: int, destination: int) -> None:
         """Send what waits of a stream to another node, or to all."""

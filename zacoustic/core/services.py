@@ -208,6 +208,16 @@ class Services:
             return "unconfirmed"  # it may be of a former life of its sender
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
+    def epoch_changed(self) -> None:
+        """This node has begun a new epoch.
+
+        A CONFIRM that waits names a call by the epoch it is sent in: it would be taken for one of
+        the new epoch. The answer will come again.
+        """
+        for stream in self._table:
+            if isinstance(stream.spec, ServiceSpec):
+                self._queue.drop_lanes((stream.stream_id, _CONFIRM_LANE))
+
     def heard(self, source: int) -> None:
         """A frame of a node arrived: what had become rare for it is due."""
         self._repeater.heard(source)

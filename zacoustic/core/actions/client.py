@@ -211,6 +211,11 @@ class GoalClient:
     def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch: its goals are of a former one now."""
         self._numbers.clear()
+        for stream in self._table:
+            # A CONFIRM that waits would be taken for one of a goal of the new epoch; the result
+            # will come again.
+            if isinstance(stream.spec, ActionSpec) and stream.spec.server != self._address:
+                self._post.drop_answers(stream.stream_id)
         for goal in self._goals.values():
             if goal.stage is ClientStage.ENDED:
                 continue

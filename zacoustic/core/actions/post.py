@@ -97,6 +97,10 @@ class GoalPost:
             record = self._shortened(record)
         self._queue.replace(_lane_key(goal, peer, lane), record, qos)
 
+    def drop_answers(self, stream_id: int) -> None:
+        """Take back the answers that wait, to whatever goal of an action."""
+        self._queue.drop_lanes((stream_id, GoalLane.ANSWER))
+
     def feed(
         self, goal: GoalKey, stream: Stream, peer: int, payload: bytes, interval_s: float, now: int
     ) -> None:
