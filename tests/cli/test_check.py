@@ -122,6 +122,20 @@ def test_what_does_not_fit_a_frame_is_noted(
     assert "note: stream 10 (auv1/nav), topic: Text has no largest size" in capsys.readouterr().out
 
 
+def test_what_is_reliable_crosses_in_parts_where_it_fits_no_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    section = changed("streams.0.type", "Text")
+    section["streams"][0]["reliability"] = "reliable"
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert "auv1/nav), topic:" not in capsys.readouterr().out
+    numbers = [{"name": f"n{place}", "type": "float64"} for place in range(9)]
+    section["types"].append({"name": "Wide", "fields": numbers})
+    section["streams"][0]["type"] = "Wide"
+    assert main(["check", str(write(tmp_path, section)), "--profile", "waterlinked_m64"]) == 0
+    assert "for it: all of it crosses in parts" in capsys.readouterr().out
+
+
 def test_it_is_said_where_the_journal_is_and_what_is_forgotten_without(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

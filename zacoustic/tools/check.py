@@ -20,7 +20,7 @@ from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
-from zacoustic.core.qos import Stamp
+from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.rmw_desert.codec import RmwDesertCodec
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
@@ -254,7 +254,7 @@ def _notes(
     if config.table.wire is WireProfile.RMW_DESERT:
         yield from checkdesert.notes(config.table)
     else:
-        yield from _room_notes(rows, profile)
+        yield from _room_notes(config, rows, profile)
     for link in links:
         if link.mtu_bytes not in (None, profile.mtu_bytes):
             yield (
@@ -273,12 +273,20 @@ def _notes(
         yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
 
 
-def _room_notes(rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+def _room_notes(
+    config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile
+) -> Iterator[str]:
     # The engine takes a record only if it fits beside a TAG: it may have to be sent with one.
     room_bytes = profile.mtu_bytes - TAG_BYTES
     for row in rows:
         what = f"stream {row.stream_id} ({row.name}), {row.kind}"
-        if row.smallest_bytes > room_bytes:
+        if _crosses_in_parts(config.table.by_id(row.stream_id)):
+            if row.smallest_bytes > room_bytes:
+                yield (
+                    f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
+                    f"the {room_bytes} bytes that a frame has for it: all of it crosses in parts"
+                )
+        elif row.smallest_bytes > room_bytes:
             yield (
                 f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
                 f"the {room_bytes} bytes that a frame has for it: it never crosses"
@@ -293,6 +301,11 @@ def _room_notes(rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[
                 f"{what}: up to {row.largest_bytes} bytes; what does not fit the "
                 f"{room_bytes} bytes of a frame is refused"
             )
+
+
+def _crosses_in_parts(stream: Stream) -> bool:
+    """Tell whether what fits no frame crosses as an object."""
+    return isinstance(stream.spec, TopicSpec) and (stream.qos.reliability is Reliability.RELIABLE)
 
 
 def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
