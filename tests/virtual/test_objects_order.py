@@ -45,6 +45,11 @@ def mixed_story(seed: int) -> Story:
     return msgspec.structs.replace(story, casts=casts, pause_s=len(names) * story.pause_s)
 
 
+@pytest.mark.parametrize("seed", [36, 237])
+def test_dense_texts_that_go_as_records_fit_the_frame(seed: int) -> None:
+    assert tell(mixed_story(seed)).complaints == ()
+
+
 @pytest.mark.parametrize("number", range(4))
 def test_order_is_kept_in_any_story(count: Callable[[int], int], number: int) -> None:
     for seed in range(number, count(400), 4):

@@ -69,10 +69,11 @@ class Filling:
 
     def add(self, item: Waiting) -> bool:
         """Take a payload, if it fits beside the others."""
-        if self._last is None and self._dense.admits(item, self._destination):
-            return self._add_sample(item)
         needs_end = self._needs_end(item)
         must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
+        is_sample = self._last is None and not must_be_last
+        if is_sample and self._dense.admits(item, self._destination):
+            return self._add_sample(item)
         if must_be_last and self._samples:
             return False
         if self._last is not None and (must_be_last or item.stream_id == self._last.stream_id):
@@ -135,7 +136,9 @@ class Filling:
         """
         if not samples:
             return 0
-        ends = max(0, self._ends + len(samples) * self._introduced - 1) - self._ends
+        # Samples without a type show no end, even where nothing stands before them.
+        needed = sum(self._needs_end(item) for item in samples)
+        ends = max(0, self._ends + needed - 1) - self._ends
         return sum(item.size_bytes for item in samples) + DELIMITER_BYTES * ends
 
     def _write(self, samples: list[Waiting], room_bytes: int) -> Encoded | None:
