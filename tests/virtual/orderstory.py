@@ -94,6 +94,9 @@ class OrderStory:
         self._busy_s = rng.choice((600.0, 1800.0))
         self._late_s = rng.choice((0.0, 0.0, 900.0))
         """Beyond the settling time a frame may come again so much later, s."""
+        self._again_s = 0.0
+        """So much later any frame may come again, s; where the first one is lost, that is what its
+        age lacks."""
         modem = Modem(acknowledges=rng.random() < 0.2)
         tables = {each: _table("a") for each in (*GIVERS, VEHICLE)}
         if rng.random() < 0.3:
@@ -332,7 +335,7 @@ class OrderStory:
         elif given.order.for_s is not None and obeyed.silent_until is not None:
             wanted_s = given.at / NS_PER_S + given.order.for_s
             error_s = _TIME_ERROR_S + _AGE_ERROR * (obeyed.at - given.at) / NS_PER_S
-            if obeyed.silent_until / NS_PER_S > wanted_s + error_s + self._late_s:
+            if obeyed.silent_until / NS_PER_S > wanted_s + error_s + self._again_s:
                 self._complain(f"{obeyed} lasts beyond {wanted_s:.1f} s")
             if obeyed.silent_until / NS_PER_S < wanted_s - error_s:
                 self._complain(f"{obeyed} ends before {wanted_s:.1f} s")
@@ -377,9 +380,12 @@ class OrderStory:
             }
             for address in addresses
         ]
+        duplicate = rng.choice((0.0, 0.1, 0.5))
+        after_s = self._late_s or 0.95 * settled_s
+        self._again_s = after_s if duplicate else 0.0
         faults = {
-            "duplicate": rng.choice((0.0, 0.1, 0.5)),
-            "duplicate_after_s": [0.0, self._late_s or 0.95 * settled_s],
+            "duplicate": duplicate,
+            "duplicate_after_s": [0.0, after_s],
             "jitter_s": rng.choice((0.0, 0.0, 0.05)),
             "crashes": [each for each in crashes if each["at_s"]],
             "journal": {"commit_s": self._commit_s, "untold": rng.choice((0.0, 0.5))},
