@@ -5,8 +5,6 @@ was when it said that it had arrived, and what became of every reliable sample.
 """
 
 import math
-import random
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -62,9 +60,6 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.qos import Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.trace import TraceSink
 from zacoustic.json5 import read_json5
 from zacoustic.testing import Modem, VirtualNetwork
 
@@ -101,25 +96,6 @@ class VirtualDive(Carrier):
         water |= {"seed": seed, "loss": {"frame": loss}}
         rules = {address: config.rules for address, config in configs.items()}
 
-        def build(
-            *,
-            address: int,
-            table: StreamTable,
-            epoch: int,
-            rng: random.Random,
-            stored: Mapping[str, bytes],
-            trace: TraceSink | None,
-        ) -> Engine:
-            return Engine(
-                address=address,
-                table=table,
-                epoch=epoch,
-                rng=rng,
-                stored=stored,
-                rules=rules.get(address, TransmitRules()),
-                trace=trace,
-            )
-
         self.craft = Craft(START, seed=seed)
         self.shore = Shore()
         self.arrivals: list[Arrival] = []
@@ -145,7 +121,7 @@ class VirtualDive(Carrier):
             modem=Modem(acknowledges=True),
             deliver=self._deliver,
             digest=False,
-            build=build,
+            rules=rules,
         )
         for to, every_s in configs[SHORE].ranges_to().items():
             self.network.apply(SHORE, partial(_repeat_range, to, every_s))

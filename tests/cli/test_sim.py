@@ -165,6 +165,31 @@ def test_a_config_is_used_with_its_types_and_calls_are_counted(
     assert (arm["published"], arm["expected"], arm["delivered"]) == (10, 10, 10)
 
 
+def test_what_the_config_says_of_transmitting_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    access = '{ method: "tdma", slots: [1, 2], slot_s: 5, max_range_m: 1500, clock_error_s: 0.01 }'
+    (tmp_path / "fleet.json5").write_text(
+        """{ plugins: { acoustic: { address: 1, quiet: [ { from: "00:05", to: "00:10" } ],
+          links: [ { locator: "sim/127.0.0.1:7000", access: ACCESS } ],
+          nodes: [ { address: 1, name: "shore" }, { address: 2, name: "auv" } ],
+          streams: [ { id: 1, topic: "a/b", publishers: [2] } ] } } }""".replace("ACCESS", access),
+        encoding="utf-8",
+    )
+    path = tmp_path / "water.json5"
+    path.write_text(SCENARIO.replace("traffic:", 'config: "fleet.json5", traffic:'), "utf-8")
+    trace = tmp_path / "trace.jsonl"
+    assert main(["sim", str(path), "--until", "900", "--json", "--trace", str(trace)]) == 0
+    capsys.readouterr()
+    records = [json.loads(line) for line in trace.read_text(encoding="utf-8").splitlines()]
+    instants = [each["at"] / 1e9 for each in records if each["what"] == "transmit"]
+    assert len(instants) > 20
+    assert not [at_s for at_s in instants if 300 <= at_s < 600]
+    # Two slots of 5 s each, from midnight on: node 2 has the second one.
+    turns = [each for each in records if each["what"] == "transmit" and each["node"] == 2]
+    assert all(each["at"] / 1e9 % 10 >= 5 for each in turns)
+
+
 def test_somebody_looks_at_on_demand_topics_and_heartbeats_are_sent(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

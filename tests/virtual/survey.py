@@ -15,7 +15,6 @@ from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import TdmaSpec
 from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
@@ -152,7 +151,7 @@ def survey(hours: float, *, seed: int = 7) -> Result:
         _TABLE,
         deliver=deliver,
         digest=False,
-        build=partial(Engine, rules=TransmitRules(access=SCHEDULE)),
+        rules=TransmitRules(access=SCHEDULE),
     )
 
     def publish(node: int, stream_id: int) -> None:

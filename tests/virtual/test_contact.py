@@ -8,7 +8,6 @@ import pytest
 
 from tests.virtual.fleet import line
 from zacoustic.core.contact import ContactRules
-from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, PeerFound, PeerLost
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
@@ -30,7 +29,7 @@ def network(lost_after_s: float, **water: Any) -> VirtualNetwork:
     return VirtualNetwork(
         line(0, 400, 900, **{"channel": "none", **water}),
         fleet(),
-        build=partial(Engine, rules=TransmitRules(contact=contact)),
+        rules=TransmitRules(contact=contact),
     )
 
 
@@ -82,7 +81,7 @@ def test_talk_to_one_node_does_not_make_the_others_miss_anybody() -> None:
     water = VirtualNetwork(
         line(0, 400, 900, channel="none"),
         table,
-        build=partial(Engine, rules=TransmitRules(contact=contact)),
+        rules=TransmitRules(contact=contact),
     )
     water.every(20, lambda: water.publish(1, 10, b"x"))
     water.run(until_s=SPAN_S / 2)

@@ -14,6 +14,7 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.journal import EPOCH_KEY, JournalWrite
 from zacoustic.core.linktypes import LinkState
 from zacoustic.core.qos import Qos
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord, TraceSink
@@ -104,11 +105,18 @@ def writing(commit_s: float, **settings: Any) -> tuple[VirtualNetwork, list[Writ
         table: StreamTable,
         epoch: int,
         rng: random.Random,
+        rules: TransmitRules,
         stored: Mapping[str, bytes],
         trace: TraceSink | None,
     ) -> Engine:
         engine = WritingEngine(
-            address=address, table=table, epoch=epoch, rng=rng, stored=stored, trace=trace
+            address=address,
+            table=table,
+            epoch=epoch,
+            rng=rng,
+            rules=rules,
+            stored=stored,
+            trace=trace,
         )
         engines.append(engine)
         return engine

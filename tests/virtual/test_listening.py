@@ -11,7 +11,6 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
 from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -54,7 +53,7 @@ class Sea:
             scenario,
             table,
             modem=Modem(senses_carrier=isinstance(access, CarrierSenseSpec)),
-            build=partial(Engine, rules=TransmitRules(access=access)),
+            rules=TransmitRules(access=access),
             trace=self._trace,
         )
         for at_s, node in ((0, 1), (10, 2), (20, 1), (30, 2)):  # they know each other

@@ -10,7 +10,6 @@ import pytest
 from tests.virtual.fleet import line
 from zacoustic.core.access.spec import AccessSpec, AlohaSpec, CarrierSenseSpec, TdmaSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Priority, Qos, Reliability
@@ -243,8 +242,7 @@ def test_cancel_and_refuse() -> None:
 )
 def test_a_photo_by_any_medium_access(access: AccessSpec) -> None:
     water = line(0, 1500, channel="none", loss={"frame": 0.3})
-    build = partial(Engine, rules=TransmitRules(access=access))
-    network = VirtualNetwork(water, table(), build=build)
+    network = VirtualNetwork(water, table(), rules=TransmitRules(access=access))
     sample = payload(4000)
     network.at(1, lambda: network.publish(2, PHOTO, sample))
     network.run(until_s=3000)

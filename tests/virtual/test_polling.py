@@ -7,7 +7,6 @@ from functools import partial
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import PollingSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -41,7 +40,7 @@ def network(seed: int, *, loss: float = 0.0, modem: Modem | None = None) -> Virt
         scenario,
         table,
         modem=modem,
-        build=partial(Engine, rules=TransmitRules(access=spec)),
+        rules=TransmitRules(access=spec),
         digest=False,
     )
 

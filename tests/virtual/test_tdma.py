@@ -13,7 +13,6 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import TdmaSpec
 from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -88,7 +87,7 @@ class Fleet:
         self.network = VirtualNetwork(
             scenario,
             StreamTable(topics, nodes={node: f"n{node}" for node in self.addresses}),
-            build=partial(Engine, rules=TransmitRules(access=self.spec)),
+            rules=TransmitRules(access=self.spec),
             digest=False,
             trace=self._trace,
         )

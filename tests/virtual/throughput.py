@@ -7,7 +7,6 @@ throughputs are in frames per frame's airtime: `G` is what is tried, `S` what ar
 
 import math
 import random
-from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -17,7 +16,6 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
 from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -141,7 +139,7 @@ def _measure(
         deliver=lambda address, event: None,
         disturb=disturb,
         digest=False,
-        build=partial(Engine, rules=TransmitRules(access=access)),
+        rules=TransmitRules(access=access),
     )
 
     def message() -> None:

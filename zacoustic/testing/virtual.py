@@ -27,7 +27,7 @@ the monotonic clock of its node, which is the same thing unless the scenario say
 import hashlib
 import random
 from collections.abc import Callable, Iterator, Mapping
-from typing import Protocol, TypeVar
+from typing import Final, Protocol, TypeVar
 
 import msgspec
 
@@ -37,6 +37,7 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities, LinkState
+from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord, TraceSink
@@ -52,6 +53,8 @@ from zacoustic.testing.virtualwater import Disturb, VirtualWater
 __all__ = ["Build", "Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
 
 T = TypeVar("T")
+
+_FREE: Final = TransmitRules()
 
 Deliver = Callable[[int, Event], None]
 """``(address, event)``: takes the events of all engines as they happen."""
@@ -70,6 +73,7 @@ class Build(Protocol):
         table: StreamTable,
         epoch: int,
         rng: random.Random,
+        rules: TransmitRules,
         stored: Mapping[str, bytes],
         trace: TraceSink | None,
     ) -> Engine:
@@ -90,6 +94,8 @@ class VirtualNetwork:
         digest: Make the digest of the trace; a tenth of the time of a run goes into it.
         disturb: Loses, delays and repeats frames beyond what the scenario says.
         lives: Told when a node has crashed, and before it starts again: it may call `set_table`.
+        rules: What the nodes heed when they transmit, one for all or by address; a node without is
+            free.
         build: Makes the engines.
 
     Raises:
@@ -108,6 +114,7 @@ class VirtualNetwork:
         digest: bool = True,
         disturb: Disturb | None = None,
         lives: Lives | None = None,
+        rules: TransmitRules | Mapping[int, TransmitRules] = _FREE,
         build: Build = Engine,
     ) -> None:
         if seed is not None:
@@ -122,6 +129,7 @@ class VirtualNetwork:
         self._trace = trace
         self._hash = hashlib.sha256() if digest else None
         self._lives = lives
+        self._rules = rules
         self._build = build
         tables = table if isinstance(table, Mapping) else dict.fromkeys(medium.addresses, table)
         if set(tables) - set(medium.addresses):
@@ -281,10 +289,15 @@ class VirtualNetwork:
             table=node.table,
             epoch=epoch,
             rng=random.Random(f"{self.scenario.seed}/{address}/{epoch}"),
+            rules=self._rules_of(address),
             stored=dict(node.journal.entries),
             trace=self._note if self._trace or self._hash else None,
         )
         self._connect(node, node.engine)
+
+    def _rules_of(self, address: int) -> TransmitRules:
+        rules = self._rules
+        return rules if isinstance(rules, TransmitRules) else rules.get(address, _FREE)
 
     def set_table(self, address: int, table: StreamTable) -> None:
         """Give a node another table for its next life."""

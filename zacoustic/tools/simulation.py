@@ -7,7 +7,7 @@ differ (`size_bytes`, `vary`).
 """
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -30,7 +30,7 @@ from zacoustic.core.keys import Instance
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord, TraceSink
+from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5
 from zacoustic.testing.stories.witness import Arrived, Publication
@@ -71,9 +71,7 @@ def simulate(
         )
     configs = _configs(scenario, Path(path))
     tables = _tables(scenario, configs, Path(path))
-    rules = {
-        address: TransmitRules(contact=config.rules.contact) for address, config in configs.items()
-    }
+    rules = {address: config.rules for address, config in configs.items()}
     scenario = _with_journals(scenario, configs)
     run = _Run(scenario, tables, rules, source=str(path), trace=trace)
     run.network.run(until_s=until_s)
@@ -101,27 +99,8 @@ class _Run:
         late_after_s: dict[int, float] = {}
         self.tally = Tally(tables, late_after_s)
 
-        def build(
-            *,
-            address: int,
-            table: StreamTable,
-            epoch: int,
-            rng: random.Random,
-            stored: Mapping[str, bytes],
-            trace: TraceSink | None,
-        ) -> Engine:
-            return Engine(
-                address=address,
-                table=table,
-                epoch=epoch,
-                rng=rng,
-                stored=stored,
-                rules=rules.get(address, TransmitRules()),
-                trace=trace,
-            )
-
         self.network = VirtualNetwork(
-            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live, build=build
+            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live, rules=rules
         )
         for address in self.network.addresses:
             self._subscribe(address)
