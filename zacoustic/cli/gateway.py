@@ -28,6 +28,13 @@ class GatewayCommand(Command):
             "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
         )
         parser.add_argument(
+            "--listen",
+            action="append",
+            default=[],
+            metavar="ENDPOINT",
+            help="where the router or peer listens, instead of the file's; may be repeated",
+        )
+        parser.add_argument(
             "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
         )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
@@ -67,6 +74,7 @@ async def _run(arguments: argparse.Namespace) -> None:
             address=arguments.address,
             locator=arguments.link,
             journal=arguments.journal,
+            listen=arguments.listen,
             notify=notify,
         )
         try:

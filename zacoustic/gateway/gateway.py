@@ -16,7 +16,7 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -31,7 +31,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
-from zacoustic.island.session import Island, endpoints_of, mode_of
+from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
@@ -89,6 +89,7 @@ class Gateway:
         address: int | None = None,
         locator: str | None = None,
         journal: str | Path | None = None,
+        listen: Sequence[str] = (),
         notify: Notify | None = None,
     ) -> Self:
         """Make the gateway of a file.
@@ -98,6 +99,7 @@ class Gateway:
             address: Acoustic address, instead of the file's.
             locator: Locator of the modem, instead of the file's.
             journal: Folder of the journal, instead of the file's.
+            listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
             notify: Told what people want to know, on the loop; None: logged.
 
         Raises:
@@ -105,6 +107,8 @@ class Gateway:
             LinkUnavailableError: The link is not installed.
         """
         config = read_config(path, address=address, locator=locator)
+        if listen:
+            listen_at(_zenoh_config(config), listen)
         return cls(config, journal=journal, notify=notify)
 
     async def start(self) -> None:
