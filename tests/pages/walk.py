@@ -57,7 +57,7 @@ class Walk:
         for router in dict.fromkeys(port for text in texts for port in _ROUTER.findall(text)):
             self._ports[int(router)] = self._stack.enter_context(zenoh_router())
         for name, text in files_of(page).items():
-            path = folder / name
+            path = folder / name.lstrip("/")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(self.moved(text), encoding="utf-8")
 
