@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from zacoustic.tools.pinging import Ping, Pinger, PingStatistics, Spread
 
 _LONGEST_S: Final = 600.0
-_EXAMPLE: Final = """it costs two frames of at most 27 bytes, one there and one back; a lost one is
-repeated within --timeout. A modem that measures ranges does so on the same frames. The node answers
-by itself, whatever runs there, unless it is silent.
+_EXAMPLE: Final = """it costs at most three frames of at most 27 bytes: question, answer, and a
+confirmation, which rides on the next question if that is soon; a lost one is repeated within
+--timeout. A modem that measures ranges does so on the same frames. The node answers by itself,
+whatever runs there, unless it is silent.
 
 examples:
   zacoustic ping 2 --connect tcp/127.0.0.1:7447

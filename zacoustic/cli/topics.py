@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from zacoustic.tools.watch.views import GatewayView
     from zacoustic.tools.watch.watching import Watch
 
-_EXAMPLE = """sent and heard count records on the water; last is how long ago something of the stream was
-transmitted or came, acknowledgements included, rate how often that is so now; age is how old
-the newest sample is that has come here (topics with stamp: "age"). Nothing is sent for it.
+_EXAMPLE = """sent and heard count records on the water; last is how long ago something of the
+stream was transmitted or came, acknowledgements included, rate how often that is so now; age is how
+old the newest sample is that has come here (topics with stamp: "age"). Nothing is sent for it.
 
 examples:
   zacoustic topics --connect tcp/127.0.0.1:7447
