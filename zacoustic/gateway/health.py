@@ -13,6 +13,7 @@ answered to a `get`:
               publishes whether it is on, least interval and priority; for each on-demand topic
               who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
+``frames``    what is in the water: the frame that is being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ============  =====================================================================================
@@ -41,6 +42,7 @@ from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
+from zacoustic.gateway.frames import FrameLog
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.island.orders import PREFIX
@@ -97,6 +99,7 @@ class Health:
         self._seen: dict[int, PeerSeen] = {}
         self._heard_at_unix_s: dict[int, float] = {}
         engine = runner.engine
+        self._frames = FrameLog(engine)
         self._soundings = Soundings(
             engine.measurements,
             engine.contact,
@@ -116,6 +119,7 @@ class Health:
         """Take notice of whatever the engine does; its trace sink."""
         if record.what == "receive" and record.peer != UNKNOWN_SOURCE:
             self._heard_at_unix_s[record.peer] = time.time()
+        self._frames.note(record)
         self.touch()
 
     def note_peer(self, event: PeerSeen) -> None:
@@ -172,6 +176,7 @@ class Health:
             "peers": self._peers(),
             "streams": self._streams(),
             "objects": self._objects.document(),
+            "frames": self._frames.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
             **self._soundings.documents(),
