@@ -8,7 +8,6 @@ for all the streams that are not there.
 """
 
 from collections.abc import Mapping
-from operator import add
 from typing import Final
 
 from zacoustic.core.dense.arithmetic import Coder
@@ -74,12 +73,14 @@ class Habit:
             self.regular = _followed(self.regular, is_next)
             return 1 if is_next else 2 + coder.choice(_STEPS[1:], max(steps - 2, 0))
         found = coder.choice(self.steps, max(steps - 1, 0))
+        self.steps = after = [
+            share - (share >> _STEPS_SHIFT) + left
+            for share, left in zip(self.steps, _STEPS_LEFT, strict=True)
+        ]
         fewer = _STEPS_GAIN // (found + 2)
-        kept = [share - (share >> _STEPS_SHIFT) for share in self.steps]
-        self.steps = list(map(add, kept, _STEPS_LEFT))
         for place in range(found):
-            self.steps[place] += fewer
-        self.steps[found] += 2 * fewer
+            after[place] += fewer
+        after[found] += 2 * fewer
         return found + 1
 
 
@@ -126,14 +127,15 @@ class Habits:
     def learn(self, streams: list[int]) -> None:
         """Learn which streams a frame had."""
         self.single = _followed(self.single, len(streams) == 1)
+        before = self.present
         # As `_followed`, which would cost a call for every stream.
-        present = [
-            share + (-share >> _SHIFT) if share > _FALLING else _LEAST for share in self.present
+        self.present = after = [
+            share + (-share >> _SHIFT) if share > _FALLING else _LEAST for share in before
         ]
-        for place, stream_id in enumerate(self._streams):
-            if stream_id in streams:
-                present[place] = _followed(self.present[place], True)
-        self.present = present
+        ids = list(self._streams)
+        for stream_id in streams:
+            place = ids.index(stream_id)
+            after[place] = _followed(before[place], True)
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
