@@ -28,7 +28,7 @@ Nothing here remembers: which snapshots there are, and who has acknowledged whic
 `references`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Reversible, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -158,7 +158,7 @@ class DenseCodec:
             count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
-    def decode(self, frame: bytes, held: Sequence[Snapshot] = ()) -> Decoded:
+    def decode(self, frame: bytes, held: Reversible[Snapshot] = ()) -> Decoded:
         """Read a frame off the water.
 
         Args:
@@ -332,7 +332,7 @@ class _Page:
         return Snapshot(self.streams, self.habits, self.ticks, digest)
 
 
-def _named(reader: Reader, held: Sequence[Snapshot]) -> Snapshot:
+def _named(reader: Reader, held: Reversible[Snapshot]) -> Snapshot:
     """The newest frame of the name that is read."""
     name = reader.uniform(SHORT_NAMES + 1)
     long_name = reader.raw(LONG_NAME_BITS) if name == SHORT_NAMES else None

@@ -202,12 +202,12 @@ class Listener:
 
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
-        self._held: deque[Snapshot] = deque(maxlen=KEPT)
+        self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
 
     @property
     def mark(self) -> int | None:
         """What to acknowledge: the mark of the newest frame; None: none was read."""
-        return self._held[-1].mark if self._held else None
+        return next(reversed(self._held.values())).mark if self._held else None
 
     def decode(self, frame: bytes) -> Decoded:
         """Read a frame off the water.
@@ -215,12 +215,12 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        decoded = self._codec.decode(frame, self._held)
-        for each in self._held:
-            if each.digest == decoded.snapshot.digest:
-                self._held.remove(each)
-                break
-        self._held.append(decoded.snapshot)
+        decoded = self._codec.decode(frame, self._held.values())
+        digest = decoded.snapshot.digest
+        self._held.pop(digest, None)
+        self._held[digest] = decoded.snapshot
+        if len(self._held) > KEPT:
+            del self._held[next(iter(self._held))]
         return decoded
 
     def forget(self) -> None:
