@@ -179,7 +179,9 @@ class Speaker:
             meant = record.snapshot
             others = [
                 each.snapshot
-                for each in takewhile(lambda sent: sent.last >= earliest, reversed(self._sent))
+                for each in takewhile(
+                    lambda sent, since=earliest: sent.last >= since, reversed(self._sent)
+                )
                 if each is not record
             ]
             is_short = meant.short_name not in [other.short_name for other in others]
