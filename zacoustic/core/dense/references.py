@@ -177,13 +177,12 @@ class Speaker:
             if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
             meant = record.snapshot
-            others = [
-                each.snapshot
-                for each in takewhile(
-                    lambda sent, since=earliest: sent.last >= since, reversed(self._sent)
-                )
-                if each is not record
-            ]
+            others = []
+            for each in reversed(self._sent):
+                if each.last < earliest:
+                    break
+                if each is not record:
+                    others.append(each.snapshot)
             is_short = meant.short_name not in [other.short_name for other in others]
             if is_short:
                 yield meant, False
