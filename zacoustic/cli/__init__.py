@@ -28,6 +28,7 @@ from typing import Final, NoReturn
 
 from zacoustic.command import (
     EXIT_FAILED,
+    EXIT_INTERRUPTED,
     EXIT_TIMED_OUT,
     EXIT_USAGE,
     Command,
@@ -36,12 +37,9 @@ from zacoustic.command import (
 )
 from zacoustic.errors import ConfigError, ZacousticError
 
-EXIT_INTERRUPTED: Final = 130
-"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
-
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "resume", "stream",
-    "decode", "sim", "init", "schema", "fit", "bench",
+    "demo", "gateway", "check", "links", "pub", "sub", "call", "action", "ping", "topics",
+    "monitor", "silence", "resume", "stream", "decode", "sim", "init", "schema", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 

@@ -17,6 +17,7 @@ import json
 import logging
 import time
 from collections.abc import Callable, Sequence
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -180,7 +181,7 @@ class Gateway:
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
-            link=config.links[0].locator if config.links else type(self._link).__name__,
+            link=self._locator,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
             digest=table.digest.hex(),
@@ -188,6 +189,22 @@ class Gateway:
             forgotten=self._forgotten(),
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
         )
+
+    @property
+    def _locator(self) -> str:
+        links = self.config.links
+        return links[0].locator if links else type(self._link).__name__
+
+    def _about(self) -> dict[str, object]:
+        """Return what does not change, for the health report."""
+        config = self.config
+        return {
+            "address": config.address,
+            "name": config.name or "",
+            "version": metadata.version("zacoustic"),
+            "wire": config.table.wire.value,
+            "link": self._locator,
+        }
 
     async def _join(self, island: Island, state: JournalState) -> Junction:
         try:
@@ -202,6 +219,7 @@ class Gateway:
                 rules=self.config.rules,
                 permit_log=open_permit_log(self.config.permit_log),
                 dialects=self._dialects,
+                about=self._about(),
                 notify=self._notify,
                 clock=self._clock,
             )

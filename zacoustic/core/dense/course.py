@@ -15,7 +15,7 @@ from typing import Final
 
 from zacoustic.core.dense.curve import POINT_BITS
 from zacoustic.core.dense.layout import Column, Row
-from zacoustic.core.dense.sine import SINE_BITS, cosine, sine
+from zacoustic.core.dense.sine import SINE_BITS, direction
 
 _POSITION_SIZE: Final = 1 << 15
 _HEADING_SIZE: Final = 1 << 6
@@ -69,8 +69,9 @@ class Course:
                 column, zero = self._speed
                 speed = (row[column] or zero) - zero
             if heading is not None:
-                north += speed * cosine(heading, size)
-                east += speed * sine(heading, size)
+                along, across = direction(heading, size)
+                north += speed * along
+                east += speed * across
                 turn += sign * heading
         turn = (turn + (size >> 1)) % size - (size >> 1)
         is_turn = abs(turn) * _TURN >= size

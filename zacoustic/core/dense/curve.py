@@ -13,10 +13,12 @@ its own whatever the curve says, so that nothing is impossible; the value of the
 one more, for a sensor that stands still.
 """
 
+from itertools import pairwise
 from typing import Final
 
 SHARE_BITS: Final = 28
 _TOTAL: Final = 1 << SHARE_BITS
+_HALF: Final = _TOTAL >> 1
 
 POINT_BITS: Final = 4
 """Places on the curve are multiples of 1/16 of a step."""
@@ -32,6 +34,7 @@ MOST_HOLD: Final = (1 << 16) - 330
 
 _CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
 _FINE_BITS: Final = 9
+_FINE_MASK: Final = (1 << _FINE_BITS) - 1
 _REACH: Final = 32 << _CELL_BITS  # the table ends at 32 scales
 _Z_SHIFT: Final = _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS
 _FLOOR: Final = 1 << 17  # mass that all values share alike: 1/2048
@@ -64,10 +67,11 @@ def _tails() -> list[int]:
         tail += mass
         masses.append(tail)
     masses.reverse()
-    return [mass * (_TOTAL >> 1) // masses[0] for mass in masses]
+    return [mass * _HALF // masses[0] for mass in masses]
 
 
 _TAILS: Final = _tails()
+_FALLS: Final = [tail - after for tail, after in pairwise(_TAILS)]
 _FAR: Final = _TAILS[_REACH] * (_REACH << _FINE_BITS)
 
 _GUESS_BITS: Final = 9  # the inverse table has an entry for each 512th of the mass of one side
@@ -81,12 +85,12 @@ def _guesses() -> list[int]:
         mass = entry << _GUESS_SHIFT
         while cell > 0 and _TAILS[cell] < mass:
             cell -= 1
-        fall = _TAILS[cell] - _TAILS[cell + 1]
-        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // fall)
-    return [*guesses, 0]
+        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // _FALLS[cell])
+    return guesses
 
 
-_GUESSES: Final = _guesses()
+_GUESSES: Final = [*_guesses(), 0]
+_GUESS_FALLS: Final = [far - after for far, after in pairwise(_GUESSES)]
 _GUESS_MASK: Final = (1 << _GUESS_SHIFT) - 1
 
 
@@ -121,40 +125,34 @@ class Curve:
             return 0
         if value >= self.size:
             return _TOTAL
-        place = (value << POINT_BITS) - self._center
-        z = (place if place >= 0 else -place) << _Z_SHIFT
-        z //= self._scale
-        cell = z >> _FINE_BITS
-        if cell < _REACH:
-            tail = _TAILS[cell]
-            tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
-        else:
-            tail = _FAR // z
-        share = (self._mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + (
-            self._floor * value
-        )
+        share = self._mass_below((value << POINT_BITS) - self._center) + self._floor * value
         return share + self._hold if value > self._held else share
 
     def span(self, value: int) -> tuple[int, int]:
         """The sums of the shares below a value, 0…size-1, and up to it: `below` of both."""
-        size, held, center = self.size, self._held, self._center
-        if value <= 0 or value + 1 >= size:
-            return self.below(value), self.below(value + 1)
-        mass, scale, floor = self._mass, self._scale, self._floor
-        place = (value << POINT_BITS) - center
-        sums = []
-        for end in (value, value + 1):
-            z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
-            cell = z >> _FINE_BITS
-            if cell < _REACH:
-                tail = _TAILS[cell]
-                tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
-            else:
-                tail = _FAR // z
-            share = (mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + floor * end
-            sums.append(share + self._hold if end > held else share)
-            place += 1 << POINT_BITS
-        return sums[0], sums[1]
+        after, held = value + 1, self._held
+        if value <= 0 or after >= self.size:
+            return self.below(value), self.below(after)
+        place, floor = (value << POINT_BITS) - self._center, self._floor
+        start = self._mass_below(place) + floor * value
+        end = self._mass_below(place + (1 << POINT_BITS)) + floor * after
+        if value < held:
+            return start, end
+        hold = self._hold
+        return (start + hold if value > held else start), end + hold
+
+    def _mass_below(self, place: int) -> int:
+        """What of the curve alone lies below a place, seen from its center."""
+        if place >= 0:
+            z = (place << _Z_SHIFT) // self._scale
+        else:
+            z = (-place << _Z_SHIFT) // self._scale
+        cell = z >> _FINE_BITS
+        if cell < _REACH:
+            tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
+        else:
+            tail = _FAR // z
+        return self._mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
 
     def find(self, share: int) -> tuple[int, int, int]:
         """Find the value that a share belongs to.
@@ -165,47 +163,47 @@ class Curve:
         Returns:
             The value, the sum below it, and the sum up to it.
         """
-        held, last = self._held, self.size - 1
+        held, hold = self._held, self._hold
         value = self._guess(share)
-        if value > held and self._hold:
-            value = self._guess(share - self._hold)
+        if value > held and hold:
+            value = self._guess(share - hold)
             if value < held:
                 value = held
-        value = 0 if value < 0 else last if value > last else value
+        if value < 0:
+            value = 0
+        elif value >= self.size:
+            value = self.size - 1
         start, end = self.span(value)
         if start <= share < end:
             return value, start, end
-        return self._search(share, value)
+        if share < start:
+            return self._search(share, (0, 0), (value, start), value - 1)
+        return self._search(share, (value + 1, end), (self.size, _TOTAL), value + 2)
 
-    def _search(self, share: int, value: int) -> tuple[int, int, int]:
-        """As `find`, from a wrong value on."""
-        below = self.below
-        low, high = 0, self.size
-        low_sum, high_sum = 0, _TOTAL
+    def _search(
+        self, share: int, low: tuple[int, int], high: tuple[int, int], value: int
+    ) -> tuple[int, int, int]:
+        """As `find`, between two values of which the sums below are known."""
         stride = 1
-        while True:  # `low` never lies above the value, `high` always does
-            here = below(value)
-            if here <= share:
-                low, low_sum = value, here
-                value = low + stride
-            else:
-                high, high_sum = value, here
-                value = high - stride
-            if high - low == 1:
-                return low, low_sum, high_sum
+        while high[0] - low[0] > 1:  # `low` never lies above the value, `high` always does
+            if not low[0] < value < high[0]:
+                value = (low[0] + high[0]) >> 1
+            here = value, self.below(value)
             stride *= 2
-            if not low < value < high:
-                value = (low + high) >> 1
+            if here[1] <= share:
+                low, value = here, value + stride
+            else:
+                high, value = here, value - stride
+        return low[0], low[1], high[1]
 
     def _guess(self, share: int) -> int:
         """About the value of a share of the curve alone; it may lie outside."""
         share = (share << SHARE_BITS) // self._mass
-        upper = share >= _TOTAL >> 1
+        upper = share >= _HALF
         tail = _TOTAL - share if upper else share
         if tail <= 0:
             return self.size if upper else 0
         entry = tail >> _GUESS_SHIFT
-        far = _GUESSES[entry]
-        far -= (far - _GUESSES[entry + 1]) * (tail & _GUESS_MASK) >> _GUESS_SHIFT
+        far = _GUESSES[entry] - (_GUESS_FALLS[entry] * (tail & _GUESS_MASK) >> _GUESS_SHIFT)
         distance = far * self._scale >> _Z_SHIFT
         return (self._center + (distance if upper else -distance)) >> POINT_BITS

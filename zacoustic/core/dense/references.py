@@ -21,7 +21,8 @@ at which it was sent.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import takewhile
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -79,19 +80,14 @@ class Speaker:
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
         """
         wanted = set(listeners)
-        forms: list[tuple[Snapshot | None, bool]] = [(None, False)]
-        if wanted:
-            forms = [*self._references(wanted), (None, False)]
+        if not wanted:
+            return self._codec.encode(samples, room)
         first: Encoded | None = None
-        for reference, long_name in forms:
+        for reference, long_name in self._references(wanted):
             encoded = self._codec.encode(
-                samples,
-                room,
-                reference,
-                long_name=long_name,
-                is_mistaken=self._is_mistaken if wanted else None,
+                samples, room, reference, long_name=long_name, is_mistaken=self._is_mistaken
             )
-            if encoded is None or not wanted or not self._is_mistaken(encoded):
+            if encoded is None or not self._is_mistaken(encoded):
                 return encoded
             first = first or encoded
         return first
@@ -170,25 +166,32 @@ class Speaker:
                 return True
         return False
 
-    def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
-        """The newest frame that all hold and that can be named, and whether by its long name."""
+    def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
+        """The newest frame that all hold and that can be named, and whether by its long name.
+
+        More than one way only for who must not take the first; the last is to refer to none.
+        """
         for record in reversed(self._sent):
             # Only what came after a frame can push it out at a receiver, or be taken for it.
             earliest = record.first - LATEST
             if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
             meant = record.snapshot
-            others = [
-                each.snapshot for each in self._sent if each.last >= earliest and each is not record
-            ]
-            found = []
-            if all(other.short_name != meant.short_name for other in others):
-                found.append((meant, False))
-            if all(other.long_name != meant.long_name for other in others):
-                found.append((meant, True))
-            if found:
-                return found
-        return []
+            others = []
+            for each in reversed(self._sent):
+                if each.last < earliest:
+                    break
+                if each is not record:
+                    others.append(each.snapshot)
+            is_short = meant.short_name not in [other.short_name for other in others]
+            if is_short:
+                yield meant, False
+            is_long = meant.long_name not in [other.long_name for other in others]
+            if is_long:
+                yield meant, True
+            if is_short or is_long:
+                break
+        yield None, False
 
 
 class Listener:
@@ -200,12 +203,12 @@ class Listener:
 
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
-        self._held: deque[Snapshot] = deque(maxlen=KEPT)
+        self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
 
     @property
     def mark(self) -> int | None:
         """What to acknowledge: the mark of the newest frame; None: none was read."""
-        return self._held[-1].mark if self._held else None
+        return next(reversed(self._held.values())).mark if self._held else None
 
     def decode(self, frame: bytes) -> Decoded:
         """Read a frame off the water.
@@ -213,12 +216,12 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        decoded = self._codec.decode(frame, self._held)
-        for each in self._held:
-            if each.digest == decoded.snapshot.digest:
-                self._held.remove(each)
-                break
-        self._held.append(decoded.snapshot)
+        decoded = self._codec.decode(frame, self._held.values())
+        digest = decoded.snapshot.digest
+        self._held.pop(digest, None)
+        self._held[digest] = decoded.snapshot
+        if len(self._held) > KEPT:
+            del self._held[next(iter(self._held))]
         return decoded
 
     def forget(self) -> None:
