@@ -184,7 +184,7 @@ def _read(process: "subprocess.Popen[str]", said: list[str], spoken: threading.S
 
 
 def _serves(words: list[str]) -> bool:
-    return words[0] == "zacoustic" and words[1] in SERVING and "--help" not in words
+    return words[0] == "zacoustic" and words[1] in SERVING and not {"--once", "--help"} & {*words}
 
 
 def _program(words: list[str]) -> list[str]:
