@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import zenoh
 
@@ -39,6 +39,9 @@ from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
 
+if TYPE_CHECKING:
+    from zacoustic.gateway.metrics import MetricsServer
+
 _logger = logging.getLogger(__name__)
 
 
@@ -53,6 +56,7 @@ class Gateway:
         journal: What the node remembers across restarts, a store or the folder of its file; None:
             the folder that the config names, or nothing.
         notify: Told what people want to know, on the loop; None: logged.
+        metrics: Host and port at which it answers to Prometheus; None: what the config says.
         clock: Where instants come from; the same as the link's.
 
     Raises:
@@ -67,6 +71,7 @@ class Gateway:
         link: Link | None = None,
         journal: Journal | str | Path | None = None,
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
         clock: Clock = time.monotonic_ns,
     ) -> None:
         self.config = config
@@ -77,6 +82,8 @@ class Gateway:
             journal = journal_in(journal, config.address)
         self._journal: Journal = journal
         self._notify: Notify = notify or _log
+        self._metrics_place = metrics or config.metrics
+        self._metrics: MetricsServer | None = None
         self._clock = clock
         self._junction: Junction | None = None
         self._is_closing = False
@@ -92,6 +99,7 @@ class Gateway:
         journal: str | Path | None = None,
         listen: Sequence[str] = (),
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
     ) -> Self:
         """Make the gateway of a file.
 
@@ -102,6 +110,7 @@ class Gateway:
             journal: Folder of the journal, instead of the file's.
             listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
             notify: Told what people want to know, on the loop; None: logged.
+            metrics: Host and port at which it answers to Prometheus; None: what the file says.
 
         Raises:
             ConfigError: The file is wrong, or names no link.
@@ -110,14 +119,14 @@ class Gateway:
         config = read_config(path, address=address, locator=locator)
         if listen:
             listen_at(_zenoh_config(config), listen)
-        return cls(config, journal=journal, notify=notify)
+        return cls(config, journal=journal, notify=notify, metrics=metrics)
 
     async def start(self) -> None:
         """Open the session and the link, and join them; nothing is left open if that fails.
 
         Raises:
             SessionError: Port in use, router unreachable, or the address is taken.
-            LinkOpenError: The link cannot be opened.
+            LinkOpenError: The link cannot be opened, or the metrics' port is in use.
             RangeUnavailableError: The file asks for ranges, and the link measures none.
             ConfigError: The journal cannot be used.
         """
@@ -128,6 +137,7 @@ class Gateway:
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
+            await self._serve_metrics(junction)
             self._notify(self._started(junction))
         except BaseException:
             await self.close()
@@ -140,6 +150,8 @@ class Gateway:
             return
         self._is_closing = True
         try:
+            if self._metrics is not None:
+                await self._metrics.close()
             if self._junction is not None:
                 await self._junction.close()
                 self._notify(Stopped())
@@ -187,6 +199,7 @@ class Gateway:
             digest=table.digest.hex(),
             journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
             forgotten=self._forgotten(),
+            metrics=self._metrics.url if self._metrics is not None else "",
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
         )
 
@@ -205,6 +218,19 @@ class Gateway:
             "wire": config.table.wire.value,
             "link": self._locator,
         }
+
+    async def _serve_metrics(self, junction: Junction) -> None:
+        if self._metrics_place is None:
+            return
+        try:
+            from zacoustic.gateway.metrics import MetricsServer
+        except ModuleNotFoundError as error:
+            hint = "pip install 'zacoustic[metrics]'"
+            raise ConfigError(
+                f"metrics: needs {error.name}, which is not installed", hint=hint
+            ) from error
+        self._metrics = MetricsServer(*self._metrics_place, junction.documents)
+        await self._metrics.open()
 
     async def _join(self, island: Island, state: JournalState) -> Junction:
         try:

@@ -248,6 +248,10 @@ class Junction:
         if failure is not None:
             raise failure
 
+    def documents(self) -> dict[str, object]:
+        """Return the documents of the health report as they are now."""
+        return self._health.documents()
+
     def _attend(self) -> None:
         """Take in what Zenoh's threads have handed over; the answer to the doorbell."""
         if self._is_closing:

@@ -48,6 +48,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """File of the journal; empty: nothing survives a restart."""
     forgotten: str = ""
     """What a restart forgets for want of a journal, one line; empty: nothing that matters."""
+    metrics: str = ""
+    """Where it answers to Prometheus; empty: nowhere."""
     siblings: tuple[int, ...] = ()
     """Addresses of the other gateways on this island."""
 
@@ -63,6 +65,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
         ]
         if self.journal or self.forgotten:
             lines.append(f"journal   {self.journal or self.forgotten}")
+        if self.metrics:
+            lines.append(f"metrics   {self.metrics}")
         return lines + [f"sibling   gateway {address}" for address in self.siblings]
 
 
