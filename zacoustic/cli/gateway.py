@@ -30,6 +30,9 @@ class GatewayCommand(Command):
         parser.add_argument(
             "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
         )
+        parser.add_argument(
+            "--record", metavar="FILE", help="record everything that crosses, as MCAP"
+        )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
         parser.epilog = (
             "the file's mode decides what it is: a router of its own, a peer, or a client of a\n"
@@ -67,6 +70,7 @@ async def _run(arguments: argparse.Namespace) -> None:
             address=arguments.address,
             locator=arguments.link,
             journal=arguments.journal,
+            record=arguments.record,
             notify=notify,
         )
         try:

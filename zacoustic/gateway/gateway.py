@@ -19,24 +19,28 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import zenoh
 
 from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
+from zacoustic.core.engine import Engine
 from zacoustic.errors import ConfigError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
-from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
+from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
 from zacoustic.island.session import Island, endpoints_of, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
+
+if TYPE_CHECKING:
+    from zacoustic.recording.live import LiveRecording
 
 _logger = logging.getLogger(__name__)
 
@@ -51,6 +55,8 @@ class Gateway:
         link: The modem, not open yet; None: what the config's locator names.
         journal: What the node remembers across restarts, a store or the folder of its file; None:
             the folder that the config names, or nothing.
+        record: File into which everything is recorded; None: nothing is. Needs the extra
+            `recording`.
         notify: Told what people want to know, on the loop; None: logged.
         clock: Where instants come from; the same as the link's.
 
@@ -65,6 +71,7 @@ class Gateway:
         *,
         link: Link | None = None,
         journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
         notify: Notify | None = None,
         clock: Clock = time.monotonic_ns,
     ) -> None:
@@ -77,6 +84,8 @@ class Gateway:
         self._journal: Journal = journal
         self._notify: Notify = notify or _log
         self._clock = clock
+        self._record = record
+        self._recording: LiveRecording | None = None
         self._junction: Junction | None = None
         self._is_closing = False
         self._closed = asyncio.Event()
@@ -89,6 +98,7 @@ class Gateway:
         address: int | None = None,
         locator: str | None = None,
         journal: str | Path | None = None,
+        record: str | Path | None = None,
         notify: Notify | None = None,
     ) -> Self:
         """Make the gateway of a file.
@@ -98,6 +108,7 @@ class Gateway:
             address: Acoustic address, instead of the file's.
             locator: Locator of the modem, instead of the file's.
             journal: Folder of the journal, instead of the file's.
+            record: File into which everything is recorded; None: nothing is.
             notify: Told what people want to know, on the loop; None: logged.
 
         Raises:
@@ -105,7 +116,7 @@ class Gateway:
             LinkUnavailableError: The link is not installed.
         """
         config = read_config(path, address=address, locator=locator)
-        return cls(config, journal=journal, notify=notify)
+        return cls(config, journal=journal, record=record, notify=notify)
 
     async def start(self) -> None:
         """Open the session and the link, and join them; nothing is left open if that fails.
@@ -114,10 +125,12 @@ class Gateway:
             SessionError: Port in use, router unreachable, or the address is taken.
             LinkOpenError: The link cannot be opened.
             RangeUnavailableError: The file asks for ranges, and the link measures none.
-            ConfigError: The journal cannot be used.
+            ConfigError: The journal cannot be used, or the recording cannot be made.
         """
         try:
             state = await recover(self._journal)
+            if self._record is not None:
+                await self._open_recording(self._record)
             if self.config.ros is not None:
                 _stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
@@ -135,11 +148,16 @@ class Gateway:
             return
         self._is_closing = True
         try:
+            try:
+                if self._junction is not None:
+                    await self._junction.close()
+                else:
+                    await release(self._journal)
+            finally:
+                if self._recording is not None:
+                    await self._recording.close()
             if self._junction is not None:
-                await self._junction.close()
                 self._notify(Stopped())
-            else:
-                await release(self._journal)
         finally:
             self._closed.set()
 
@@ -182,7 +200,19 @@ class Gateway:
             digest=table.digest.hex(),
             journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
             forgotten=self._forgotten(),
+            recording=str(self._recording.path) if self._recording is not None else "",
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
+        )
+
+    async def _open_recording(self, path: str | Path) -> None:
+        from zacoustic.recording.live import open_recording
+
+        ros = self.config.ros
+        self._recording = await open_recording(
+            path,
+            clock=self._clock,
+            ros=ros.streams if ros is not None else None,
+            trouble=lambda text: self._notify(NotRecorded(detail=text)),
         )
 
     async def _join(self, island: Island, state: JournalState) -> Junction:
@@ -200,6 +230,7 @@ class Gateway:
                 dialects=self._dialects,
                 notify=self._notify,
                 clock=self._clock,
+                make_engine=Engine if self._recording is None else self._recording.make,
             )
         except BaseException:
             await island.close()
