@@ -271,11 +271,16 @@ def link_record(node: int, state: LinkState, capabilities: LinkCapabilities | No
 
 
 def _records(node: int, name: str, record: type[msgspec.Struct]) -> Channel:
+    return records_channel(f"/{node}", name, record)
+
+
+def records_channel(place: str, name: str, record: type[msgspec.Struct]) -> Channel:
+    """Return a channel of records in JSON; the last part of `place` is the node."""
     return Channel(
-        topic=f"/{node}/{name}",
+        topic=f"{place}/{name}",
         encoding=JSON,
         schema_name=f"zacoustic.{record.__name__}",
         schema_encoding=JSON_SCHEMA,
         schema=schema_of_struct(record),
-        metadata={"node": str(node)},
+        metadata={"node": place.rpartition("/")[2]},
     )

@@ -14,6 +14,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import SENT, FrameRecord, LinkRecord
 from zacoustic.recording.life import Table
 from zacoustic.recording.reading import ReadMessage, RecordingReader
+from zacoustic.recording.samples import TABLE_TOPIC
 from zacoustic.tools.decode import FrameDecoder
 from zacoustic.tools.decoded import DecodedItem
 from zacoustic.tools.recordings.lives import LifeReader, NewLife
@@ -78,7 +79,7 @@ class FrameReader:
         """Decode the frame that a message has, if it has one."""
         place, _, name = message.topic.rpartition("/")
         node = _node_of(place)
-        if message.topic == "/table" and message.encoding == "msgpack":
+        if message.topic == TABLE_TOPIC and message.encoding == "msgpack":
             self._found = _table(message.data)
         elif node is None:
             return

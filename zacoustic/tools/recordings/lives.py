@@ -7,7 +7,6 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.engine import Engine
-from zacoustic.core.streams import StreamTable
 from zacoustic.core.tap import call_engine
 from zacoustic.core.types import TypeTable
 from zacoustic.errors import ConfigError, ZacousticError
@@ -106,14 +105,13 @@ def must_have_lives(reader: LifeReader, name: str) -> None:
         raise ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
 
 
-def first_table(path: str | Path) -> StreamTable | None:
-    """Return the stream table of the first life of a recording; None: there is none."""
-    reader = LifeReader()
-    for message in RecordingReader(path):
-        part = reader.read(message)
-        if isinstance(part, NewLife):
-            return part.life.table.table()
-    return None
+def nodes_of(path: str | Path) -> list[int]:
+    """Return the addresses of the nodes whose engines are in a recording.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no life in it.
+    """
+    return sorted({part.life.address for part in read_parts(path) if isinstance(part, NewLife)})
 
 
 class Done(msgspec.Struct, frozen=True):
