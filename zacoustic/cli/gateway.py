@@ -40,6 +40,9 @@ class GatewayCommand(Command):
         parser.add_argument(
             "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
         )
+        parser.add_argument(
+            "--record", metavar="FILE", help="record everything that crosses, as MCAP"
+        )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
         parser.add_argument(
             "--log",
@@ -105,6 +108,7 @@ async def _run(arguments: argparse.Namespace) -> None:
             locator=arguments.link,
             journal=arguments.journal,
             listen=arguments.listen,
+            record=arguments.record,
             notify=notify,
             metrics=metrics_argument(arguments.metrics),
         )
