@@ -129,6 +129,14 @@ def test_the_link_of_the_page_passes_the_conformance_battery(tmp_path: Path) -> 
     assert process.returncode == 0, process.stdout
 
 
+def test_the_example_of_the_plan_does_not_fit_and_says_why(tmp_path: Path) -> None:
+    write_files("docs/plan.md", tmp_path)
+    process = run(["zacoustic", "plan", "water.json5", "--hours", "0.5"], tmp_path)
+    assert process.returncode == 1, process.stderr
+    assert "auv1/status alone takes" in process.stdout
+    assert 'it would fit with: auv1/status: codec: "packed"' in process.stdout
+
+
 def test_every_verb_is_in_the_table() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     table = text.partition("## Commands")[2].partition("## ")[0]
@@ -137,7 +145,7 @@ def test_every_verb_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", "docs/links.md", "docs/design.md", "docs/rmw_desert.md"]
+    "page", ["README.md", "docs/links.md", "docs/design.md", "docs/rmw_desert.md", "docs/plan.md"]
 )
 def test_what_a_page_links_to_is_there(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
