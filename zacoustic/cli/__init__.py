@@ -38,7 +38,7 @@ from zacoustic.command import (
 from zacoustic.errors import ConfigError, ZacousticError
 
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "action", "ping", "topics",
+    "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
     "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
     "init", "schema", "fit", "bench",
 )  # fmt: skip
