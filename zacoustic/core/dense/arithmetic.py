@@ -271,8 +271,19 @@ class Reader:
 
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
-        value, start, end = curve.find(self._place())
-        self._narrow(start, end - start)
+        unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
+        place = self._value // unit
+        if place >= TOTAL:
+            raise PayloadError("a string in the gap between the symbols")
+        value, start, end = curve.find(place)
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError("the string ends inside a value")
+        self._width = width << lift
+        rest = self._value - unit * start
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
         return value
 
     def check(self, ways: int, check: int) -> None:

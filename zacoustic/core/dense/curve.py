@@ -123,36 +123,37 @@ class Curve:
         """The sum of the shares of all values below `value`, 0…size."""
         if value <= 0:
             return 0
-        if value >= self.size:
-            return _TOTAL
-        share = self._mass_below((value << POINT_BITS) - self._center) + self._floor * value
-        return share + self._hold if value > self._held else share
+        return self.span(value)[0] if value < self.size else _TOTAL
 
     def span(self, value: int) -> tuple[int, int]:
-        """The sums of the shares below a value, 0…size-1, and up to it: `below` of both."""
-        after, held = value + 1, self._held
-        if value <= 0 or after >= self.size:
-            return self.below(value), self.below(after)
-        place, floor = (value << POINT_BITS) - self._center, self._floor
-        start = self._mass_below(place) + floor * value
-        end = self._mass_below(place + (1 << POINT_BITS)) + floor * after
-        if value < held:
-            return start, end
-        hold = self._hold
-        return (start + hold if value > held else start), end + hold
-
-    def _mass_below(self, place: int) -> int:
-        """What of the curve alone lies below a place, seen from its center."""
-        if place >= 0:
-            z = (place << _Z_SHIFT) // self._scale
-        else:
-            z = (-place << _Z_SHIFT) // self._scale
+        """The sums of the shares below a value, 0…size-1, and up to it."""
+        mass, scale, held = self._mass, self._scale, self._held
+        place = (value << POINT_BITS) - self._center
+        z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
         cell = z >> _FINE_BITS
         if cell < _REACH:
             tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
         else:
             tail = _FAR // z
-        return self._mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
+        start = self._floor * value
+        end = start + self._floor
+        start += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
+        # The same again where the next value begins; a call for both would cost as much.
+        place += 1 << POINT_BITS
+        z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
+        cell = z >> _FINE_BITS
+        if cell < _REACH:
+            tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
+        else:
+            tail = _FAR // z
+        end += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
+        if value >= held:
+            end += self._hold
+            if value > held:
+                start += self._hold
+        if 0 < value < self.size - 1:
+            return start, end
+        return (start if value else 0), (end if value + 1 < self.size else _TOTAL)
 
     def find(self, share: int) -> tuple[int, int, int]:
         """Find the value that a share belongs to.
@@ -163,16 +164,11 @@ class Curve:
         Returns:
             The value, the sum below it, and the sum up to it.
         """
-        held, hold = self._held, self._hold
         value = self._guess(share)
-        if value > held and hold:
-            value = self._guess(share - hold)
-            if value < held:
-                value = held
-        if value < 0:
-            value = 0
-        elif value >= self.size:
-            value = self.size - 1
+        if value > self._held and self._hold:
+            value = max(self._guess(share - self._hold), self._held)
+        if not 0 <= value < self.size:
+            value = 0 if value < 0 else self.size - 1
         start, end = self.span(value)
         if start <= share < end:
             return value, start, end
