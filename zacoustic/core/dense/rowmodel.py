@@ -37,7 +37,7 @@ from zacoustic.core.dense.adaptation import (
 )
 from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.course import course_of
-from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS, Curve
+from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS
 from zacoustic.core.dense.layout import Column, Row
 from zacoustic.core.dense.leastsquares import Explained, Shape
 
@@ -256,12 +256,17 @@ class RowModel:
             if is_relative:
                 span = size if size < LARGEST_SIZE else LARGEST_SIZE
                 half = span >> 1
-                curve = Curve(span, (half << POINT_BITS) + expected, scale, half, hold)
-                change = self._code_change(coder, curve, (row[n] or 0) - old, n) - half
+                offset = (row[n] or 0) - old + half
+                if self.columns[n].wraps:
+                    offset %= size
+                if not coder.is_reader and not 0 <= offset < span:
+                    raise TooFarError
+                center = (half << POINT_BITS) + expected
+                change = coder.near(span, center, scale, half, hold, offset) - half
                 row[n] = (old + change) % size
             else:
-                curve = Curve(size, (old << POINT_BITS) + expected, scale, old, hold)
-                row[n] = new = coder.number(curve, row[n] or 0)
+                center = (old << POINT_BITS) + expected
+                row[n] = new = coder.near(size, center, scale, old, hold, row[n] or 0)
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
@@ -318,15 +323,6 @@ class RowModel:
             trust = max(trust * _TRUSTED_MISS**2 // greatest**2, _LEAST_TRUST)
         weights, energies = explained.moved(trust)
         return velocity, Adaptation(weights, energies, manners, widths)
-
-    def _code_change(self, coder: Coder, curve: Curve, change: int, n: int) -> int:
-        """Write or read the change of a column as the distance from the least change."""
-        size, half = self.sizes[n], curve.size >> 1
-        if self.columns[n].wraps:
-            change = (change + half) % size - half
-        if not coder.is_reader and not -half <= change < curve.size - half:
-            raise TooFarError
-        return coder.number(curve, change + half)
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""
