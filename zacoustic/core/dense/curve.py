@@ -39,7 +39,8 @@ _REACH: Final = 32 << _CELL_BITS  # the table ends at 32 scales
 _Z_SHIFT: Final = _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS
 _FLOOR: Final = 1 << 17  # mass that all values share alike: 1/2048
 _HOLD_SHIFT: Final = SHARE_BITS - 16
-_HALF_STEP: Final = 1 << POINT_BITS - 1  # a value begins so far below it
+_STEP: Final = 1 << POINT_BITS
+_HALF_STEP: Final = _STEP >> 1  # a value begins so far below it
 _OUTSIDE: Final = LARGEST_SIZE << POINT_BITS + 2  # further away than any value
 
 
@@ -143,7 +144,7 @@ def span(size: int, center: int, scale: int, held: int, hold: int, value: int) -
         tail = _FAR // z
     start += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
     # The same again where the next value begins: a call for both would cost more than they do.
-    place += 1 << POINT_BITS
+    place += _STEP
     z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
     cell = z >> _FINE_BITS
     if cell < _REACH:
@@ -155,9 +156,11 @@ def span(size: int, center: int, scale: int, held: int, hold: int, value: int) -
         end += hold
         if value > held:
             start += hold
-    if 0 < value < size - 1:
-        return start, end
-    return (start if value else 0), (end if value + 1 < size else _TOTAL)
+    if not value:
+        start = 0
+    if value + 1 == size:
+        end = _TOTAL
+    return start, end
 
 
 def find(

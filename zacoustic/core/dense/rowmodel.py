@@ -47,7 +47,8 @@ _LEVEL_SIZE: Final = 1 << 13
 _SCALE_SHIFT: Final = 3  # scales follow the last eight samples
 _MISS_SHIFT: Final = 5  # the choice of predictions, and the widths, the last 32
 _HOLD_SHIFT: Final = 5  # how often a number stays, the last 32 as well
-_MISS_LIMIT: Final = 4  # a miss counts as at most that many scales and two steps
+_MISS_LIMIT: Final = 4  # a miss counts as at most that many scales
+_MISS_SPARED: Final = 2 << SCALE_BITS  # and two steps
 _MISS_BITS: Final = SCALE_BITS - POINT_BITS
 _LEAST_SCALE: Final = 1 << SCALE_BITS - 4
 _LEAST_HOLD: Final = 200
@@ -219,7 +220,9 @@ class RowModel:
         """
         old_row, old_velocity = reference.row, reference.velocity
         velocity = [0] * len(row)
-        trends = velocity if old_velocity is None else [way * steps for way in old_velocity]
+        trends = old_velocity or velocity
+        if steps != 1:
+            trends = [way * steps for way in trends]
         manners, widths = before.manners[:], before.widths[:]
         explained = Explained(self.shape, before.weights, before.energies)
         linear = explained.add(self._known(old_row, trends, steps))
@@ -276,7 +279,7 @@ class RowModel:
             miss = moved - expected
             miss = (miss if miss > 0 else -miss) << _MISS_BITS
             ratio = (miss << 8) // scale
-            limit = _MISS_LIMIT * scale + (2 << SCALE_BITS)
+            limit = _MISS_LIMIT * scale + _MISS_SPARED
             if miss > limit:
                 if ratio > greatest:
                     greatest = ratio
@@ -296,8 +299,8 @@ class RowModel:
                 hold += cause - hold >> _HOLD_SHIFT
                 if hold > MOST_HOLD:
                     hold = MOST_HOLD
-                base += ((miss << WIDTH_BITS) // width - base) * (_WHOLE - cause) >> (
-                    16 + _SCALE_SHIFT
+                base += (
+                    ((miss << WIDTH_BITS) // width - base) * (_WHOLE - cause) >> 16 + _SCALE_SHIFT
                 )
             width += (ratio * width >> 8) - width >> _MISS_SHIFT
             if _LEAST_WIDTH < width < _MOST_WIDTH:
@@ -326,12 +329,11 @@ class RowModel:
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""
-        known = [_ONE * steps]
-        for n, zero in self._levels:
-            old = old_row[n]
-            known.append(0 if old is None else old - zero << POINT_BITS)
-        known.extend([trends[n] for n in self._ways])
-        return known
+        levels = [
+            0 if (old := old_row[n]) is None else old - zero << POINT_BITS
+            for n, zero in self._levels
+        ]
+        return [_ONE * steps, *levels, *[trends[n] for n in self._ways]]
 
 
 def _completed(row: Row, old_row: Row) -> Row:
