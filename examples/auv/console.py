@@ -2,10 +2,12 @@
 
 import asyncio
 import contextlib
+import signal
 import socket
 import sys
 import tempfile
 from pathlib import Path
+from types import FrameType
 from typing import Any, Final
 
 from nicegui import app, ui
@@ -46,6 +48,10 @@ def run_console(*, port: int, loss: float) -> int:
             sys.stderr.write(f"{error}\n")
 
     async def start() -> None:
+        # In place of the server's: it would raise the signal once more when all is over, and a
+        # second one would not wait until the processes are stopped.
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, _interrupted)
         working.append(asyncio.create_task(work()))
         print(f"the console is at http://{_HOST}:{port}; Ctrl+C ends everything", flush=True)
 
@@ -60,18 +66,16 @@ def run_console(*, port: int, loss: float) -> int:
 
     app.on_startup(start)
     app.on_shutdown(stop)
-    # The server raises the signal that has ended it once more.
-    with contextlib.suppress(KeyboardInterrupt):
-        ui.run(
-            root,
-            host=_HOST,
-            port=port,
-            dark=True,
-            reload=False,
-            show=False,
-            show_welcome_message=False,
-            message_history_length=_HISTORY,
-        )
+    ui.run(
+        root,
+        host=_HOST,
+        port=port,
+        dark=True,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        message_history_length=_HISTORY,
+    )
     print("stopped", flush=True)
     return 1 if desk.trouble else 0
 
@@ -100,6 +104,11 @@ def _why_not(port: int) -> str | None:
             reason = error.strerror or str(error)
             return f"--port {port}: {reason}; name another one, as --port {port + 1}"
     return None
+
+
+def _interrupted(number: int, _: FrameType | None) -> None:
+    """End everything, in order; at most some seconds."""
+    app.shutdown()
 
 
 def _ignore(name: str, said: dict[str, Any]) -> None:

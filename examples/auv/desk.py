@@ -72,7 +72,8 @@ class Desk:
         """What the gateway tells."""
         self.carrier: Carrier | None = None
         """Takes the orders, as soon as everything runs."""
-        self.cancel: Callable[[], None] = lambda: None
+        self.cancel: Callable[[], Answer | None] = lambda: None
+        """Gives the way-point up that was sent last."""
         self.setpoints = Setpoints()
         self.orders: list[Order] = []
         self.waypoints: list[Waypoint] = []
@@ -110,7 +111,9 @@ class Desk:
 
     def cancel_goal(self) -> None:
         """Give up the way-point that was sent last."""
-        self.cancel()
+        answer = self.cancel()
+        if answer is not None:
+            self._note(Order("give up the way-point", self.now_s, answer))
 
     def arm(self, armed: bool) -> None:
         """Let the propeller turn, or not."""

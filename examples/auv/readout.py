@@ -98,12 +98,12 @@ def values(desk: Desk) -> list[Value]:
             (
                 "depth",
                 f"{nav.depth:.1f} m",
-                f"{estimate.depth:.1f} ± {estimate.depth_sigma:.1f} m",
+                f"{estimate.depth:.1f} ± {_metres(estimate.depth_sigma)}",
             ),
             (
                 "position",
-                f"{_place(nav.north, nav.east)} ± {nav.sigma:.1f} m",
-                f"{_place(estimate.north, estimate.east)} ± {estimate.sigma:.0f} m",
+                f"{_place(nav.north, nav.east)} ± {_metres(nav.sigma)}",
+                f"{_place(estimate.north, estimate.east)} ± {_metres(estimate.sigma)}",
             ),
             ("heading", f"{nav.heading:.0f}°", f"{estimate.heading:.0f}°"),
             ("speed", f"{nav.speed:.2f} m/s", ""),
@@ -235,6 +235,10 @@ def photo_share(desk: Desk) -> float | None:
 
 def _place(north: float, east: float) -> str:
     return f"{round(north)} N {round(east)} E"
+
+
+def _metres(sigma: float) -> str:
+    return f"{sigma:.1f} m" if sigma < 10 else f"{sigma:.0f} m"
 
 
 def _outcome(desk: Desk, order: Order) -> tuple[str, str]:

@@ -105,11 +105,19 @@ class ZenohShore(Carrier):
         self._ask(f"{_ACTION}/send_goal", question, CALL_LIMIT_S, accepted, answer)
         return answer
 
-    def cancel_goal(self) -> None:
-        """Ask for the end of the goal that was sent last."""
-        if self.goal_id is not None:
-            question = {"goal_id": self.goal_id}
-            self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, lambda said: None, Answer())
+    def cancel_goal(self) -> Answer | None:
+        """Ask for the end of the goal that was sent last; None: there is none."""
+        if self.goal_id is None:
+            return None
+        answer = Answer()
+
+        def answered(said: dict[str, Any]) -> None:
+            refusal = said.get("text") or "it was over"
+            answer.answered(Done(said["accepted"], "" if said["accepted"] else refusal))
+
+        question = {"goal_id": self.goal_id}
+        self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, answered, answer)
+        return answer
 
     def _ask(
         self,

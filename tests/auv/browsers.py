@@ -56,7 +56,8 @@ def console(*arguments: str) -> Iterator[Running]:
         assert f"127.0.0.1:{port}" in process.stdout.readline()
         yield Running(process, port)
     finally:
-        process.send_signal(signal.SIGINT)
+        for _ in range(2):  # somebody is impatient
+            process.send_signal(signal.SIGINT)
         try:
             output, errors = process.communicate(timeout=60)
         except subprocess.TimeoutExpired:

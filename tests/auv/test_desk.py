@@ -22,6 +22,7 @@ from examples.auv.messages import (
     Waypoint,
 )
 from examples.auv.setpoints import LEAST_PERIOD_S, Setpoints
+from examples.auv.shore import Answer
 from tests.auv.desks import LINK, Clock, desk_at, nav, streams
 
 
@@ -166,6 +167,18 @@ def test_a_way_point_says_how_far_it_probably_is() -> None:
     clock.now_s += 10.0
     outcome = readout.order_lines(desk)[0].outcome
     assert outcome == "accepted, under way, about 85 m left"
+
+
+def test_to_give_up_a_way_point_is_an_order_like_others() -> None:
+    desk, _ = desk_at(Clock())
+    desk.cancel_goal()  # there is none
+    assert readout.order_lines(desk) == []
+    answer = Answer()
+    desk.cancel = lambda: answer
+    desk.cancel_goal()
+    answer.answered(Done(False, "it was over"))
+    first = readout.order_lines(desk)[0]
+    assert (first.text, first.outcome) == ("give up the way-point", "it was over")
 
 
 def test_stop_is_confirmed_by_a_later_report_only() -> None:

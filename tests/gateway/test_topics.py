@@ -10,8 +10,8 @@ from tests.gateway.islands import Water, cbor, counts, get, hear, island, matche
 from zacoustic.gateway import Marker, read_marker
 
 DOCUMENTS = (
-    "clock", "dropped", "events", "frames", "journal", "ledger", "link", "node", "objects", "peers",
-    "streams",
+    "clock", "dropped", "events", "journal", "ledger", "link", "node", "objects", "peers",
+    "streams", "water",
 )  # fmt: skip
 NAV = {"depth": 12.5, "mode": "survey"}
 

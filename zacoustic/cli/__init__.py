@@ -38,8 +38,9 @@ from zacoustic.command import (
 from zacoustic.errors import ConfigError, ZacousticError
 
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "action", "ping", "topics",
-    "monitor", "silence", "resume", "stream", "decode", "sim", "init", "schema", "fit", "bench",
+    "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
+    "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
+    "init", "schema", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 

@@ -9,6 +9,7 @@ from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
 if TYPE_CHECKING:
+    from zacoustic.config import Config
     from zacoustic.tools.watch.views import GatewayView
     from zacoustic.tools.watch.watching import Watch
 
@@ -78,13 +79,22 @@ def make_watch(arguments: argparse.Namespace) -> "Watch":
     Raises:
         ConfigError: The file or an argument is wrong.
     """
-    from zacoustic.config import read_config
     from zacoustic.tools.watch.watching import Watch
+
+    return Watch(read_watch(arguments), arguments.connect)
+
+
+def read_watch(arguments: argparse.Namespace) -> "Config | None":
+    """Check the arguments, and read their file, if there is one.
+
+    Raises:
+        ConfigError: The file or an argument is wrong.
+    """
+    from zacoustic.config import read_config
 
     if arguments.node is not None and not 1 <= arguments.node <= 254:
         raise ConfigError(f"--node {arguments.node}; allowed: 1..254")
-    config = None if arguments.config is None else read_config(arguments.config)
-    return Watch(config, arguments.connect)
+    return None if arguments.config is None else read_config(arguments.config)
 
 
 def chosen(watch: "Watch", node: int | None) -> "list[GatewayView]":

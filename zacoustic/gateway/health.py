@@ -16,7 +16,7 @@ answered to a `get`:
               publishes whether it is on, least interval and priority; for each on-demand topic
               who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
-``frames``    what is in the water: the frame that is being sent, the last ones sent and heard
+``water``     what is in the water: the frame that is being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``events``    the last things that were worth a line, errors among them
 ``dropped``   what came off the water, and what came from the island, and was of no use
@@ -53,10 +53,10 @@ from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.gateway.chronicle import Chronicle
-from zacoustic.gateway.frames import FrameLog
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.gateway.traffic import Traffic
+from zacoustic.gateway.water import FrameLog
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.session import Island
@@ -215,7 +215,7 @@ class Health:
             "peers": self._peers(),
             "streams": self._streams(),
             "objects": self._objects.document(),
-            "frames": self._frames.document(),
+            "water": self._frames.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
             "events": self._chronicle.document(),

@@ -25,7 +25,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
 
-from zacoustic.core.dense.curve import Curve
+from zacoustic.core.dense.curve import Curve, find, span
 from zacoustic.core.payload import PayloadError
 
 TOTAL_BITS: Final = 28
@@ -130,7 +130,11 @@ class Writer:
 
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
-        start, end = curve.span(value)
+        return self.near(*curve, value)
+
+    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int) -> int:
+        """Write a number that lies on the `Curve` of all these, without having made it."""
+        start, end = span(size, center, scale, held, hold, value)
         unit = self._width >> TOTAL_BITS  # as `narrow` does, which would cost a call
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
@@ -271,8 +275,25 @@ class Reader:
 
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
-        value, start, end = curve.find(self._place())
-        self._narrow(start, end - start)
+        return self.near(*curve)
+
+    def near(
+        self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0
+    ) -> int:
+        """Read a number that lies on the `Curve` of all these."""
+        unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
+        place = self._value // unit
+        if place >= TOTAL:
+            raise PayloadError("a string in the gap between the symbols")
+        value, start, end = find(size, center, scale, held, hold, place)
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError("the string ends inside a value")
+        self._width = width << lift
+        rest = self._value - unit * start
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
         return value
 
     def check(self, ways: int, check: int) -> None:
@@ -321,4 +342,4 @@ class Reader:
 
 
 Coder = Writer | Reader
-"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number`."""
+"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number`, `near`."""

@@ -61,10 +61,9 @@ class Course:
             trend of each position, 0 in a turn.
         """
         north = east = turn = 0
-        size = self._size
-        for row, sign in ((new, 1), (old, -1)):
-            heading = row[self._heading]
-            speed = _STILL
+        size, place = self._size, self._heading
+        for row in (old, new):
+            heading, speed = row[place], _STILL
             if self._speed is not None:
                 column, zero = self._speed
                 speed = (row[column] or zero) - zero
@@ -72,7 +71,7 @@ class Course:
                 along, across = direction(heading, size)
                 north += speed * along
                 east += speed * across
-                turn += sign * heading
+                turn = heading - turn
         turn = (turn + (size >> 1)) % size - (size >> 1)
         is_turn = abs(turn) * _TURN >= size
         return [

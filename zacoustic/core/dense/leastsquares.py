@@ -38,7 +38,7 @@ Source: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt al
 least-squares estimation", IEEE Trans. ASSP 34 (1986) 829.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Iterable
 from typing import Final
 
 WEIGHT_BITS: Final = 16
@@ -120,6 +120,36 @@ class Shape:
         return rows
 
 
+def _predictions(
+    shape: Shape,
+    weights: list[int],
+    quantities: list[int],
+    innovations: list[int],
+    stages: list[int],
+    broken: list[int],
+) -> Generator[int, int, None]:
+    """Take quantities, give predictions of the next, and note what comes of them in the lists.
+
+    A generator, since its variables need not be fetched and put back for every quantity; it knows
+    of no object that knows of it, so that both are gone as soon as nobody needs them.
+    """
+    explained = prediction = 0
+    quantity = yield prediction
+    for weight, (lanes, top) in zip(weights, shape.steps, strict=True):
+        quantities.append(quantity)
+        innovation = quantity - prediction
+        innovations.append(innovation)
+        explained = explained + innovation * weight & lanes
+        stages.append(explained)
+        prediction = explained >> top
+        if prediction >= _BROKEN:  # or a negative one
+            prediction -= _LANE
+            if prediction <= -_BROKEN:
+                broken.append(prediction)
+                prediction = 0
+        quantity = yield prediction
+
+
 class Explained:
     """The quantities of one sample, as far as they are known.
 
@@ -127,74 +157,48 @@ class Explained:
         shape: How many there are.
         weights: Those of the reference, packed, one for each quantity.
         energies: Those of the reference, one for each quantity.
+
+    Attributes:
+        follow: Tells what the next quantity is; returns the one after it as this one and those
+            before explain it, 0 behind the last.
     """
 
     __slots__ = (
+        "_broken",
         "_energies",
-        "_explained",
         "_innovations",
-        "_prediction",
         "_quantities",
         "_shape",
         "_stages",
-        "_steps",
         "_weights",
-        "is_broken",
+        "follow",
     )
 
     def __init__(self, shape: Shape, weights: list[int], energies: list[int]) -> None:
         self._shape = shape
         self._weights = weights
         self._energies = energies
-        self._steps = zip(weights, shape.steps, strict=True)
         self._quantities: list[int] = []
         self._innovations: list[int] = []
-        # What all innovations so far explain of each quantity to come; and after each of them.
-        self._explained = 0
+        # What all innovations so far explain of the quantities to come, after each of them.
         self._stages: list[int] = []
-        self._prediction = 0
-        self.is_broken = False
+        self._broken: list[int] = []
+        predictions = _predictions(
+            shape, weights, self._quantities, self._innovations, self._stages, self._broken
+        )
+        next(predictions)
+        self.follow = predictions.send
 
-    def add(self, quantities: Sequence[int]) -> int:
-        """Tell what the next quantities are.
+    @property
+    def is_broken(self) -> bool:
+        """Whether a prediction was nonsense."""
+        return bool(self._broken)
 
-        Returns:
-            The one after them as these and the ones before explain it; 0 behind the last.
-        """
-        self._quantities += quantities
-        innovations, stages = self._innovations, self._stages
-        explained, prediction = self._explained, self._prediction
-        for quantity, (weight, (lanes, top)) in zip(quantities, self._steps, strict=False):
-            innovation = quantity - prediction
-            innovations.append(innovation)
-            explained = explained + innovation * weight & lanes
-            stages.append(explained)
-            prediction = explained >> top
-            if prediction >= _BROKEN:
-                prediction = self._negative(prediction)
-        self._explained, self._prediction = explained, prediction
-        return prediction
-
-    def follow(self, quantity: int) -> int:
-        """Tell what one quantity is; as `add`, which is slower for one."""
-        weight, (lanes, top) = next(self._steps)
-        self._quantities.append(quantity)
-        innovation = quantity - self._prediction
-        self._innovations.append(innovation)
-        self._explained = explained = self._explained + innovation * weight & lanes
-        self._stages.append(explained)
-        prediction = explained >> top
-        if prediction >= _BROKEN:
-            prediction = self._negative(prediction)
-        self._prediction = prediction
-        return prediction
-
-    def _negative(self, prediction: int) -> int:
-        """What a lane means that is no small positive number."""
-        prediction -= _LANE
-        if prediction <= -_BROKEN:
-            self.is_broken = True
-            return 0
+    def add(self, quantities: Iterable[int]) -> int:
+        """Tell what the next quantities are, as `follow`."""
+        prediction = 0
+        for quantity in quantities:
+            prediction = self.follow(quantity)
         return prediction
 
     def moved(self, trust: int) -> tuple[list[int], list[int]]:

@@ -67,6 +67,7 @@ class Speaker:
         self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
         self._late: deque[Encoded] = deque(maxlen=LATEST)
+        self._marks: list[int] = []  # of `_sent`
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -98,13 +99,16 @@ class Speaker:
         again = self._by_digest.get(encoded.snapshot.digest)
         if again is not None:
             again.last = self._count
-            self._sent.remove(again)
-            self._sent.append(again)
+            place = self._sent.index(again)
+            self._sent.append(self._sent.pop(place))
+            self._marks.append(self._marks.pop(place))
             return
         sent = self._by_digest[encoded.snapshot.digest] = _Sent(encoded, self._count)
         self._sent.append(sent)
+        self._marks.append(encoded.snapshot.mark)
         if len(self._sent) > KEPT:
             oldest = self._sent.pop(0)
+            del self._marks[0]
             del self._by_digest[oldest.snapshot.digest]
             self._forgotten = oldest.last
 
@@ -120,18 +124,14 @@ class Speaker:
         """
         # What is much older than the newest that is known to be held is of no use; a little older
         # is what a late frame leads to.
-        meant, left = [], len(self._sent)
-        for each in reversed(self._sent):
-            left -= 1
-            if left < 0:
-                break
-            if each.snapshot.mark == mark:
-                meant.append(each)
-            if listener in each.holders:
-                left = min(left, _OVERLAP)
-        if len(meant) != 1:
+        newest = len(self._sent) - 1
+        while newest > 0 and listener not in self._sent[newest].holders:
+            newest -= 1
+        earliest = max(newest - _OVERLAP, 0)
+        if self._marks[earliest:].count(mark) != 1:
             return False
-        held: Snapshot | None = meant[0].snapshot
+        meant = self._sent[self._marks.index(mark, earliest)]
+        held: Snapshot | None = meant.snapshot
         for each in reversed(self._sent):
             if each.snapshot is held:
                 if listener in each.holders:
@@ -150,18 +150,20 @@ class Speaker:
 
         For what a late frame refers to, or what it refers to itself, when it comes again.
         """
-        for each in self._sent[-_MARKED:]:
-            is_same = each.snapshot.digest == new.snapshot.digest
-            if each.snapshot.mark == new.snapshot.mark and not is_same:
-                return True
+        snapshot = new.snapshot
+        if snapshot.mark in self._marks[-_MARKED:]:
+            for each in self._sent[-_MARKED:]:
+                is_same = each.snapshot.digest == snapshot.digest
+                if each.snapshot.mark == snapshot.mark and not is_same:
+                    return True
         for late in (*self._late, new):
             meant = late.reference
             if meant is None:
                 continue
             if late.long_name:
-                if meant.long_name == new.snapshot.long_name:
+                if meant.long_name == snapshot.long_name:
                     return True
-            elif meant.short_name == new.snapshot.short_name:
+            elif meant.short_name == snapshot.short_name:
                 return True
         return False
 

@@ -12,11 +12,12 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from zacoustic.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.tools.watch.views import GatewayView, PeerView
 from zacoustic.tools.watch.words import (
     LOSING,
     OLD_S,
     error_words,
+    is_quiet,
     is_well,
     load_words,
     range_words,
@@ -126,7 +127,7 @@ def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
     table.add_column("")
     quiet = 0
     for stream in view.streams:
-        if _is_quiet(stream) and not is_complete:
+        if is_quiet(stream) and not is_complete:
             quiet += 1
             continue
         waits = Text(str(stream.waiting) if stream.waiting else "", style=_WEAK)
@@ -144,11 +145,6 @@ def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
         return table
     names = f"quiet: {quiet} stream{'s' if quiet > 1 else ''}"
     return Group(table, Text(names, style=_DIM)) if table.row_count else Text(names, style=_DIM)
-
-
-def _is_quiet(stream: StreamView) -> bool:
-    has_crossed = stream.sent or stream.heard or stream.published or stream.airtime_bytes
-    return not (has_crossed or stream.waiting or stream_words(stream))
 
 
 def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[str, str, str]:

@@ -37,8 +37,12 @@ def rate_words(hz: float | None) -> str:
         return NOTHING
     for unit, seconds in (("s", 1), ("min", _MINUTE_S)):
         if hz * seconds >= 1:
-            return f"{hz * seconds:.3g}/{unit}"
-    return f"{hz * _HOUR_S:.2g}/h"
+            return f"{_two_digits(hz * seconds)}/{unit}"
+    return f"{_two_digits(hz * _HOUR_S)}/h"
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def size_words(size_bytes: int | None) -> str:
@@ -138,6 +142,12 @@ def stream_words(stream: StreamView) -> str:
     if stream.deadline_missed:
         words.append(f"late {stream.deadline_missed} times")
     return ", ".join(words)
+
+
+def is_quiet(stream: StreamView) -> bool:
+    """Tell whether nothing of a stream has crossed, waits or is wrong."""
+    has_crossed = stream.sent or stream.heard or stream.published or stream.airtime_bytes
+    return not (has_crossed or stream.waiting or stream_words(stream))
 
 
 def transfer_words(transfer: TransferView) -> str:
