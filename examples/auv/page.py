@@ -143,7 +143,9 @@ class Page:
                 self._attitude = ui.html(sanitize=False).classes("attitude").mark("attitude")
                 self._picture = ui.html(sanitize=False).classes("picture").mark("photo")
             self._bar = ui.html(sanitize=False)
-            self._photo_line = ui.label().classes("photo-line").mark("photo-line")
+            with ui.element("div").classes("photo-lines"):
+                self._photo_line = ui.label().mark("photo-line")
+                self._photo_progress = ui.label().mark("photo-progress")
             ui.label("Vehicle").classes("caption")
             self._values = ui.html(sanitize=False).mark("values")
 
@@ -249,6 +251,7 @@ class Page:
     def _show_photo(self) -> None:
         desk = self._desk
         self._photo_line.set_text(readout.photo_line(desk))
+        self._photo_progress.set_text(readout.photo_progress(desk))
         share = readout.photo_share(desk)
         bar = (
             "" if share is None else f'<div class="bar"><div style="width:{share:.0%}"></div></div>'
