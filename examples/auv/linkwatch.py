@@ -82,7 +82,7 @@ class LinkWatch:
                 self.fates.take(document)
             case "link":
                 self._airtimes.append((now_s, document["airtime_s"]))
-            case "frames":
+            case "water":
                 self._take_frames(document)
             case "objects":
                 self._take_progress(document, now_s)

@@ -1,6 +1,6 @@
 """What is in the water: the frame that is being sent, and the last ones sent and heard.
 
-``@acoustic/ADDRESS/frames`` is a document of the health report. Counters tell how much has crossed;
+``@acoustic/ADDRESS/water`` is a document of the health report. Counters tell how much has crossed;
 this tells what crosses now, so that whoever waits can see whether it is worth waiting. A frame that
 was sent is still on its way for as long as sound needs: instants are those of its beginning.
 """

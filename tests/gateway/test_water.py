@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 from typing import Any
 
 from tests.gateway.islands import SECTION, Water, get, hear, island, matched, run
-from zacoustic.gateway.frames import KEPT
+from zacoustic.gateway.water import KEPT
 
 TOPIC: dict[str, Any] = {"id": 31, "topic": "photo", "publishers": [1], "subscribers": [2],
                          "reliability": "reliable", "depth": 4}  # fmt: skip
@@ -13,7 +13,7 @@ LARGE = SECTION | {"streams": [*SECTION["streams"], TOPIC]}
 
 
 async def document(client: Any, address: int) -> dict[str, Any]:
-    key = f"@acoustic/{address}/frames"
+    key = f"@acoustic/{address}/water"
     found: dict[str, Any] = json.loads((await get(client, key)).payload(key))
     return found
 
