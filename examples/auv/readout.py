@@ -181,7 +181,8 @@ def link_lines(desk: Desk) -> list[Line]:
     share = watch.airtime_share(desk.now_s)
     if share is not None:
         found.append(Line("own airtime", f"{share:.0%} of a minute"))
-    frames = f"{link['frames_transmitted']} sent, {link['frames_received']} heard"
+    lost = "" if watch.loss is None else f", {watch.loss:.0%} of ours lost"
+    frames = f"{link['frames_transmitted']} sent, {link['frames_received']} heard{lost}"
     found.append(Line("frames", frames))
     return found
 
