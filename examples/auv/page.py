@@ -127,6 +127,7 @@ class Page:
             self._age = ui.label().classes("chip").mark("age")
             self._heard = ui.label().classes("chip").mark("heard")
             self._trouble = ui.label().classes("trouble")
+            self._notice = ui.label().classes("hint").mark("notice")
             ui.button("STOP", on_click=self._desk.stop, color="red").classes("stop text-h6")
 
     def _sea(self) -> None:
@@ -247,6 +248,8 @@ class Page:
         is_lost = desk.watch.lost_since_unix_s is not None or link != "up"
         self._heard.classes(add="bad" if is_lost else "good", remove="good" if is_lost else "bad")
         self._trouble.set_text(desk.trouble)
+        is_starting = desk.carrier is None and not desk.trouble
+        self._notice.set_text("modems, gateways and vehicle start" if is_starting else "")
 
     def _show_photo(self) -> None:
         desk = self._desk
