@@ -8,7 +8,7 @@ a sample of it does not wait for as long as others have decided to leave the nod
 import random
 from typing import Final
 
-from zacoustic.core.arq.copies import follow, shorten_pause
+from zacoustic.core.arq.copies import follow, is_emergency, shorten_pause
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
@@ -135,7 +135,8 @@ class Pacing:
         priority = self._table.by_id(lane.key[0]).qos.priority
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
-            sample.follows = follow(sample.waiting, priority, sample.tries, self.times, at)
+            sample.follows = follow(sample.waiting, priority, self.times, at)
+            sample.follows |= is_emergency(priority, sample.tries)
             if sample.follows:
                 return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)
