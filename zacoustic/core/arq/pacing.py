@@ -135,7 +135,14 @@ class Pacing:
         priority = self._table.by_id(lane.key[0]).qos.priority
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
-            sample.follows = follow(sample.waiting, priority, sample.tries, self.times, at)
+            sample.follows = follow(
+                sample.waiting,
+                priority,
+                sample.tries,
+                self.times,
+                at,
+                doubtful=self.is_doubtful(lane, sample),
+            )
             if sample.follows:
                 return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)
