@@ -12,12 +12,15 @@ def main() -> int:
     parser.add_argument(
         "--loss", type=float, default=0.0, metavar="P", help="share of the frames that is lost"
     )
+    parser.add_argument(
+        "--ros", action="store_true", help="the vehicle is a node of ROS 2 on rmw_zenoh"
+    )
     parser.add_argument("--port", type=int, default=8080, help="of the console's page")
     given = parser.parse_args()
     if given.headless:
         from examples.auv.headless import headless
 
-        return asyncio.run(headless(loss=given.loss))
+        return asyncio.run(headless(loss=given.loss, ros=given.ros))
     try:
         from examples.auv.console import run_console
     except ModuleNotFoundError as error:
@@ -26,7 +29,7 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    run_console(port=given.port, loss=given.loss)
+    run_console(port=given.port, loss=given.loss, ros=given.ros)
     return 0
 
 

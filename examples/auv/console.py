@@ -19,7 +19,7 @@ from zacoustic.errors import ZacousticError
 _PERIOD_S = 0.2
 
 
-def run_console(*, port: int, loss: float) -> None:
+def run_console(*, port: int, loss: float, ros: bool = False) -> None:
     """Serve the page until it is interrupted."""
     desk = Desk(Shore())
     stack = contextlib.AsyncExitStack()
@@ -28,10 +28,11 @@ def run_console(*, port: int, loss: float) -> None:
     async def work() -> None:
         try:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="zacoustic-auv-"))
-            running = await stack.enter_async_context(expedition(Path(folder), _ignore, loss=loss))
+            under_way = expedition(Path(folder), _ignore, loss=loss, ros=ros)
+            running = await stack.enter_async_context(under_way)
             session = await asyncio.to_thread(open_session, running.shore_endpoint)
             stack.enter_context(session)
-            await attend(desk, ZenohShore(session, desk.shore), running)
+            await attend(desk, ZenohShore(session, desk.shore, ros=ros), running)
         except ZacousticError as error:
             desk.trouble = str(error)
 

@@ -25,6 +25,7 @@ from examples.auv.messages import (
     Status,
     Waypoint,
 )
+from examples.auv.roswords import from_ros, name_in_ros, to_ros
 from examples.auv.session import CBOR, from_cbor, to_cbor
 from examples.auv.shore import Answer, Carrier, Shore
 from zacoustic.gateway import read_marker
@@ -41,10 +42,12 @@ class ZenohShore(Carrier):
     Args:
         session: Zenoh's.
         shore: What is known of the vehicle.
+        ros: The table is that of `fleet_ros.json5`.
     """
 
-    def __init__(self, session: zenoh.Session, shore: Shore) -> None:
+    def __init__(self, session: zenoh.Session, shore: Shore, *, ros: bool = False) -> None:
         self._session = session
+        self._ros = ros
         self._shore = shore
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
         self.goal_id: bytes | None = None
@@ -62,7 +65,10 @@ class ZenohShore(Carrier):
 
     def put(self, topic: str, value: msgspec.Struct) -> None:
         """Publish."""
-        self._session.put(topic, to_cbor(value), encoding=CBOR)
+        name, said = topic, msgspec.to_builtins(value)
+        if self._ros:
+            name, said = name_in_ros(topic), to_ros(topic, said)
+        self._session.put(name, to_cbor(said), encoding=CBOR)
 
     def call(self, service: str, value: msgspec.Struct) -> Answer:
         """Call a service of the vehicle."""
@@ -131,15 +137,19 @@ class ZenohShore(Carrier):
         age_s = 0.0 if marker is None or marker.age_s is None else marker.age_s
 
         def take(now_s: float) -> None:
+            said: Any = payload.to_bytes()
+            if self._ros or topic != PHOTO:
+                said = from_cbor(payload)
+            if self._ros:
+                said = from_ros(topic, said)
             if topic == PHOTO:
-                self._shore.hear(topic, payload.to_bytes(), now_s)
+                self._shore.hear(topic, said, now_s)
             elif topic == NAV:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Nav), now_s, age_s)
+                self._shore.hear(topic, msgspec.convert(said, Nav), now_s, age_s)
             elif topic == STATUS:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Status), now_s)
+                self._shore.hear(topic, msgspec.convert(said, Status), now_s)
             else:
-                said = from_cbor(payload)["feedback"]
-                self._shore.progress = msgspec.convert(said, Progress)
+                self._shore.progress = msgspec.convert(said["feedback"], Progress)
 
         self._came.put(take)
 

@@ -3,8 +3,8 @@
 The first guess is what the link says: the sound to the other end and back, the time it lingers
 there, the ACK's own frame, and one short frame of doubt. Then it is measured, as RFC 6298 does,
 from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
-half: sound is slow, and as slow the next time. Repetitions to a node of which nothing is heard come less and
-less often: it may be out of range for half an hour. The first frame heard of it ends that.
+half: sound is slow, and as slow the next time. Repetitions to a node of which nothing is heard come
+less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
 """
 
 import random
