@@ -1,7 +1,7 @@
 """The processes of a dive: two emulated S2C modems, a gateway on each island, the vehicle.
 
 The children are started and stopped as those of `zacoustic demo`; whoever steers sits in this
-process, as a client of the shore's router.
+process, as a client of the shore's router. Where the vehicle says that it truly is, its modem is.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from examples.auv.roswords import FLEET, shore_section
-from examples.auv.start import SHORE, VEHICLE
+from examples.auv.start import SHORE, VEHICLE, modem_at
 from zacoustic.errors import ZacousticError
 from zacoustic.json5 import read_json5
 from zacoustic.tools.demo.children import Child
@@ -86,6 +86,9 @@ async def expedition(
             locators[said["address"]] = f"evologics/{said['locator']}"
         if said.get("event") in ("ready", "started") or len(locators) == 2:
             ready[name].set()
+        if name == "vehicle" and said.get("event") == "place":
+            here = modem_at(said["north_m"], said["east_m"], said["depth_m"])
+            children[0].tell(json.dumps({"address": VEHICLE, "position": here}))
         told(name, said)
 
     def ended(task: asyncio.Task[None]) -> None:
@@ -113,7 +116,7 @@ async def expedition(
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))
         modems = ("emulate", "evologics", "--scenario", str(water), "--listen", "127.0.0.1:0")
-        await begin("modems", *program, *modems, "--json")
+        await begin("modems", *program, *modems, "--moves", "--json")
         endpoints = dict(
             zip(
                 (SHORE, VEHICLE),

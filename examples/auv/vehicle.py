@@ -39,7 +39,7 @@ from examples.auv.messages import (
 )
 from examples.auv.session import open_session
 from examples.auv.speech import Act, Later, Question, Said, Speech, ZenohSpeech, said_of
-from examples.auv.start import NAV_PERIOD_S, START, STATUS_PERIOD_S, VEHICLE
+from examples.auv.start import NAV_PERIOD_S, PLACE_PERIOD_S, START, STATUS_PERIOD_S, VEHICLE
 
 TICK_S: Final = 0.1
 PROGRESS_PERIOD_S: Final = 15.0
@@ -79,8 +79,14 @@ class Vehicle:
     def run(self) -> None:
         """Live until `end`."""
         begun = time.monotonic()
-        due = {self._report: 1.0, self._status: 2.0, self._progress: PROGRESS_PERIOD_S}
+        due = {
+            self._tell_place: PLACE_PERIOD_S,
+            self._report: 1.0,
+            self._status: 2.0,
+            self._progress: PROGRESS_PERIOD_S,
+        }
         periods = {
+            self._tell_place: PLACE_PERIOD_S,
             self._report: NAV_PERIOD_S,
             self._status: STATUS_PERIOD_S,
             self._progress: PROGRESS_PERIOD_S,
@@ -177,11 +183,13 @@ class Vehicle:
             question.answer(answer)
 
     def _report(self) -> None:
-        nav = self._craft.nav()
-        self._speech.publish(NAV, said_of(nav))
+        self._speech.publish(NAV, said_of(self._craft.nav()))
+
+    def _tell_place(self) -> None:
+        """Tell where it truly is; not what it reports."""
         place = self._craft.motion
         tell("place", north_m=place.north_m, east_m=place.east_m, depth_m=place.depth_m,
-             mode=nav.mode.value)  # fmt: skip
+             mode=self._craft.mode.value)  # fmt: skip
 
     def _status(self) -> None:
         self._speech.publish(STATUS, said_of(self._craft.status()))
