@@ -245,11 +245,10 @@ class Repeater:
                 repetition.stage = _Stage.SENT
                 assert self._times is not None
                 priority, times = repetition.qos.priority, self._times
-                timing = self._timing(repetition.record.destination)
-                doubtful, tries = timing.is_doubtful, repetition.tries
-                if follow(repetition.record, priority, tries, times, at, doubtful=doubtful):
+                if follow(repetition.record, priority, times, at):
                     self._push_again(repetition)
                     continue
+                timing = self._timing(repetition.record.destination)
                 pause_ns = timing.pause_ns(times, 0, self._rng)
                 if not timing.is_doubtful:
                     pause_ns = shorten_pause(pause_ns, priority, times, at)

@@ -5,9 +5,6 @@ once. A node in a run hears nothing but in its pauses, four seconds apart, and l
 it hears something there that it does not understand (`zacoustic.core.access.listening`). So into
 such a pause commands go twice, and what was not answered goes again into the next one: to be a
 little late for that costs four seconds, and nothing is gained by it.
-
-Where nobody is in a run a command goes once, and twice when that was not answered: frames are lost
-there, or meet what the other end says at the same time.
 """
 
 from typing import Final
@@ -19,44 +16,39 @@ from zacoustic.core.queue import Waiting
 MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
 """In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
 
-REPEATED_COPIES: Final = 2
-"""In a row, of what was not answered before."""
 
-
-def follow(
-    record: Waiting,
-    priority: Priority,
-    tries: int,
-    times: LinkTimes,
-    at: int,
-    *,
-    doubtful: bool = False,
-) -> bool:
-    """Tell whether a record that was just sent goes again without an answer, and note it there.
+def follow(record: Waiting, priority: Priority, times: LinkTimes, at: int) -> bool:
+    """Tell whether a record that was just sent follows itself into a pause, and note it there.
 
     Args:
         record: The record.
         priority: Of its lane.
-        tries: How often it was sent.
         times: Of the link.
         at: End of its last transmission, ns.
-        doubtful: Its receiver may not be there at all.
     """
-    most = MOST_COPIES.get(priority, 1)
     record.copies += 1
-    next_at, listening = at + times.gap_ns, times.listening
-    is_heard_out = listening is not None and listening.is_heard_out(next_at)
-    record.is_copy = is_heard_out and record.copies < most
-    if record.is_copy:
-        return True
-    is_repetition = tries > record.copies
-    if priority is Priority.REAL_TIME and tries <= most:
-        goes_on = tries < most
+    is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
+    record.is_copy = is_heard_out and record.copies < MOST_COPIES.get(priority, 1)
+    if not record.is_copy:
         record.copies = 0
-    else:
-        goes_on = is_repetition and not doubtful and record.copies < min(most, REPEATED_COPIES)
-        record.copies *= goes_on
-    return goes_on
+    return record.is_copy
+
+
+def is_emergency(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes again, wherever its answer may be.
+
+    Not so a request: its answer would come while its copies deafen the one that waits for it.
+    """
+    return priority is Priority.REAL_TIME and tries < MOST_COPIES[priority]
+
+
+def is_doubled(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes twice: it was not answered before.
+
+    Frames are lost, or meet what the other end says at the same time. Whoever acknowledges waits
+    for as long as the second copy needs to begin; so again this is not for requests.
+    """
+    return priority in MOST_COPIES and tries > 1
 
 
 def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) -> int:
