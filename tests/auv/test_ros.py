@@ -41,7 +41,7 @@ from tests.gateway.islands import LIMIT_S, Water, island, run
 from tests.gateway.rosnode import Node, ros_session
 from zacoustic.config import config_from_mapping
 from zacoustic.ros.names import stream_name
-from zacoustic.ros.tokens import Entity, Token, read_token
+from zacoustic.ros.tokens import Entity, read_token
 
 FLOAT = "std_msgs/msg/Float64"
 _POLL_S = 0.02
@@ -130,11 +130,17 @@ async def dive() -> AsyncIterator[Dive]:
             yield found
 
 
-def tokens_of(session: zenoh.Session, node: str) -> list[Token]:
-    """Return what a node has announced."""
-    replies = session.liveliness().get("@ros2_lv/0/**")
-    tokens = [read_token(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None]
-    return [each for each in tokens if each is not None and each.full_node_name == node]
+def watch_tokens(session: zenoh.Session, node: str) -> set[tuple[Entity, str]]:
+    """Return what a node announces, by kind and topic; it grows."""
+    seen: set[tuple[Entity, str]] = set()
+
+    def see(sample: zenoh.Sample) -> None:
+        token = read_token(str(sample.key_expr))
+        if token is not None and token.full_node_name == node:
+            seen.add((token.kind, token.topic))
+
+    session.liveliness().declare_subscriber("@ros2_lv/0/**", see, history=True)
+    return seen
 
 
 @pytest.mark.usefixtures("capfd")
@@ -179,14 +185,11 @@ def test_nodes_of_its_island_find_it_as_a_node() -> None:
     async def look() -> None:
         async with dive() as here:
             with ros_session(here.vehicle_port) as session:
-                other = Node(session, "pilot")
-                # What the vehicle announces last.
-                assert await other.available(Entity.SERVER, f"/{GOTO}/_action/get_result")
-                found = await asyncio.to_thread(tokens_of, session, "/auv1/vehicle")
-                said = {(each.kind, each.topic) for each in found}
-                action = "/auv1/goto/_action"
-                assert said >= {
+                other, seen = Node(session, "pilot"), watch_tokens(session, "/auv1/vehicle")
+                action = f"/{GOTO}/_action"
+                expected = {
                     (Entity.NODE, ""),
+                    (Entity.SUBSCRIPTION, f"/{STOP}"),
                     *((Entity.SUBSCRIPTION, f"/{name_in_ros(each)}") for each in JOINTS),
                     *((Entity.SERVER, f"/{each}") for each in (ARM, HOLD, TAKE_PHOTO)),
                     *((Entity.PUBLISHER, f"/auv1/{each}") for each in ("nav", "status", "photo")),
@@ -196,6 +199,8 @@ def test_nodes_of_its_island_find_it_as_a_node() -> None:
                         for each in ("send_goal", "get_result", "cancel_goal")
                     ),
                 }
+                await here.until(lambda: seen >= expected)
+                assert seen == expected
                 # A node of the island steers it too, without the water.
                 await here.answered(here.carrier.call(ARM, Arm(True)))
                 other.publisher(f"/{name_in_ros(THRUST)}", FLOAT)({"data": -31.0})
