@@ -277,9 +277,7 @@ class Reader:
         """Read a number that lies on a curve."""
         return self.near(*curve)
 
-    def near(
-        self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0
-    ) -> int:
+    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0) -> int:
         """Read a number that lies on the `Curve` of all these."""
         unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
         place = self._value // unit
@@ -342,4 +340,7 @@ class Reader:
 
 
 Coder = Writer | Reader
-"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number`, `near`."""
+"""What models are written for.
+
+Both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number` and `near`.
+"""

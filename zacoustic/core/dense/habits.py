@@ -92,9 +92,7 @@ class Habits:
 
     __slots__ = ("_streams", "present", "single")
 
-    def __init__(
-        self, single: int, present: tuple[int, ...], streams: dict[int, Habit]
-    ) -> None:
+    def __init__(self, single: int, present: tuple[int, ...], streams: dict[int, Habit]) -> None:
         self.single = single
         self.present = present
         self._streams = streams

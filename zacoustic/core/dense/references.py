@@ -179,11 +179,7 @@ class Speaker:
             if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
             meant = record.snapshot
-            others = [
-                each.snapshot
-                for each in takewhile(lambda sent: sent.last >= earliest, reversed(self._sent))
-                if each is not record
-            ]
+            others = [each.snapshot for each in self._since(earliest) if each is not record]
             is_short = meant.short_name not in [other.short_name for other in others]
             if is_short:
                 yield meant, False
@@ -193,6 +189,10 @@ class Speaker:
             if is_short or is_long:
                 break
         yield None, False
+
+    def _since(self, count: int) -> Iterator[_Sent]:
+        """The frames that were sent then or later, the newest first."""
+        return takewhile(lambda each: each.last >= count, reversed(self._sent))
 
 
 class Listener:
