@@ -88,7 +88,7 @@ class Speaker:
             encoded = self._codec.encode(
                 samples, room, reference, long_name=long_name, is_mistaken=self._is_mistaken
             )
-            if encoded is None or not self._is_mistaken(encoded):
+            if encoded is None or not encoded.is_mistaken:
                 return encoded
             first = first or encoded
         return first
