@@ -41,7 +41,7 @@ EXIT_INTERRUPTED: Final = 130
 
 BUILT_IN: Final = (
     "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "resume", "stream",
-    "decode", "sim", "record", "replay", "init", "fit", "bench",
+    "decode", "sim", "record", "replay", "report", "init", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 
