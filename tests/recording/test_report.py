@@ -14,8 +14,9 @@ from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
 from zacoustic.cli import main
 from zacoustic.testing.virtual import Modem, VirtualNetwork
+from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures, figures_of, spread_of
-from zacoustic.tools.recordings.gathering import Facts, add_messages, gather
+from zacoustic.tools.recordings.gathering import add_messages, gather
 from zacoustic.tools.recordings.plots import plots_of
 from zacoustic.tools.simulation import simulate
 from zacoustic.tools.simulationrecord import recorded_to

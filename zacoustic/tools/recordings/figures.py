@@ -12,7 +12,7 @@ from zacoustic.core.stats import NO_STREAM
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.recording.channels import SENT
-from zacoustic.tools.recordings.gathering import Facts, match
+from zacoustic.tools.recordings.facts import Facts, match
 
 
 class Spread(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,15 +4,13 @@ Of an engine all of it is known: what was asked for, what arrived, every frame. 
 network the frames of its gateways are known, and what came off the water there.
 """
 
-import bisect
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
 from zacoustic.core.envelope import Envelope, Opened
-from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.types import TypeTable
@@ -29,113 +27,8 @@ from zacoustic.recording.channels import (
 from zacoustic.recording.life import Table
 from zacoustic.recording.reading import ReadMessage, RecordingReader
 from zacoustic.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord
+from zacoustic.tools.recordings.facts import Arrived, Asked, Command, Facts, Published
 from zacoustic.tools.recordings.lives import LifeReader, NewLife
-
-
-class Published(msgspec.Struct, kw_only=True):
-    """A sample that a node has published."""
-
-    at_ns: int
-    """UTC, ns."""
-    node: int
-    """Who."""
-    stream_id: int
-    """Which topic."""
-    instance: Instance
-    """Which of its keys."""
-    payload: bytes
-    """Its value, in the codec of the stream."""
-    value: Any
-    """The same as the application gave it, in plain parts."""
-    delete: bool = False
-    """The key was deleted."""
-    encoding: str | None = None
-    """Where it is not the stream's."""
-    arrived: dict[int, int] = {}
-    """Where it has arrived, by node, and when, UTC, ns."""
-
-
-class Arrived(msgspec.Struct, kw_only=True):
-    """A sample that has arrived."""
-
-    at_ns: int
-    """UTC, ns."""
-    node: int
-    """Where."""
-    source: int
-    """Who has published it."""
-    stream_id: int
-    """Which topic."""
-    instance: Instance = ()
-    """Which of its keys."""
-    payload: bytes = b""
-    """Its value, in the codec of the stream."""
-    value: Any = None
-    """The same in plain parts."""
-    age_s: float | None = None
-    """How old it was when its frame was composed, s."""
-
-
-class Asked(msgspec.Struct, kw_only=True):
-    """A call, or a goal."""
-
-    at_ns: int
-    """UTC, ns."""
-    node: int
-    """Who asks."""
-    stream_id: int
-    """Which service or action."""
-    value: Any
-    """What is asked, in plain parts."""
-    timeout_s: float | None = None
-    """For how long, where it is not the stream's, s."""
-    ended_at_ns: int | None = None
-    """Answered, or the goal ended, UTC, ns."""
-    failure: str = ""
-    """Why there is no answer; empty: there is one, or none yet."""
-
-
-class Facts:
-    """Everything that was found; made by `gather`."""
-
-    def __init__(self) -> None:
-        self.files: list[str] = []
-        self.damage: dict[str, str] = {}
-        """Why files end early."""
-        self.gaps: set[int] = set()
-        """Nodes of which something is missing."""
-        self.tables: dict[int, StreamTable] = {}
-        """Streams of each node whose engine is recorded."""
-        self.streams: dict[int, Stream] = {}
-        """All streams that are known, by id."""
-        self.capabilities: dict[int, LinkCapabilities] = {}
-        self.lives: dict[int, int] = {}
-        """How many lives of each node were recorded."""
-        self.published: list[Published] = []
-        self.arrived: list[Arrived] = []
-        self.asked: list[Asked] = []
-        self.refused: dict[int, int] = {}
-        """Commands that the engine has not taken, by stream."""
-        self.outcomes: dict[int, dict[str, int]] = {}
-        """How reliable samples ended, by stream."""
-        self.frames: list[tuple[int, FrameRecord]] = []
-        """With their instants, UTC, ns; where they end, for those that arrived."""
-        self.reports: list[tuple[int, ReportRecord]] = []
-        """With the instants of their ends, UTC, ns."""
-        self.ledgers: dict[tuple[int, int], LedgerRecord] = {}
-        """The last of each life, by node and epoch."""
-        self.began_ns = 0
-        self.ended_ns = 0
-
-    @property
-    def duration_s(self) -> float:
-        """From the first message to the last, s."""
-        return (self.ended_ns - self.began_ns) / 1e9
-
-    @property
-    def nodes(self) -> list[int]:
-        """Nodes whose link was recorded."""
-        return sorted({*self.tables, *(frame.node for _, frame in self.frames)})
 
 
 def gather(paths: Iterable[str | Path]) -> Facts:
@@ -159,6 +52,12 @@ def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
     gatherer = _Gatherer(facts)
     for message in messages:
         gatherer.take(message)
+
+
+_COMMANDS: Final = (
+    "demand.want", "ranging.request", "ranging.repeat", "orders.send", "silence.begin",
+    "silence.resume",
+)  # fmt: skip
 
 
 class _Gatherer:
@@ -264,6 +163,7 @@ class _Gatherer:
             table = self._facts.tables[node] = part.life.table.table()
             self._know(table)
             self._offsets[node] = part.life.utc_offset_ns
+            self._facts.births.append((message.utc_ns, part.life))
             self._facts.lives[node] = self._facts.lives.get(node, 0) + 1
             self._calls = {key: asked for key, asked in self._calls.items() if key[0] != node}
         elif part is not None:
@@ -300,6 +200,12 @@ class _Gatherer:
                 self._calls[node, name] = asked
         elif call.name == "declare":
             self._redeclare(node, call)
+        elif call.name in _COMMANDS and call.now is not None:
+            said = {name: each for name, each in call.arguments.items() if name != "now"}
+            at_ns = call.now + self._offsets[node]
+            self._facts.commands.append(Command(at_ns, node, call.name, said))
+        else:
+            self._facts.reactions.note_call(node, call, (call.now or 0) + self._offsets[node])
 
     def _redeclare(self, node: int, call: Recorded) -> None:
         table = self._facts.tables[node]
@@ -330,22 +236,32 @@ class _Gatherer:
     def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
         if kind == "SampleReceived" and not said["deleted"]:
             self._arrive(node, said)
+        elif kind == "RequestReceived":
+            stream_id = said["call"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["call"], stream_id, said["value"], utc_ns
+            )
+        elif kind == "GoalReceived":
+            stream_id = said["goal"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["goal"], stream_id, said["value"], utc_ns
+            )
         elif kind in ("ResponseReceived", "CallFailed"):
-            failure = str(said.get("failure", "")) if kind == "CallFailed" else ""
-            self._end(node, said["call_id"], failure, utc_ns)
-        elif kind in ("ResultReceived", "GoalFailed"):
-            failure = f"goal {said['failure']}" if kind == "GoalFailed" else ""
-            self._end(node, str(said["goal"]), failure, utc_ns)
-        elif kind == "GoalAnswered" and not said["accepted"]:
-            self._end(node, str(said["goal"]), f"goal {said['failure']}", utc_ns)
+            self._end(node, said["call_id"], said, utc_ns)
+        elif kind in ("ResultReceived", "GoalFailed") or (
+            kind == "GoalAnswered" and not said["accepted"]
+        ):
+            self._end(node, str(said["goal"]), said, utc_ns)
         elif kind == "DeliveryEnded":
             counts = self._facts.outcomes.setdefault(said["stream_id"], {})
             counts[said["outcome"]] = counts.get(said["outcome"], 0) + 1
 
-    def _end(self, node: int, name: object, failure: str, utc_ns: int) -> None:
+    def _end(self, node: int, name: object, said: dict[str, Any], utc_ns: int) -> None:
         asked = self._calls.pop((node, name), None)
         if asked is not None:
-            asked.ended_at_ns, asked.failure = utc_ns, failure
+            failure = said.get("failure")
+            asked.ended_at_ns, asked.answer = utc_ns, said.get("value")
+            asked.failure = "" if failure is None else str(failure)
 
     def _arrive(self, node: int, said: dict[str, Any]) -> None:
         stream = self._facts.tables[node].get(said["stream_id"])
@@ -400,28 +316,6 @@ class _LedgerDocument(msgspec.Struct):
         return LedgerRecord(
             node=node, epoch=0, frames=0, bytes=self.bytes, airtime_s=self.airtime_s, rows=rows
         )
-
-
-def match(facts: Facts) -> None:
-    """Find of each sample that has arrived what was published, if its publisher is recorded.
-
-    It belongs to the newest publication of the same value that this node has not got yet; that is
-    exact as long as values differ.
-    """
-    waiting: dict[tuple[int, int, Instance, bytes], list[Published]] = {}
-    for published in facts.published:
-        published.arrived.clear()
-        if not published.delete:
-            key = (published.stream_id, published.node, published.instance, published.payload)
-            bisect.insort(waiting.setdefault(key, []), published, key=lambda each: each.at_ns)
-    for arrived in sorted(facts.arrived, key=lambda each: each.at_ns):
-        key = (arrived.stream_id, arrived.source, arrived.instance, arrived.payload)
-        known = waiting.get(key, [])
-        place = bisect.bisect_right(known, arrived.at_ns, key=lambda each: each.at_ns)
-        for published in reversed(known[:place]):
-            if arrived.node not in published.arrived:
-                published.arrived[arrived.node] = arrived.at_ns
-                break
 
 
 def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)

@@ -8,8 +8,8 @@ import msgspec
 
 from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import SENT
+from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures
-from zacoustic.tools.recordings.gathering import Facts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
