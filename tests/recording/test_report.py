@@ -32,7 +32,7 @@ def water(tmp_path: Path) -> Path:
 @pytest.fixture
 def trial(water: Path) -> Path:
     path = water.with_name("trial.mcap")
-    assert main(["sim", str(water), "--until", "900", "--record", str(path)]) == 0
+    assert main(["sim", str(water), "--until", "300", "--record", str(path)]) == 0
     return path
 
 

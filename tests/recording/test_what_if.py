@@ -34,7 +34,7 @@ def trial(tmp_path: Path) -> Path:
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     path = tmp_path / "trial.mcap"
     water = str(tmp_path / "water.json5")
-    assert main(["sim", water, "--until", "2400", "--record", str(path)]) == 0
+    assert main(["sim", water, "--until", "1800", "--record", str(path)]) == 0
     return path
 
 
