@@ -40,7 +40,7 @@ from zacoustic.errors import ConfigError, ZacousticError
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
     "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
-    "init", "schema", "fit", "bench",
+    "report", "init", "schema", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 
