@@ -375,7 +375,7 @@ class LinkCarrier:
             answer.set_exception(error)
 
     def _trace(self, record: TraceRecord) -> None:
-        if record.what == "report":
+        if record.what in ("report", "receive"):  # the end of a frame, or an acknowledgement
             self._progress.set()
 
     def _is_flushed(self) -> bool:

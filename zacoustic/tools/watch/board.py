@@ -12,6 +12,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
+from zacoustic.core.events import DeliveryOutcome
 from zacoustic.island.orders import PREFIX
 from zacoustic.tools.watch.documents import (
     DOCUMENTS,
@@ -226,6 +227,7 @@ class _GatewayBoard:
             age_s=round((heard_ago_s or 0) + (row.age_s or 0), 3) if is_aged else None,
             waiting=row.waiting,
             delivering=row.delivering,
+            outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
@@ -290,6 +292,12 @@ class _GatewayBoard:
             )
             for row in reversed(self._get("events", EventsDocument).events)
         )
+
+
+def _outcomes(row: StreamRow) -> dict[str, int]:
+    if row.delivering is None:
+        return {}
+    return {outcome.value: getattr(row, outcome.value) for outcome in DeliveryOutcome}
 
 
 def _transfer(row: TransferRow) -> TransferView:

@@ -65,6 +65,11 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     received: int = 0
     waiting: int = 0
     delivering: int | None = None
+    delivered: int = 0
+    superseded: int = 0
+    expired: int = 0
+    refused: int = 0
+    cancelled: int = 0
     deadline_missed: int | None = None
     sent_at_unix_s: float | None = None
     sent_period_s: float | None = None

@@ -38,6 +38,8 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Samples, calls and goals that wait for the water."""
     delivering: int | None
     """Reliable samples that have not arrived; None: it is not reliable."""
+    outcomes: dict[str, int]
+    """Reliable samples by how they ended; empty: it is not reliable."""
     useless: int
     """Samples that became too old, were superseded, or that nobody wanted."""
     deadline_missed: int | None
