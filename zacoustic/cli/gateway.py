@@ -31,7 +31,17 @@ class GatewayCommand(Command):
             "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
         )
         parser.add_argument(
+            "--listen",
+            action="append",
+            default=[],
+            metavar="ENDPOINT",
+            help="where the router or peer listens, instead of the file's; may be repeated",
+        )
+        parser.add_argument(
             "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
+        )
+        parser.add_argument(
+            "--record", metavar="FILE", help="record everything that crosses, as MCAP"
         )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
         parser.add_argument(
@@ -97,6 +107,8 @@ async def _run(arguments: argparse.Namespace) -> None:
             address=arguments.address,
             locator=arguments.link,
             journal=arguments.journal,
+            listen=arguments.listen,
+            record=arguments.record,
             notify=notify,
             metrics=metrics_argument(arguments.metrics),
         )

@@ -16,6 +16,7 @@ answered to a `get`:
               publishes whether it is on, least interval and priority; for each on-demand topic
               who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
+``water``     what is in the water: the frame that is being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``events``    the last things that were worth a line, errors among them
 ``dropped``   what came off the water, and what came from the island, and was of no use
@@ -55,6 +56,7 @@ from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.gateway.traffic import Traffic
+from zacoustic.gateway.water import FrameLog
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.session import Island
@@ -122,6 +124,7 @@ class Health:
         self._seen: dict[int, PeerSeen] = {}
         self._traffic = Traffic()
         engine = runner.engine
+        self._frames = FrameLog(engine)
         self._soundings = Soundings(
             engine.measurements,
             engine.contact,
@@ -140,6 +143,7 @@ class Health:
     def trace(self, record: TraceRecord) -> None:
         """Take notice of whatever the engine does; its trace sink."""
         self._traffic.note(record)
+        self._frames.note(record)
         self.touch()
 
     def note_sample(self, event: SampleReceived) -> None:
@@ -211,6 +215,7 @@ class Health:
             "peers": self._peers(),
             "streams": self._streams(),
             "objects": self._objects.document(),
+            "water": self._frames.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
             "events": self._chronicle.document(),

@@ -19,6 +19,7 @@ import zenoh
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, PeerFound, PeerLost
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
@@ -28,6 +29,7 @@ from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
+from zacoustic.gateway.framefeed import FrameFeed
 from zacoustic.gateway.health import Counts, Health
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
 from zacoustic.gateway.objects import ObjectDesk
@@ -79,6 +81,7 @@ class Junction:
         about: What a monitor is told of it that does not change.
         notify: Told what people want to know.
         clock: Where instants come from.
+        make_engine: Makes the engine.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class Junction:
         about: Mapping[str, object],
         notify: Notify,
         clock: Clock,
+        make_engine: MakeEngine = Engine,
     ) -> None:
         self.failure: Exception | None = None
         self.siblings = Siblings(address, clock)
@@ -111,7 +115,7 @@ class Junction:
         ring = self._doorbell.ring
         seed = random.SystemRandom().getrandbits(64)
         _logger.info("node %d: epoch %d, seed %d", address, state.boot_epoch, seed)
-        engine = Engine(
+        engine = make_engine(
             address=address,
             table=table,
             epoch=state.boot_epoch,
@@ -166,6 +170,7 @@ class Junction:
             runner=self.runner,
         )
         self._objects = ObjectDesk(table, self.runner)
+        self._feed = FrameFeed(self.runner, island)
         self._health = Health(
             self.runner,
             island,
@@ -218,6 +223,7 @@ class Junction:
         self._is_closing = True
         self._desk.close()
         self._onlookers.close()
+        self._feed.close()
         self._services.close()
         self._actions.close()
         self._health.close()
@@ -317,6 +323,7 @@ class Junction:
         return found
 
     def _declare_own(self) -> None:
+        self._feed.declare()
         self._services.watch(self.runner.engine.address)
         for expression, serve, complete in (
             (self._health.expression, self._health.answer, True),
@@ -338,6 +345,7 @@ class Junction:
         self._routes.undeclare()
         self._dialects.undeclare()
         self._presence.undeclare()
+        self._feed.undeclare()
         for queryable in self._own_queryables:
             queryable.undeclare()  # type: ignore[no-untyped-call]
 

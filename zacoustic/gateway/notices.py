@@ -50,6 +50,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """What a restart forgets for want of a journal, one line; empty: nothing that matters."""
     metrics: str = ""
     """Where it answers to Prometheus; empty: nowhere."""
+    recording: str = ""
+    """File into which everything is recorded; empty: nothing is."""
     siblings: tuple[int, ...] = ()
     """Addresses of the other gateways on this island."""
 
@@ -67,6 +69,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
             lines.append(f"journal   {self.journal or self.forgotten}")
         if self.metrics:
             lines.append(f"metrics   {self.metrics}")
+        if self.recording:
+            lines.append(f"recording {self.recording}")
         return lines + [f"sibling   gateway {address}" for address in self.siblings]
 
 
@@ -322,6 +326,17 @@ class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
         """One line."""
         what = "leaves" if self.leaves else f"{self.topic} {self.type}"
         return [f"entity    {self.node}: {self.kind} {what}"]
+
+
+class NotRecorded(Notice, frozen=True, kw_only=True, tag="recording"):
+    """The recording has ended, or something of it was dropped; the gateway goes on."""
+
+    detail: str
+    """The file, and why."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"recording {self.detail}"]
 
 
 class Stopped(Notice, frozen=True, kw_only=True, tag="stopped"):
