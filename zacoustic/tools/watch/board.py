@@ -19,6 +19,7 @@ from zacoustic.tools.watch.documents import (
     PEER_DOCUMENTS,
     DroppedDocument,
     EventsDocument,
+    FrameRow,
     JournalDocument,
     LateDocument,
     LedgerDocument,
@@ -32,10 +33,12 @@ from zacoustic.tools.watch.documents import (
     StreamRow,
     StreamsDocument,
     TransferRow,
+    WaterDocument,
 )
 from zacoustic.tools.watch.views import (
     CauseView,
     EventView,
+    FrameView,
     GatewayView,
     PeerView,
     StreamView,
@@ -145,6 +148,7 @@ class _GatewayBoard:
             self._get("dropped", DroppedDocument),
             self._get("journal", JournalDocument),
         )
+        water = self._get("water", WaterDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
         capabilities = link.capabilities
         return GatewayView(
@@ -177,6 +181,8 @@ class _GatewayBoard:
             peers=self._peers(there_s),
             causes=self._causes(),
             transfers=self._transfers(),
+            transmitting=_frame(water.transmitting, there_s) if water.transmitting else None,
+            frames=tuple(_frame(row, there_s) for row in reversed(water.last)),
             dropped=dropped.water,
             events=self._events(there_s),
         )
@@ -292,6 +298,18 @@ class _GatewayBoard:
             )
             for row in reversed(self._get("events", EventsDocument).events)
         )
+
+
+def _frame(row: FrameRow, there_s: float) -> FrameView:
+    return FrameView(
+        ago_s=_ago(row.begun_unix_s, there_s) or 0.0,
+        way=row.way,
+        peer=row.peer,
+        size_bytes=row.bytes,
+        airtime_s=round(row.airtime_s, 3),
+        streams=tuple(row.streams),
+        outcome=row.outcome,
+    )
 
 
 def _outcomes(row: StreamRow) -> dict[str, int]:

@@ -155,6 +155,25 @@ class ObjectsDocument(msgspec.Struct, frozen=True, kw_only=True):
     ended: list[TransferRow] = []
 
 
+class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``water``: one frame."""
+
+    way: str = ""
+    peer: int | None = None
+    bytes: int = 0
+    streams: list[str] = []
+    begun_unix_s: float = 0.0
+    airtime_s: float = 0.0
+    outcome: str = ""
+
+
+class WaterDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``water``: what is being sent, and what was sent and heard last."""
+
+    transmitting: FrameRow | None = None
+    last: list[FrameRow] = []
+
+
 class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``journal``."""
 
@@ -207,6 +226,7 @@ DOCUMENTS: dict[str, Any] = {
     "peers": dict[int, PeerRow],
     "streams": StreamsDocument,
     "objects": ObjectsDocument,
+    "water": WaterDocument,
     "journal": JournalDocument,
     "dropped": DroppedDocument,
     "events": EventsDocument,

@@ -117,6 +117,25 @@ class TransferView(msgspec.Struct, frozen=True, kw_only=True):
     """How it ended; None: it is under way."""
 
 
+class FrameView(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame."""
+
+    ago_s: float
+    """When it began, s ago."""
+    way: str
+    """``out`` or ``in``."""
+    peer: int | None
+    """The other node; None: everybody, or nobody knows."""
+    size_bytes: int
+    """Its size."""
+    airtime_s: float
+    """How long it sounds."""
+    streams: tuple[str, ...]
+    """Names of those with a record in it; none: the link's own business."""
+    outcome: str
+    """Of one that was sent: what the modem said; empty: nothing yet, or it was heard."""
+
+
 class EventView(msgspec.Struct, frozen=True, kw_only=True):
     """Something that was worth a line."""
 
@@ -191,6 +210,10 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """The greatest first."""
     transfers: tuple[TransferView, ...]
     """Those under way, and how the last ones ended."""
+    transmitting: FrameView | None
+    """What the modem is sending now."""
+    frames: tuple[FrameView, ...]
+    """The last ones that were sent or heard, the newest first."""
     dropped: dict[str, int]
     """What came off the water and was of no use, by reason."""
     events: tuple[EventView, ...]
