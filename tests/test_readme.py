@@ -145,7 +145,15 @@ def test_every_verb_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", "docs/links.md", "docs/design.md", "docs/rmw_desert.md", "docs/plan.md"]
+    "page",
+    [
+        "README.md",
+        "docs/links.md",
+        "docs/design.md",
+        "docs/rmw_desert.md",
+        "docs/plan.md",
+        "docs/doctor.md",
+    ],
 )
 def test_what_a_page_links_to_is_there(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")

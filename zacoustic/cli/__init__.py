@@ -41,7 +41,7 @@ EXIT_INTERRUPTED: Final = 130
 
 BUILT_IN: Final = (
     "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "resume", "stream",
-    "decode", "sim", "plan", "init", "fit", "bench",
+    "decode", "sim", "plan", "doctor", "init", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 
