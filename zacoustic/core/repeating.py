@@ -21,7 +21,6 @@ from zacoustic.core.qos import Qos
 from zacoustic.core.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.stats import Cause
 
-
 _WHOLE_TRIES: Final = 3
 """So often a record goes before its reminder does. After three tries at 30 % loss a node that has
 not answered has it in four cases of five. After two it would be two of three: fewer bytes, but what
@@ -66,9 +65,9 @@ class Repetition:
         self,
         key: LaneKey,
         whole: RepeatedRecord,
-        reminder: RepeatedRecord | None,
         qos: Qos,
         until: int | None,
+        reminder: RepeatedRecord | None = None,
     ) -> None:
         self.key = key
         self.whole = whole
@@ -149,7 +148,7 @@ class Repeater:
         if not any(each.record.destination == peer for each in self._repetitions):
             # Repetitions may have become rare long ago, and the node be back since.
             self._timing(peer).begin_anew()
-        repetition = Repetition(key, record, reminder, qos, until)
+        repetition = Repetition(key, record, qos, until, reminder)
         for each in (record, reminder):
             if each is not None:
                 each.introduces, each.repetition = introduces, repetition
