@@ -13,7 +13,6 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 """
 
 import asyncio
-import json
 import logging
 import time
 from collections.abc import Callable
@@ -31,6 +30,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
+from zacoustic.island.latching import stamp_samples
 from zacoustic.island.session import Island, endpoints_of, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
@@ -119,7 +119,7 @@ class Gateway:
         try:
             state = await recover(self._journal)
             if self.config.ros is not None:
-                _stamp_samples(self._zenoh_config)
+                stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
@@ -227,13 +227,6 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
-
-
-def _stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file says something of it: caches need that."""
-    if json.loads(settings.get_json("timestamping/enabled")) is None:
-        everywhere = {"router": True, "peer": True, "client": True}
-        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
 def _locator(config: Config) -> str:
