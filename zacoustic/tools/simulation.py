@@ -27,6 +27,7 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.keys import Instance
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -37,6 +38,7 @@ from zacoustic.testing.stories.witness import Arrived, Publication
 from zacoustic.testing.tally import SimulationResult, Tally
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.fleets import configs_of, tables_of
+from zacoustic.tools.simulationrecord import SimulationRecorder
 
 DEFAULT_UNTIL_S: Final = 3600.0
 """How long a scenario runs unless told otherwise, s of virtual time."""
@@ -48,6 +50,7 @@ def simulate(
     seed: int | None = None,
     until_s: float = DEFAULT_UNTIL_S,
     trace: Callable[[TraceRecord], None] | None = None,
+    record: SimulationRecorder | None = None,
 ) -> SimulationResult:
     """Run a scenario file.
 
@@ -56,6 +59,7 @@ def simulate(
         seed: Replaces that of the file.
         until_s: How long, s of virtual time, > 0.
         trace: Takes each trace record.
+        record: Records the engines.
 
     Raises:
         ConfigError: The scenario, its config or its traffic is wrong.
@@ -72,7 +76,13 @@ def simulate(
     tables = tables_of(scenario, configs, Path(path))
     rules = {address: config.rules for address, config in configs.items()}
     scenario = _with_journals(scenario, configs)
-    run = _Run(scenario, tables, rules, source=str(path), trace=trace)
+    make = Engine if record is None else record.make
+    if record is not None and configs:
+        ros = next(iter(configs.values())).ros
+        record.ros = ros.streams if ros is not None else {}
+    run = _Run(scenario, tables, rules, source=str(path), trace=trace, build=make)
+    if record is not None:
+        record.network = run.network
     run.network.run(until_s=until_s)
     return run.tally.result(run.network, until_s)
 
@@ -88,6 +98,7 @@ class _Run:
         *,
         source: str,
         trace: Callable[[TraceRecord], None] | None,
+        build: MakeEngine,
     ) -> None:
         self._table = next(iter(tables.values()))
         self._rng = random.Random(scenario.seed)
@@ -99,7 +110,13 @@ class _Run:
         self.tally = Tally(tables, late_after_s)
 
         self.network = VirtualNetwork(
-            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live, rules=rules
+            scenario,
+            tables,
+            deliver=self._deliver,
+            trace=trace,
+            lives=self._live,
+            rules=rules,
+            build=build,
         )
         for address in self.network.addresses:
             self._subscribe(address)
