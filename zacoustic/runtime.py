@@ -61,6 +61,8 @@ _CLOCK_JITTER_NS: Final = NS_PER_S // 1000
 _logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
+LinkWatch: TypeAlias = Callable[[ReceivedFrame | Transmission | TransmitReport, int], None]
+"""Sees what crosses between engine and link, with the instant; on the loop, and must not raise."""
 Command: TypeAlias = Callable[[Engine, int], object]
 """Something to do with the engine, given the instant; runs on the loop and does not block."""
 
@@ -99,6 +101,8 @@ class LinkRunner:
         self.link_state = LinkState.OPENING
         self.link_detail = ""
         self.failure: Exception | None = None
+        self.watch: LinkWatch | None = None
+        """Whoever sets this sees what crosses between engine and link."""
         self._deliver = deliver
         self._clock = clock
         self._now = 0
@@ -226,10 +230,14 @@ class LinkRunner:
 
     def frame_received(self, frame: ReceivedFrame) -> None:
         """Give a frame to the engine."""
+        if self.watch is not None:
+            self.watch(frame, self._instant())
         self._guarded(lambda: self.engine.handle_frame(frame, self._instant()), self._service)
 
     def transmit_finished(self, report: TransmitReport) -> None:
         """Give a report to the engine, and to the permit log."""
+        if self.watch is not None:
+            self.watch(report, self._instant())
         self._guarded(
             lambda: self._log_emission(report),
             lambda: self.engine.handle_transmit_report(report, self._instant()),
@@ -283,6 +291,8 @@ class LinkRunner:
         transmission = None if self._is_closing else self.engine.poll_transmit(self._now)
         if transmission is not None:
             self._on_air = transmission
+            if self.watch is not None:
+                self.watch(transmission, self._now)
             self.link.transmit(transmission)
         event = self.engine.poll_event()
         if event is not None:

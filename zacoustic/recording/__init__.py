@@ -1,0 +1,32 @@
+"""Recordings: what a node said, heard and was asked for, in an MCAP file.
+
+MCAP is what ROS 2, Foxglove and others read and write: channels with a topic, an encoding and a
+schema, messages with an instant, in chunks that can be read one by one. So one file serves two
+readers. People look at values, frames and events in JSON, or in CDR where the stream is of ROS,
+with the tools that they have. And a replay finds every call of the engine, byte for byte.
+
+====================  ==============================================================================
+``/N/engine``         each life of node N, and each call of its engine (`life`, `calls`); msgpack
+``/N/frames``         frames sent and received, with what the modem measured
+``/N/reports``        what became of each transmission
+``/N/events``         what the engine told the application
+``/N/ledger``         bytes by stream and cause, now and then
+``/N/published/KEY``  samples that the node published, as values of their type
+``/N/received/KEY``   samples that arrived there
+====================  ==============================================================================
+
+`zacoustic record` writes, of a gateway that runs elsewhere, the values on its island, its health
+documents and its frames; those files have no ``/N/engine``.
+
+=============  =====================================================================================
+`life`         what an engine is made of, and the same engine made again
+`calls`        calls as bytes and back
+`schemas`      JSON schemas of types and records
+`channels`     which channel holds what
+`writing`      the file, and the thread that writes it
+`recorder`     makes engines that are recorded
+`reading`      a file, also one whose writer has crashed
+=============  =====================================================================================
+
+It needs the extra `recording`.
+"""
