@@ -1,7 +1,7 @@
 """The shore's side on Zenoh: an ordinary client that hears the vehicle and gives orders.
 
 Zenoh calls on threads of its own; what came waits in a queue until `drain`, so that the shore's
-state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and ranges.
+state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and water.
 """
 
 import json
@@ -13,6 +13,7 @@ from typing import Any, Final
 import msgspec
 import zenoh
 
+from examples.auv.linkwatch import LinkWatch
 from examples.auv.messages import (
     GOTO,
     NAV,
@@ -27,12 +28,14 @@ from examples.auv.messages import (
 )
 from examples.auv.session import CBOR, from_cbor, to_cbor
 from examples.auv.shore import Answer, Carrier, Shore
+from examples.auv.start import SHORE
 from zacoustic.gateway import read_marker
 
 CALL_LIMIT_S: Final = 100.0
 RESULT_LIMIT_S: Final = 3600.0
 Take = Callable[[dict[str, Any]], None]
 _ACTION: Final = f"{GOTO}/_action"
+_HEALTH: Final = f"@acoustic/{SHORE}/"
 
 
 class ZenohShore(Carrier):
@@ -41,19 +44,24 @@ class ZenohShore(Carrier):
     Args:
         session: Zenoh's.
         shore: What is known of the vehicle.
+        watch: Keeps what the gateway tells.
     """
 
-    def __init__(self, session: zenoh.Session, shore: Shore) -> None:
+    def __init__(
+        self, session: zenoh.Session, shore: Shore, watch: LinkWatch | None = None
+    ) -> None:
         self._session = session
         self._shore = shore
+        self._watch = LinkWatch() if watch is None else watch
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
         self.goal_id: bytes | None = None
         """Of the goal that was sent last."""
-        self.health: dict[str, Any] = {}
-        """Documents of the gateway by the rest of their keys."""
         for topic in (NAV, STATUS, PHOTO, f"{_ACTION}/feedback"):
             session.declare_subscriber(topic, self._hear)
-        session.declare_subscriber("@acoustic/1/**", self._hear_health)
+        session.declare_subscriber(f"{_HEALTH}**", self._hear_health)
+        # What has not changed since is not put again.
+        handler = zenoh.handlers.Callback(self._hear_answer, lambda: None)
+        session.get(f"{_HEALTH}**", handler)
 
     def drain(self, now_s: float) -> None:
         """Take in all that came; `now_s` is the instant."""
@@ -97,11 +105,19 @@ class ZenohShore(Carrier):
         self._ask(f"{_ACTION}/send_goal", question, CALL_LIMIT_S, accepted, answer)
         return answer
 
-    def cancel_goal(self) -> None:
-        """Ask for the end of the goal that was sent last."""
-        if self.goal_id is not None:
-            question = {"goal_id": self.goal_id}
-            self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, lambda said: None, Answer())
+    def cancel_goal(self) -> Answer | None:
+        """Ask for the end of the goal that was sent last; None: there is none."""
+        if self.goal_id is None:
+            return None
+        answer = Answer()
+
+        def answered(said: dict[str, Any]) -> None:
+            refusal = said.get("text") or "it was over"
+            answer.answered(Done(said["accepted"], "" if said["accepted"] else refusal))
+
+        question = {"goal_id": self.goal_id}
+        self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, answered, answer)
+        return answer
 
     def _ask(
         self,
@@ -131,22 +147,31 @@ class ZenohShore(Carrier):
         age_s = 0.0 if marker is None or marker.age_s is None else marker.age_s
 
         def take(now_s: float) -> None:
+            shore, way_s = self._shore, self._watch.way_s
             if topic == PHOTO:
-                self._shore.hear(topic, payload.to_bytes(), now_s)
+                shore.hear(topic, payload.to_bytes(), now_s)
             elif topic == NAV:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Nav), now_s, age_s)
+                nav = msgspec.convert(from_cbor(payload), Nav)
+                shore.hear(topic, nav, now_s, age_s, way_s)
             elif topic == STATUS:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Status), now_s)
+                status = msgspec.convert(from_cbor(payload), Status)
+                shore.hear(topic, status, now_s, age_s, way_s)
             else:
                 said = from_cbor(payload)["feedback"]
-                self._shore.progress = msgspec.convert(said, Progress)
+                shore.progress = msgspec.convert(said, Progress)
 
         self._came.put(take)
 
-    def _hear_health(self, sample: zenoh.Sample) -> None:
-        name, text = str(sample.key_expr).partition("@acoustic/1/")[2], sample.payload.to_string()
+    def _hear_health(self, sample: zenoh.Sample, *, is_answer: bool = False) -> None:
+        name, text = str(sample.key_expr).removeprefix(_HEALTH), sample.payload.to_string()
 
-        def take(_: float) -> None:
-            self.health[name] = json.loads(text)
+        def take(now_s: float) -> None:
+            # An answer may be older than what was put meanwhile.
+            if not (is_answer and name in self._watch.documents):
+                self._watch.take(name, json.loads(text), now_s)
 
         self._came.put(take)
+
+    def _hear_answer(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._hear_health(reply.ok, is_answer=True)

@@ -140,6 +140,12 @@ def zenoh_router() -> Iterator[int]:
         yield port
 
 
+def counts(streams: bytes, name: str) -> dict[str, int]:
+    """Return how often a stream was published, received and transmitted, of a health document."""
+    (entry,) = [each for each in json.loads(streams)["streams"] if each["name"] == name]
+    return {what: entry[what] for what in ("published", "received", "transmitted")}
+
+
 class Water:
     """Simulated water with nodes 1, 2 and 3, and what was sent in it."""
 

@@ -28,6 +28,7 @@ from typing import Final, NoReturn
 
 from zacoustic.command import (
     EXIT_FAILED,
+    EXIT_INTERRUPTED,
     EXIT_TIMED_OUT,
     EXIT_USAGE,
     Command,
@@ -36,12 +37,10 @@ from zacoustic.command import (
 )
 from zacoustic.errors import ConfigError, ZacousticError
 
-EXIT_INTERRUPTED: Final = 130
-"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
-
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "resume", "stream",
-    "decode", "sim", "record", "replay", "report", "init", "fit", "bench",
+    "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
+    "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
+    "report", "init", "schema", "fit", "bench",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 
@@ -62,11 +61,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    words = [word for word in arguments if not word.startswith("-")]
-    path = _path(words)
+    path = _path(arguments)
     program = " ".join(["zacoustic", *path])
     try:
-        code = _run(arguments, path)
+        verb, parsed = parse(arguments)
+        _start_logging(verbose=parsed.verbose)
+        code = verb.run(parsed)
         sys.stdout.flush()
     except SystemExit as end:  # argparse, after it has printed help, version or complaint
         return end.code if isinstance(end.code, int) else EXIT_USAGE
@@ -89,6 +89,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
+def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
+    """Find the verb that is called, and read its arguments.
+
+    Args:
+        arguments: Those of the process, without the name of the program.
+
+    Raises:
+        SystemExit: Argparse has printed help, the version, or a complaint.
+        ConfigError: There is no such verb.
+        ZacousticError: It is there and cannot be imported.
+    """
+    verbs = _verbs(_path(arguments))
+    parsed = _parser(verbs).parse_args(arguments)
+    return verbs[parsed.verb], parsed
+
+
 class Parser(argparse.ArgumentParser):
     """A parser that complains in one line."""
 
@@ -107,16 +123,9 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _run(arguments: Sequence[str], path: Sequence[str]) -> int:
-    verbs = _verbs(path)
-    parser = _parser(verbs)
-    parsed = parser.parse_args(arguments)
-    _start_logging(verbose=parsed.verbose)
-    return verbs[parsed.verb].run(parsed)
-
-
-def _path(words: Sequence[str]) -> Sequence[str]:
+def _path(arguments: Sequence[str]) -> Sequence[str]:
     """The words that name what is called: a verb, a verb and its sub-verb, or none for the list."""
+    words = [word for word in arguments if not word.startswith("-")]
     if not words or words[0] in BUILT_IN:
         return words[:1]
     from zacoustic import registry

@@ -152,7 +152,7 @@ class Receiver:
                 self._handshake.heard_tag(source, item.epoch, now)
                 epoch = item.epoch
             elif isinstance(item, Fragment | Feedback):
-                streams.append(NO_STREAM)
+                streams.append(self._stream_of(source, item))
                 reason = self._handle_object(opened, item, received, now)
                 if reason is not None:
                     self._stats.drop(reason)
@@ -190,6 +190,12 @@ class Receiver:
             if reason is not None:
                 self._stats.drop(reason)
         return [stream_id for stream_id, _ in samples]
+
+    def _stream_of(self, source: int, item: Fragment | Feedback) -> int:
+        """Return the stream of what a frame has of an object, as far as it is known here."""
+        if isinstance(item, Feedback):
+            return NO_STREAM
+        return self._large.objects.stream_coming(source, item.transfer)
 
     def _handle_object(
         self, opened: Opened, item: Fragment | Feedback, received: ReceivedFrame, now: int

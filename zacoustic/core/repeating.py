@@ -10,6 +10,7 @@ import enum
 import random
 from collections.abc import Callable, Iterable
 
+from zacoustic.core.arq.copies import follow, shorten_pause
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitReport
 from zacoustic.core.qos import Qos
@@ -241,10 +242,16 @@ class Repeater:
             repetition.is_on_air = False
             repetition.sent_at = at
             if repetition.stage is _Stage.ON_AIR:
-                timing = self._timing(repetition.record.destination)
-                assert self._times is not None
-                pause_ns = timing.pause_ns(self._times, 0, self._rng)
                 repetition.stage = _Stage.SENT
+                assert self._times is not None
+                priority, times = repetition.qos.priority, self._times
+                if follow(repetition.record, priority, times, at):
+                    self._push_again(repetition)
+                    continue
+                timing = self._timing(repetition.record.destination)
+                pause_ns = timing.pause_ns(times, 0, self._rng)
+                if not timing.is_doubtful:
+                    pause_ns = shorten_pause(pause_ns, priority, times, at)
                 repetition.due_at = at + pause_ns
                 timing.quiet_until = max(timing.quiet_until, repetition.due_at)
 

@@ -100,7 +100,9 @@ class Transmitter:
             transmission_id=self._next_transmission_id,
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
-            acknowledge=self._protocols.ranging.wants(composed.destination, now),
+            acknowledge=self._protocols.ranging.wants(
+                composed.destination, now, gives_way=composed.is_pressing
+            ),
         )
         self._next_transmission_id += 1
         port.transmit(transmission, now)
@@ -143,7 +145,8 @@ class Transmitter:
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
-        return self._after_silence(self.port.free_at(Wanted(due_at, is_urgent), now), now)
+        wanted = Wanted(due_at, is_urgent, is_copy=self._protocols.queue.has_copy)
+        return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
         """Return when the frame goes that a silence grants to a lane."""

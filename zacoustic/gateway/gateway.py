@@ -16,7 +16,9 @@ import asyncio
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
@@ -32,7 +34,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
-from zacoustic.island.session import Island, endpoints_of, mode_of
+from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
@@ -40,6 +42,7 @@ from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
 
 if TYPE_CHECKING:
+    from zacoustic.gateway.metrics import MetricsServer
     from zacoustic.recording.live import LiveRecording
 
 _logger = logging.getLogger(__name__)
@@ -58,6 +61,7 @@ class Gateway:
         record: File into which everything is recorded; None: nothing is. Needs the extra
             `recording`.
         notify: Told what people want to know, on the loop; None: logged.
+        metrics: Host and port at which it answers to Prometheus; None: what the config says.
         clock: Where instants come from; the same as the link's.
 
     Raises:
@@ -73,6 +77,7 @@ class Gateway:
         journal: Journal | str | Path | None = None,
         record: str | Path | None = None,
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
         clock: Clock = time.monotonic_ns,
     ) -> None:
         self.config = config
@@ -83,6 +88,8 @@ class Gateway:
             journal = journal_in(journal, config.address)
         self._journal: Journal = journal
         self._notify: Notify = notify or _log
+        self._metrics_place = metrics or config.metrics
+        self._metrics: MetricsServer | None = None
         self._clock = clock
         self._record = record
         self._recording: LiveRecording | None = None
@@ -98,8 +105,10 @@ class Gateway:
         address: int | None = None,
         locator: str | None = None,
         journal: str | Path | None = None,
+        listen: Sequence[str] = (),
         record: str | Path | None = None,
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
     ) -> Self:
         """Make the gateway of a file.
 
@@ -108,22 +117,26 @@ class Gateway:
             address: Acoustic address, instead of the file's.
             locator: Locator of the modem, instead of the file's.
             journal: Folder of the journal, instead of the file's.
+            listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
             record: File into which everything is recorded; None: nothing is.
             notify: Told what people want to know, on the loop; None: logged.
+            metrics: Host and port at which it answers to Prometheus; None: what the file says.
 
         Raises:
             ConfigError: The file is wrong, or names no link.
             LinkUnavailableError: The link is not installed.
         """
         config = read_config(path, address=address, locator=locator)
-        return cls(config, journal=journal, record=record, notify=notify)
+        if listen:
+            listen_at(_zenoh_config(config), listen)
+        return cls(config, journal=journal, record=record, notify=notify, metrics=metrics)
 
     async def start(self) -> None:
         """Open the session and the link, and join them; nothing is left open if that fails.
 
         Raises:
             SessionError: Port in use, router unreachable, or the address is taken.
-            LinkOpenError: The link cannot be opened.
+            LinkOpenError: The link cannot be opened, or the metrics' port is in use.
             RangeUnavailableError: The file asks for ranges, and the link measures none.
             ConfigError: The journal cannot be used, or the recording cannot be made.
         """
@@ -136,6 +149,7 @@ class Gateway:
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
+            await self._serve_metrics(junction)
             self._notify(self._started(junction))
         except BaseException:
             await self.close()
@@ -148,14 +162,15 @@ class Gateway:
             return
         self._is_closing = True
         try:
-            try:
-                if self._junction is not None:
-                    await self._junction.close()
-                else:
-                    await release(self._journal)
-            finally:
+            async with AsyncExitStack() as last_first:  # each, whatever becomes of the others
                 if self._recording is not None:
-                    await self._recording.close()
+                    last_first.push_async_callback(self._recording.close)
+                if self._junction is not None:
+                    last_first.push_async_callback(self._junction.close)
+                else:
+                    last_first.push_async_callback(release, self._journal)
+                if self._metrics is not None:
+                    last_first.push_async_callback(self._metrics.close)
             if self._junction is not None:
                 self._notify(Stopped())
         finally:
@@ -194,15 +209,45 @@ class Gateway:
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
-            link=config.links[0].locator if config.links else type(self._link).__name__,
+            link=self._locator,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
             digest=table.digest.hex(),
             journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
             forgotten=self._forgotten(),
+            metrics=self._metrics.url if self._metrics is not None else "",
             recording=str(self._recording.path) if self._recording is not None else "",
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
         )
+
+    @property
+    def _locator(self) -> str:
+        links = self.config.links
+        return links[0].locator if links else type(self._link).__name__
+
+    def _about(self) -> dict[str, object]:
+        """Return what does not change, for the health report."""
+        config = self.config
+        return {
+            "address": config.address,
+            "name": config.name or "",
+            "version": metadata.version("zacoustic"),
+            "wire": config.table.wire.value,
+            "link": self._locator,
+        }
+
+    async def _serve_metrics(self, junction: Junction) -> None:
+        if self._metrics_place is None:
+            return
+        try:
+            from zacoustic.gateway.metrics import MetricsServer
+        except ModuleNotFoundError as error:
+            hint = "pip install 'zacoustic[metrics]'"
+            raise ConfigError(
+                f"metrics: needs {error.name}, which is not installed", hint=hint
+            ) from error
+        self._metrics = MetricsServer(*self._metrics_place, junction.documents)
+        await self._metrics.open()
 
     async def _open_recording(self, path: str | Path) -> None:
         from zacoustic.recording.live import open_recording
@@ -228,6 +273,7 @@ class Gateway:
                 rules=self.config.rules,
                 permit_log=open_permit_log(self.config.permit_log),
                 dialects=self._dialects,
+                about=self._about(),
                 notify=self._notify,
                 clock=self._clock,
                 make_engine=Engine if self._recording is None else self._recording.make,

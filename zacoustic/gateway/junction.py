@@ -25,6 +25,7 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
+from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
@@ -34,6 +35,7 @@ from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsCha
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.onlookers import Onlookers
 from zacoustic.gateway.orders import OrderDesk
+from zacoustic.gateway.pings import PingDesk
 from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
@@ -76,6 +78,7 @@ class Junction:
         rules: When, and how much, this node may transmit.
         permit_log: Takes each emission, or None; closed with the junction.
         dialects: Makes what streams look like on the island.
+        about: What a monitor is told of it that does not change.
         notify: Told what people want to know.
         clock: Where instants come from.
         make_engine: Makes the engine.
@@ -94,6 +97,7 @@ class Junction:
         rules: TransmitRules,
         permit_log: PermitLog | None,
         dialects: MakeDialects,
+        about: Mapping[str, object],
         notify: Notify,
         clock: Clock,
         make_engine: MakeEngine = Engine,
@@ -130,7 +134,8 @@ class Junction:
             clock_error_s=rules.clock_error_s,
             permit_log=permit_log,
         )
-        self._complaints = Complaints(clock)
+        self._chronicle = Chronicle()
+        self._complaints = Complaints(clock, tell=self._chronicle.complain)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
         self._dialects = dialects(island, self._complaints, ring)
@@ -170,12 +175,15 @@ class Junction:
             self.runner,
             island,
             objects=self._objects,
+            chronicle=self._chronicle,
+            about=about,
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
             clock=clock,
         )
         self._orders = OrderDesk(table, self.runner, self.siblings, clock=clock)
+        self._pings = PingDesk(self.runner, self.siblings, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
             table,
@@ -185,6 +193,7 @@ class Junction:
             objects=self._objects,
             health=self._health,
             orders=self._orders,
+            pings=self._pings,
             notify=self._tell,
         )
 
@@ -245,6 +254,10 @@ class Junction:
         if failure is not None:
             raise failure
 
+    def documents(self) -> dict[str, object]:
+        """Return the documents of the health report as they are now."""
+        return self._health.documents()
+
     def _attend(self) -> None:
         """Take in what Zenoh's threads have handed over; the answer to the doorbell."""
         if self._is_closing:
@@ -294,6 +307,7 @@ class Junction:
                 self._routes.reconcile()
 
     def _tell(self, notice: Notice) -> None:
+        self._chronicle.note(notice)
         if not self._is_closing:
             self._notify(notice)
 
@@ -317,6 +331,7 @@ class Junction:
             *((key, self._orders.serve, True) for key in self._orders.own_keys),
             # Not complete: the gateway of a node that is on this island answers alone.
             *((key, self._orders.serve_beyond, False) for key in self._orders.keys_beyond),
+            (self._pings.key, self._pings.serve, False),
         ):
             queryable = self.island.session.declare_queryable(
                 zenoh.KeyExpr(expression),

@@ -10,6 +10,7 @@ import random
 from collections.abc import Callable
 from typing import Final
 
+from zacoustic.core.access.listening import Listening
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 
@@ -37,13 +38,17 @@ class LinkTimes:
 
     Args:
         capabilities: The link's.
+        listening: When others pause; None: nobody has to.
     """
 
-    def __init__(self, capabilities: LinkCapabilities) -> None:
+    def __init__(self, capabilities: LinkCapabilities, listening: Listening | None = None) -> None:
+        self.listening = listening
+        """When others pause; to be read only."""
         self.airtime_ns: Callable[[int], int] = capabilities.airtime_ns
         """Airtime of a frame of so many bytes."""
         short_ns = capabilities.airtime_ns(_SHORT_BYTES)
-        gap_ns = seconds_to_ns(capabilities.gap_s)
+        self.gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
+        """What the device needs after a frame."""
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
         """How long the ACK of one receiver takes; the next one of a list waits for it."""
         self.mtu_bytes = capabilities.mtu_bytes

@@ -44,46 +44,36 @@ def step_class(steps: int, *, moving: bool) -> int:
     return _CLASSES[min(steps, LONGEST_STEPS)] if moving else RESTING
 
 
+Manner = tuple[int, int, int, int]
+"""How a column behaves:
+
+- its scale: mean miss of what was predicted, 2**-12 steps;
+- mean miss of the prediction that it stays, 2**-12 steps;
+- mean miss of what the weights predict, 2**-12 steps;
+- how often it stays as it was, 2**-16.
+"""
+
+
 class Adaptation:
     """What was learnt of samples at one distance from their reference.
 
     Attributes:
         weights: Of all quantities, packed, see `zacoustic.core.dense.leastsquares`.
         energies: Of all quantities.
-        scales: Mean miss of what was predicted, by column, 2**-12 steps.
-        widths: How much wider or narrower that is, 2**-8: for each column `SITUATIONS` of them.
-        hold_misses: Mean miss of the prediction that a column stays, by column, 2**-12 steps.
-        linear_misses: Mean miss of what the weights predict, by column, 2**-12 steps.
-        holds: How often a column stays as it was, by column, 2**-16.
+        manners: By column.
+        widths: How much wider or narrower than its scale, 2**-8: for each column `SITUATIONS` of
+            them.
     """
 
-    __slots__ = (
-        "energies",
-        "hold_misses",
-        "holds",
-        "linear_misses",
-        "scales",
-        "weights",
-        "widths",
-    )
+    __slots__ = ("energies", "manners", "weights", "widths")
 
     def __init__(
-        self,
-        weights: list[int],
-        energies: list[int],
-        scales: list[int],
-        widths: list[int],
-        hold_misses: list[int],
-        linear_misses: list[int],
-        holds: list[int],
+        self, weights: list[int], energies: list[int], manners: list[Manner], widths: list[int]
     ) -> None:
         self.weights = weights
         self.energies = energies
-        self.scales = scales
+        self.manners = manners
         self.widths = widths
-        self.hold_misses = hold_misses
-        self.linear_misses = linear_misses
-        self.holds = holds
 
 
 def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
@@ -97,11 +87,8 @@ def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
     return Adaptation(
         weights=[0] * quantities,
         energies=[_START_ENERGY] * quantities,
-        scales=scales,
+        manners=[(scale, scale, scale, _START_HOLD) for scale in scales],
         widths=[1 << WIDTH_BITS] * (SITUATIONS * len(sizes)),
-        hold_misses=scales,
-        linear_misses=scales,
-        holds=[_START_HOLD] * len(sizes),
     )
 
 

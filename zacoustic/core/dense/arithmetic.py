@@ -22,9 +22,10 @@ The first byte's two highest bits are the marker of a dense frame, and no part o
 """
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Final
 
-from zacoustic.core.dense.curve import Curve
+from zacoustic.core.dense.curve import Curve, find, span
 from zacoustic.core.payload import PayloadError
 
 TOTAL_BITS: Final = 28
@@ -44,6 +45,7 @@ MARKER_BITS: Final = 2
 _SPARED_BITS: Final = 64
 
 _WIDTH_BITS: Final = 48
+_ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
 
@@ -120,9 +122,19 @@ class Writer:
         self.narrow(start, (before + shares[index]) * TOTAL // whole - start)
         return index
 
+    def pick(self, ends: Sequence[int], index: int) -> int:
+        """Write the position in a list of fixed shares, given by its `ends_of`."""
+        start = ends[index]
+        self.narrow(start, ends[index + 1] - start)
+        return index
+
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
-        start, end = curve.span(value)
+        return self.near(*curve, value)
+
+    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int) -> int:
+        """Write a number that lies on the `Curve` of all these, without having made it."""
+        start, end = span(size, center, scale, held, hold, value)
         unit = self._width >> TOTAL_BITS  # as `narrow` does, which would cost a call
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
@@ -158,6 +170,12 @@ class Writer:
         return first, -(-(self._low + self._width) >> unit_bits) - first
 
 
+def ends_of(*shares: int) -> tuple[int, ...]:
+    """Where relative shares that never change begin and end, for `pick`."""
+    whole = sum(shares)
+    return tuple(before * TOTAL // whole for before in accumulate(shares, initial=0))
+
+
 def shortest_bytes(bits: int) -> int:
     """Least size of a string that holds that many bits, the marker and zeros spared, bytes."""
     return max(1, (bits + MARKER_BITS - _SPARED_BITS + 7) // 8)
@@ -174,28 +192,28 @@ class Reader:
 
     def __init__(self, string: bytes) -> None:
         self._size = len(string)
-        self._bits = 8 * len(string) - MARKER_BITS
-        self._code = int.from_bytes(string, "big") & (1 << self._bits) - 1
+        bits = 8 * len(string) - MARKER_BITS
+        # With all the zeros that may be read, so that nobody needs to look where the string ends.
+        self._code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
+        self._bits = bits + _SPARED_BITS
+        self._left = self._bits
         self._width = 1 << _WIDTH_BITS
-        self._position = 0
-        self._spent = 0
-        self._value = self._take(_WIDTH_BITS)
+        self._value = self._code >> self._left
 
     @property
     def bits(self) -> int:
         """Bits spent so far, rounded down to a whole one."""
-        return self._position - _WIDTH_BITS
+        return self._bits - self._left
 
     @property
     def bits_left(self) -> int:
         """Bits that can still be read."""
-        return self._bits + _SPARED_BITS - self.bits
+        return self._left
 
     def flag(self, probability: int, value: bool = False) -> bool:
         """Read a flag that is set with `probability`."""
         split = probability << _FLAG_SHIFT
-        unit = self._width >> TOTAL_BITS
-        if self._value < unit * split:
+        if self._value < (self._width >> TOTAL_BITS) * split:
             self._narrow(0, split)
             return True
         self._narrow(split, TOTAL - split)
@@ -246,10 +264,34 @@ class Reader:
         self._narrow(start, end - start)
         return index
 
+    def pick(self, ends: Sequence[int], index: int = 0) -> int:
+        """Read the position in a list of fixed shares."""
+        place, index = self._place(), 0
+        while place >= ends[index + 1]:
+            index += 1
+        start = ends[index]
+        self._narrow(start, ends[index + 1] - start)
+        return index
+
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
-        value, start, end = curve.find(self._place())
-        self._narrow(start, end - start)
+        return self.near(*curve)
+
+    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0) -> int:
+        """Read a number that lies on the `Curve` of all these."""
+        unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
+        place = self._value // unit
+        if place >= TOTAL:
+            raise PayloadError("a string in the gap between the symbols")
+        value, start, end = find(size, center, scale, held, hold, place)
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError("the string ends inside a value")
+        self._width = width << lift
+        rest = self._value - unit * start
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
         return value
 
     def check(self, ways: int, check: int) -> None:
@@ -258,26 +300,24 @@ class Reader:
         Raises:
             PayloadError: The string is not the one that `Writer.finish` returns.
         """
-        self._spent = self.bits
-        if self._position < self._bits:
-            lift = self._bits - self._position
-            self._value = self._value << lift | self._take(lift)
-            self._width <<= lift
-        unit_bits = self._position - self._bits
-        index = self._value >> unit_bits
-        count = index + 1 + ((self._width - 1 - self._value) >> unit_bits)
+        spent, value, width = self.bits, self._value, self._width
+        left = self._left
+        if left > _ZEROS:
+            lift = left - _ZEROS
+            value = value << lift | self._code >> _ZEROS & (1 << lift) - 1
+            width <<= lift
+            left = _ZEROS
+        unit_bits = _ZEROS - left
+        index = value >> unit_bits
+        count = index + 1 + ((width - 1 - value) >> unit_bits)
         # Rounded as the writer's: the code itself is a multiple of the unit.
         if count < ways or index != check % count:
             raise PayloadError("the check of the string fails")
-        is_shortest = self._size <= shortest_bytes(self._spent)
-        if not is_shortest and self._shorter_ways(unit_bits + 8) >= ways:
-            raise PayloadError("a string longer than needed")
-
-    def _shorter_ways(self, unit_bits: int) -> int:
-        """How many strings of one byte less lie in the interval."""
-        aligned = self._code << (self._position - self._bits)
-        lowest = (self._value - aligned) & (1 << unit_bits) - 1
-        return ((self._width - 1 - lowest) >> unit_bits) + 1
+        if self._size > shortest_bytes(spent):
+            # How many strings of one byte less lie in the interval.
+            lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
+            if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways:
+                raise PayloadError("a string longer than needed")
 
     def _place(self) -> int:
         place = self._value // (self._width >> TOTAL_BITS)
@@ -292,28 +332,12 @@ class Reader:
         if value >= width:
             raise PayloadError("a string in the gap between the symbols")
         lift = _WIDTH_BITS - width.bit_length()
-        position = self._position + lift
-        spare = self._bits - position
-        if spare >= 0:  # as `_take` does, which would cost a call
-            self._position = position
-            self._value = value << lift | self._code >> spare & (1 << lift) - 1
-        else:
-            self._value = value << lift | self._take(lift)
-        self._width = width << lift
-
-    def _take(self, count: int) -> int:
-        """The next `count` bits of the string; zeros behind its end."""
-        position = self._position
-        self._position = end = position + count
-        spare = self._bits - end
-        if spare >= 0:
-            return self._code >> spare & (1 << count) - 1
-        if self.bits_left < 0:
+        self._left = left = self._left - lift
+        if left < 0:
             raise PayloadError("the string ends inside a value")
-        if position >= self._bits:
-            return 0
-        return (self._code & (1 << self._bits - position) - 1) << -spare
+        self._width = width << lift
+        self._value = value << lift | self._code >> left & (1 << lift) - 1
 
 
 Coder = Writer | Reader
-"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `number`."""
+"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number`, `near`."""

@@ -15,7 +15,7 @@ from typing import Final
 
 from zacoustic.core.dense.curve import POINT_BITS
 from zacoustic.core.dense.layout import Column, Row
-from zacoustic.core.dense.sine import SINE_BITS, cosine, sine
+from zacoustic.core.dense.sine import SINE_BITS, direction
 
 _POSITION_SIZE: Final = 1 << 15
 _HEADING_SIZE: Final = 1 << 6
@@ -61,17 +61,17 @@ class Course:
             trend of each position, 0 in a turn.
         """
         north = east = turn = 0
-        size = self._size
-        for row, sign in ((new, 1), (old, -1)):
-            heading = row[self._heading]
-            speed = _STILL
+        size, place = self._size, self._heading
+        for row in (old, new):
+            heading, speed = row[place], _STILL
             if self._speed is not None:
                 column, zero = self._speed
                 speed = (row[column] or zero) - zero
             if heading is not None:
-                north += speed * cosine(heading, size)
-                east += speed * sine(heading, size)
-                turn += sign * heading
+                along, across = direction(heading, size)
+                north += speed * along
+                east += speed * across
+                turn = heading - turn
         turn = (turn + (size >> 1)) % size - (size >> 1)
         is_turn = abs(turn) * _TURN >= size
         return [

@@ -13,10 +13,12 @@ its own whatever the curve says, so that nothing is impossible; the value of the
 one more, for a sensor that stands still.
 """
 
-from typing import Final
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 SHARE_BITS: Final = 28
 _TOTAL: Final = 1 << SHARE_BITS
+_HALF: Final = _TOTAL >> 1
 
 POINT_BITS: Final = 4
 """Places on the curve are multiples of 1/16 of a step."""
@@ -32,9 +34,14 @@ MOST_HOLD: Final = (1 << 16) - 330
 
 _CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
 _FINE_BITS: Final = 9
+_FINE_MASK: Final = (1 << _FINE_BITS) - 1
 _REACH: Final = 32 << _CELL_BITS  # the table ends at 32 scales
 _Z_SHIFT: Final = _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS
 _FLOOR: Final = 1 << 17  # mass that all values share alike: 1/2048
+_HOLD_SHIFT: Final = SHARE_BITS - 16
+_STEP: Final = 1 << POINT_BITS
+_HALF_STEP: Final = _STEP >> 1  # a value begins so far below it
+_OUTSIDE: Final = LARGEST_SIZE << POINT_BITS + 2  # further away than any value
 
 
 def _densities() -> list[int]:
@@ -64,10 +71,11 @@ def _tails() -> list[int]:
         tail += mass
         masses.append(tail)
     masses.reverse()
-    return [mass * (_TOTAL >> 1) // masses[0] for mass in masses]
+    return [mass * _HALF // masses[0] for mass in masses]
 
 
 _TAILS: Final = _tails()
+_FALLS: Final = [tail - after for tail, after in pairwise(_TAILS)]
 _FAR: Final = _TAILS[_REACH] * (_REACH << _FINE_BITS)
 
 _GUESS_BITS: Final = 9  # the inverse table has an entry for each 512th of the mass of one side
@@ -81,131 +89,133 @@ def _guesses() -> list[int]:
         mass = entry << _GUESS_SHIFT
         while cell > 0 and _TAILS[cell] < mass:
             cell -= 1
-        fall = _TAILS[cell] - _TAILS[cell + 1]
-        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // fall)
-    return [*guesses, 0]
+        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // _FALLS[cell])
+    return guesses
 
 
-_GUESSES: Final = _guesses()
+_GUESSES: Final = [*_guesses(), 0]
+_GUESS_FALLS: Final = [far - after for far, after in pairwise(_GUESSES)]
 _GUESS_MASK: Final = (1 << _GUESS_SHIFT) - 1
 
 
-class Curve:
+class Curve(NamedTuple):
     """The shares of the values 0…size-1 of a number.
 
-    Args:
-        size: How many values, 2…`LARGEST_SIZE`.
-        center: Where it is expected, 1/16 of a step; may lie outside.
-        scale: Mean distance from there, 1/4096 of a step, > 0.
-        held: A value with a share of its own.
-        hold: That share, 0…`MOST_HOLD`, 2**-16.
+    Who needs one of it for a single value, as most do, takes `span` and `find` as they are.
     """
 
-    __slots__ = ("_center", "_floor", "_held", "_hold", "_mass", "_scale", "size")
-
-    def __init__(self, size: int, center: int, scale: int, held: int = 0, hold: int = 0) -> None:
-        self.size = size
-        self._center = center + 8  # boundaries lie half a step below values
-        self._scale = scale
-        self._held = held
-        self._floor = floor = _FLOOR // size or 1
-        hold <<= SHARE_BITS - 16
-        if size > _FLOOR and hold > _TOTAL - 2 * size:
-            hold = _TOTAL - 2 * size
-        self._hold = hold
-        self._mass = _TOTAL - floor * size - hold
+    size: int
+    """How many values, 2…`LARGEST_SIZE`."""
+    center: int
+    """Where it is expected, 1/16 of a step; may lie outside."""
+    scale: int
+    """Mean distance from there, 1/4096 of a step, > 0."""
+    held: int = 0
+    """A value with a share of its own."""
+    hold: int = 0
+    """That share, 0…`MOST_HOLD`, 2**-16."""
 
     def below(self, value: int) -> int:
         """The sum of the shares of all values below `value`, 0…size."""
         if value <= 0:
             return 0
-        if value >= self.size:
-            return _TOTAL
-        place = (value << POINT_BITS) - self._center
-        z = (place if place >= 0 else -place) << _Z_SHIFT
-        z //= self._scale
-        cell = z >> _FINE_BITS
-        if cell < _REACH:
-            tail = _TAILS[cell]
-            tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
-        else:
-            tail = _FAR // z
-        share = (self._mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + (
-            self._floor * value
-        )
-        return share + self._hold if value > self._held else share
-
-    def span(self, value: int) -> tuple[int, int]:
-        """The sums of the shares below a value, 0…size-1, and up to it: `below` of both."""
-        size, held, center = self.size, self._held, self._center
-        if value <= 0 or value + 1 >= size:
-            return self.below(value), self.below(value + 1)
-        mass, scale, floor = self._mass, self._scale, self._floor
-        place = (value << POINT_BITS) - center
-        sums = []
-        for end in (value, value + 1):
-            z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
-            cell = z >> _FINE_BITS
-            if cell < _REACH:
-                tail = _TAILS[cell]
-                tail -= (tail - _TAILS[cell + 1]) * (z & 511) >> _FINE_BITS
-            else:
-                tail = _FAR // z
-            share = (mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS) + floor * end
-            sums.append(share + self._hold if end > held else share)
-            place += 1 << POINT_BITS
-        return sums[0], sums[1]
+        return span(*self, value)[0] if value < self.size else _TOTAL
 
     def find(self, share: int) -> tuple[int, int, int]:
-        """Find the value that a share belongs to.
+        """Find the value that a share belongs to; see `find`."""
+        return find(*self, share)
 
-        Args:
-            share: 0…2**28-1.
 
-        Returns:
-            The value, the sum below it, and the sum up to it.
-        """
-        held, last = self._held, self.size - 1
-        value = self._guess(share)
-        if value > held and self._hold:
-            value = self._guess(share - self._hold)
-            if value < held:
-                value = held
-        value = 0 if value < 0 else last if value > last else value
-        start, end = self.span(value)
-        if start <= share < end:
-            return value, start, end
-        return self._search(share, value)
+def span(size: int, center: int, scale: int, held: int, hold: int, value: int) -> tuple[int, int]:
+    """The sums of the shares of a `Curve` below a value, 0…size-1, and up to it."""
+    floor = _FLOOR // size or 1
+    hold <<= _HOLD_SHIFT
+    if size > _FLOOR and hold > _TOTAL - 2 * size:
+        hold = _TOTAL - 2 * size
+    mass = _TOTAL - floor * size - hold
+    start = floor * value
+    end = start + floor
+    place = (value << POINT_BITS) - center - _HALF_STEP
+    z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
+    cell = z >> _FINE_BITS
+    if cell < _REACH:
+        tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
+    else:
+        tail = _FAR // z
+    start += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
+    # The same again where the next value begins: a call for both would cost more than they do.
+    place += _STEP
+    z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
+    cell = z >> _FINE_BITS
+    if cell < _REACH:
+        tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
+    else:
+        tail = _FAR // z
+    end += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
+    if value >= held:
+        end += hold
+        if value > held:
+            start += hold
+    if not value:
+        start = 0
+    if value + 1 == size:
+        end = _TOTAL
+    return start, end
 
-    def _search(self, share: int, value: int) -> tuple[int, int, int]:
-        """As `find`, from a wrong value on."""
-        below = self.below
-        low, high = 0, self.size
-        low_sum, high_sum = 0, _TOTAL
-        stride = 1
-        while True:  # `low` never lies above the value, `high` always does
-            here = below(value)
-            if here <= share:
-                low, low_sum = value, here
-                value = low + stride
-            else:
-                high, high_sum = value, here
-                value = high - stride
-            if high - low == 1:
-                return low, low_sum, high_sum
-            stride *= 2
-            if not low < value < high:
-                value = (low + high) >> 1
 
-    def _guess(self, share: int) -> int:
-        """About the value of a share of the curve alone; it may lie outside."""
-        share = (share << SHARE_BITS) // self._mass
-        upper = share >= _TOTAL >> 1
-        tail = _TOTAL - share if upper else share
-        if tail <= 0:
-            return self.size if upper else 0
-        entry = tail >> _GUESS_SHIFT
-        far = _GUESSES[entry]
-        far -= (far - _GUESSES[entry + 1]) * (tail & _GUESS_MASK) >> _GUESS_SHIFT
-        distance = far * self._scale >> _Z_SHIFT
-        return (self._center + (distance if upper else -distance)) >> POINT_BITS
+def find(
+    size: int, center: int, scale: int, held: int, hold: int, share: int
+) -> tuple[int, int, int]:
+    """Find the value of a `Curve` that a share belongs to.
+
+    Args:
+        size, center, scale, held, hold: As of the curve.
+        share: 0…2**28-1.
+
+    Returns:
+        The value, the sum below it, and the sum up to it.
+    """
+    lump = hold << _HOLD_SHIFT
+    mass = _TOTAL - _FLOOR - lump  # about; it is a guess that has to be right most of the time
+    begin = center + _HALF_STEP
+    value = begin + _guess(share, mass, scale) >> POINT_BITS
+    if value > held and hold:
+        value = max(begin + _guess(share - lump, mass, scale) >> POINT_BITS, held)
+    if not 0 <= value < size:
+        value = 0 if value < 0 else size - 1
+    start, end = span(size, center, scale, held, hold, value)
+    if start <= share < end:
+        return value, start, end
+    curve = Curve(size, center, scale, held, hold)
+    if share < start:
+        return _search(curve, share, (0, 0), (value, start), value - 1)
+    return _search(curve, share, (value + 1, end), (size, _TOTAL), value + 2)
+
+
+def _guess(share: int, mass: int, scale: int) -> int:
+    """About how far from the center a share lies, 1/16 of a step."""
+    share = (share << SHARE_BITS) // mass
+    tail = share if share < _HALF else _TOTAL - share
+    if tail <= 0:
+        return _OUTSIDE if share > 0 else -_OUTSIDE
+    entry = tail >> _GUESS_SHIFT
+    far = _GUESSES[entry] - (_GUESS_FALLS[entry] * (tail & _GUESS_MASK) >> _GUESS_SHIFT)
+    far = far * scale >> _Z_SHIFT
+    return -far if share < _HALF else far
+
+
+def _search(
+    curve: Curve, share: int, low: tuple[int, int], high: tuple[int, int], value: int
+) -> tuple[int, int, int]:
+    """As `find`, between two values of which the sums below are known."""
+    stride = 1
+    while high[0] - low[0] > 1:  # `low` never lies above the value, `high` always does
+        if not low[0] < value < high[0]:
+            value = (low[0] + high[0]) >> 1
+        here = value, curve.below(value)
+        stride *= 2
+        if here[1] <= share:
+            low, value = here, value + stride
+        else:
+            high, value = here, value - stride
+    return low[0], low[1], high[1]

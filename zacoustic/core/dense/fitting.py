@@ -283,13 +283,18 @@ class _Mean:
         ):
             for place, weight in enumerate(more):
                 row[place] += weight
+        scales, hold_misses, linear_misses, holds = (
+            [manner[part] for manner in adaptation.manners] for part in range(4)
+        )
+        lists = {"energies": adaptation.energies, "widths": adaptation.widths, "holds": holds}
         for name, sums in self._sums.items():
-            values = getattr(adaptation, name)
+            values = lists[name]
             self._sums[name] = (
                 [a + b for a, b in zip(sums, values, strict=True)] if sums else list(values)
             )
+        lists = {"scales": scales, "hold_misses": hold_misses, "linear_misses": linear_misses}
         for name, logs in self._logs.items():
-            more_logs = [math.log(each) for each in getattr(adaptation, name)]
+            more_logs = [math.log(each) for each in lists[name]]
             self._logs[name] = (
                 [a + b for a, b in zip(logs, more_logs, strict=True)] if logs else more_logs
             )

@@ -28,13 +28,13 @@ Nothing here remembers: which snapshots there are, and who has acknowledged whic
 `references`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Reversible, Sequence
 from typing import Any, Final
 
 import msgspec
 
 from zacoustic.core.dense.adaptation import LONGEST_STEPS, StreamState
-from zacoustic.core.dense.arithmetic import Reader, Writer
+from zacoustic.core.dense.arithmetic import Reader, Writer, ends_of
 from zacoustic.core.dense.habits import MOST_SAMPLES, new_habits
 from zacoustic.core.dense.layout import Row
 from zacoustic.core.dense.prior import Model
@@ -45,7 +45,7 @@ from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
-_KINDS: Final = (28, 3, 1)
+_KINDS: Final = ends_of(28, 3, 1)
 _OTHER: Final = 1 << 11  # how often a frame is in its other form: 1/32
 _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
 
@@ -158,7 +158,7 @@ class DenseCodec:
             count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
-    def decode(self, frame: bytes, held: Sequence[Snapshot] = ()) -> Decoded:
+    def decode(self, frame: bytes, held: Reversible[Snapshot] = ()) -> Decoded:
         """Read a frame off the water.
 
         Args:
@@ -171,7 +171,7 @@ class DenseCodec:
         if not frame:
             raise PayloadError("an empty frame")
         reader = Reader(frame)
-        kind = reader.choice(_KINDS)
+        kind = reader.pick(_KINDS)
         reference = _named(reader, held) if kind == _REFERRING else self._root
         page = _Page(reference)
         samples: list[tuple[int, dict[str, Any]]] = []
@@ -211,12 +211,12 @@ class DenseCodec:
         lanes: dict[int, list[int]] = {}
         for place, sample in enumerate(samples[:count]):
             lanes.setdefault(sample.stream_id, []).append(place)
-        if any(len(lane) > MOST_SAMPLES for lane in lanes.values()):
+        if max(map(len, lanes.values())) > MOST_SAMPLES:
             return None
         best: Encoded | None = None
         if aim.reference is not None:
             best = self._several(samples, parts, lanes, aim)
-            plain = sum(self.streams[each.stream_id].plain_bits for each in samples[:count])
+            plain = sum(self.streams[each].plain_bits * len(lane) for each, lane in lanes.items())
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
         alone = _Aim(None, False, aim.is_mistaken)
@@ -239,16 +239,15 @@ class DenseCodec:
         writer, known = Writer(), self._root
         reference, long_name = aim.reference, aim.long_name
         if reference is None:
-            writer.choice(_KINDS, _ALONE)
+            writer.pick(_KINDS, _ALONE)
         else:
             known = reference
-            writer.choice(_KINDS, _REFERRING)
+            writer.pick(_KINDS, _REFERRING)
             writer.uniform(SHORT_NAMES + 1, SHORT_NAMES if long_name else known.short_name)
             if long_name:
                 writer.raw(LONG_NAME_BITS, known.long_name)
         page = _Page(known)
-        present = [stream_id for stream_id in self._ids if stream_id in lanes]
-        for stream_id in page.habits.code_streams(writer, present):
+        for stream_id in page.habits.code_streams(writer, sorted(lanes)):
             lane, habit = lanes[stream_id], page.habits.stream(stream_id)
             for nth, place in enumerate(lane, 1):
                 state = page.streams.get(stream_id)
@@ -267,7 +266,7 @@ class DenseCodec:
     def _single(self, sample: DenseSample, parts: Parts, aim: "_Aim") -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
         writer, page = Writer(), _Page(self._root)
-        writer.choice(_KINDS, _SINGLE)
+        writer.pick(_KINDS, _SINGLE)
         writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
         codec = self.streams[sample.stream_id]
         page.add(
@@ -333,7 +332,7 @@ class _Page:
         return Snapshot(self.streams, self.habits, self.ticks, digest)
 
 
-def _named(reader: Reader, held: Sequence[Snapshot]) -> Snapshot:
+def _named(reader: Reader, held: Reversible[Snapshot]) -> Snapshot:
     """The newest frame of the name that is read."""
     name = reader.uniform(SHORT_NAMES + 1)
     long_name = reader.raw(LONG_NAME_BITS) if name == SHORT_NAMES else None

@@ -5,13 +5,16 @@ vehicle that sends the same every ten seconds should pay nothing for that, so th
 what was, along the same chain of references as everything else. A frame may be of one stream alone,
 or of several; which it is costs one symbol, so that who sends each sample by itself does not pay
 for all the streams that are not there.
+
+Most frames of a source are like the one before, and after some of the same kind the chances stay
+what they are. So lists of chances are never changed, but followed by others, which are remembered.
 """
 
 from collections.abc import Mapping
-from operator import add
+from functools import lru_cache
 from typing import Final
 
-from zacoustic.core.dense.arithmetic import Coder
+from zacoustic.core.dense.arithmetic import Coder, ends_of
 from zacoustic.core.dense.prior import Model
 
 MOST_SAMPLES: Final = 255
@@ -21,12 +24,13 @@ _COUNTED: Final = 12  # after so many samples, all are alike
 _SHIFT: Final = 2
 _LEAST: Final = 1 << 9
 _MOST: Final = (1 << 16) - _LEAST
-_FALLING: Final = (_LEAST << _SHIFT) // ((1 << _SHIFT) - 1)  # what falls to no less than that
 _EVEN: Final = 1 << 15
+_REMEMBERED: Final = 512  # lists of chances of one kind
 _OFTEN: Final = 7 << 13
 # How often the first sample is so many steps behind its reference, 1…16: shares.
 _STEPS: Final = (240, 320, 200, 160, 130, 100, 80, 60, 50, 40, 30, 25, 20, 15, 12, 40)
 _STEPS_LEFT: Final = tuple(share >> 4 for share in _STEPS)
+_STEPS_IN_FRAME: Final = ends_of(*_STEPS[1:])
 # What is learnt of it is learnt from acknowledged frames, which are the ones furthest behind their
 # own references: those between them are as many steps behind, or fewer.
 _STEPS_GAIN: Final = 1 << 11
@@ -44,7 +48,7 @@ class Habit:
 
     __slots__ = ("more", "regular", "steps")
 
-    def __init__(self, more: list[int], regular: int, steps: list[int]) -> None:
+    def __init__(self, more: list[int], regular: int, steps: tuple[int, ...]) -> None:
         self.more = more
         self.regular = regular
         self.steps = steps
@@ -72,14 +76,9 @@ class Habit:
         if in_frame:
             is_next = coder.flag(self.regular, steps == 1)
             self.regular = _followed(self.regular, is_next)
-            return 1 if is_next else 2 + coder.choice(_STEPS[1:], max(steps - 2, 0))
-        found = coder.choice(self.steps, max(steps - 1, 0))
-        fewer = _STEPS_GAIN // (found + 2)
-        kept = [share - (share >> _STEPS_SHIFT) for share in self.steps]
-        self.steps = list(map(add, kept, _STEPS_LEFT))
-        for place in range(found):
-            self.steps[place] += fewer
-        self.steps[found] += 2 * fewer
+            return 1 if is_next else 2 + coder.pick(_STEPS_IN_FRAME, max(steps - 2, 0))
+        found = coder.pick(_ends(self.steps), max(steps - 1, 0))
+        self.steps = _steps_after(self.steps, found)
         return found + 1
 
 
@@ -93,7 +92,7 @@ class Habits:
 
     __slots__ = ("_streams", "present", "single")
 
-    def __init__(self, single: int, present: list[int], streams: dict[int, Habit]) -> None:
+    def __init__(self, single: int, present: tuple[int, ...], streams: dict[int, Habit]) -> None:
         self.single = single
         self.present = present
         self._streams = streams
@@ -112,7 +111,7 @@ class Habits:
         ids = list(self._streams)
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
-            found = [ids[coder.choice(self.present, place)]]
+            found = [ids[coder.pick(_ends(self.present), place)]]
         else:
             flag = coder.flag
             found = [
@@ -126,14 +125,8 @@ class Habits:
     def learn(self, streams: list[int]) -> None:
         """Learn which streams a frame had."""
         self.single = _followed(self.single, len(streams) == 1)
-        # As `_followed`, which would cost a call for every stream.
-        present = [
-            share + (-share >> _SHIFT) if share > _FALLING else _LEAST for share in self.present
-        ]
-        for place, stream_id in enumerate(self._streams):
-            if stream_id in streams:
-                present[place] = _followed(self.present[place], True)
-        self.present = present
+        ids = list(self._streams)
+        self.present = _present_after(self.present, tuple(map(ids.index, streams)))
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
@@ -154,10 +147,35 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
             last = prior.more[-1] if prior.more else _EVEN
             more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
         chances.append(max(present, _LEAST))
-        habits[stream_id] = Habit(more, _OFTEN, list(_STEPS))
-    return Habits(single, chances, habits)
+        habits[stream_id] = Habit(more, _OFTEN, _STEPS)
+    return Habits(single, tuple(chances), habits)
 
 
 def _followed(chance: int, found: bool) -> int:
     chance += ((1 << 16) - chance if found else -chance) >> _SHIFT
     return _LEAST if chance < _LEAST else min(chance, _MOST)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _ends(shares: tuple[int, ...]) -> tuple[int, ...]:
+    return ends_of(*shares)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _steps_after(shares: tuple[int, ...], found: int) -> tuple[int, ...]:
+    """The shares of steps after a first sample that many behind its reference, less one."""
+    after = [
+        share - (share >> _STEPS_SHIFT) + left
+        for share, left in zip(shares, _STEPS_LEFT, strict=True)
+    ]
+    fewer = _STEPS_GAIN // (found + 2)
+    for place in range(found):
+        after[place] += fewer
+    after[found] += 2 * fewer
+    return tuple(after)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _present_after(chances: tuple[int, ...], places: tuple[int, ...]) -> tuple[int, ...]:
+    """The chances of streams after a frame of those at the places."""
+    return tuple(_followed(chance, place in places) for place, chance in enumerate(chances))

@@ -23,7 +23,9 @@ weights of the long straight legs are spoiled by every turn, which costs a tenth
 A row of weights at a time would cost a hundred multiplications; but all that an innovation explains
 are multiples of it. So the weights *of* one innovation, for all quantities after it, stand side by
 side in one long integer, 96 bits each, and one multiplication of Python's does them all. The last
-quantity stands in the lowest bits: later innovations have fewer weights, and shorter integers.
+quantity stands in the lowest bits: later innovations have fewer weights, and shorter integers. What
+has been explained of quantities that are known by then is cut off, so it becomes shorter as well,
+and the next prediction stands on its top.
 
 Units: quantities and innovations in 1/16 of a step, weights in 2**-16, energies in 1/256 of a step
 squared. Values that do not fit their 96 bits spill into their neighbours, at both ends alike: the
@@ -36,7 +38,7 @@ Source: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt al
 least-squares estimation", IEEE Trans. ASSP 34 (1986) 829.
 """
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
 from typing import Final
 
 WEIGHT_BITS: Final = 16
@@ -46,15 +48,14 @@ _FORGET_BITS: Final = 7
 # Gains are in 2**-30 of 1/16 of a step; they meet what is left over in 2**-20 of a step.
 _GAIN_SHIFT: Final = 18
 _STEP_SHIFT: Final = 34
-# Prediction beyond which weights are taken for broken, in 1/16 of a step: no field is that wide.
+# Prediction from which on weights are taken for broken, in 1/16 of a step: no field is that wide.
 _BROKEN: Final = 1 << 32
 
 # Energy below which a quantity that stood still would throw its weights about when it moves.
 _LEAST_ENERGY: Final = 1 << 6
 
 _LANE_BITS: Final = 96
-_LANE: Final = (1 << _LANE_BITS - WEIGHT_BITS) - 1
-_HALF_LANE: Final = 1 << _LANE_BITS - WEIGHT_BITS - 1
+_LANE: Final = 1 << _LANE_BITS - WEIGHT_BITS
 
 
 class Shape:
@@ -67,15 +68,23 @@ class Shape:
     def __init__(self, quantities: int) -> None:
         self.quantities = quantities
         self.places = [_LANE_BITS * (quantities - 1 - k) for k in range(quantities)]
-        """By quantity: the place of its lane, bits; and one more, behind the last."""
+        """By quantity: the place of its lane, bits."""
         ones = [sum(1 << place for place in self.places[k + 1 :]) for k in range(quantities)]
         # By innovation, for the lanes of all quantities after it: half a lane, which makes every
-        # lane positive; what is left of a lane after a shift; and half of that.
+        # lane positive; and the lowest bit of every lane.
         self.halves = [one << _LANE_BITS - 1 for one in ones]
-        self.masks = [one * ((1 << _LANE_BITS - _STEP_SHIFT) - 1) for one in ones]
-        self.shifted_halves = [one << _LANE_BITS - 1 - _STEP_SHIFT for one in ones]
         self._ones = ones
-        self.places.append(0)
+        # All of these lanes, and where the top one's prediction begins; behind the last is nothing.
+        lanes = [(1 << place) - 1 for place in self.places]
+        tops = [max(place - _LANE_BITS, 0) + WEIGHT_BITS for place in self.places]
+        self.steps = list(zip(lanes, tops, strict=True))
+        """What `Explained` needs of each quantity to predict the next."""
+        self.moves = [
+            # And what is left of every lane after a shift, and half of that.
+            (each, half, one * ((1 << _LANE_BITS - _STEP_SHIFT) - 1), half >> _STEP_SHIFT)
+            for each, half, one in zip(lanes, self.halves, ones, strict=True)
+        ]
+        """What it needs to move the weights of each innovation."""
 
     def packed(self, weights: list[list[int]]) -> list[int]:
         """Pack weights given by quantity, each with one for every quantity before it."""
@@ -111,6 +120,36 @@ class Shape:
         return rows
 
 
+def _predictions(
+    shape: Shape,
+    weights: list[int],
+    quantities: list[int],
+    innovations: list[int],
+    stages: list[int],
+    broken: list[int],
+) -> Generator[int, int, None]:
+    """Take quantities, give predictions of the next, and note what comes of them in the lists.
+
+    A generator, since its variables need not be fetched and put back for every quantity; it knows
+    of no object that knows of it, so that both are gone as soon as nobody needs them.
+    """
+    explained = prediction = 0
+    quantity = yield prediction
+    for weight, (lanes, top) in zip(weights, shape.steps, strict=True):
+        quantities.append(quantity)
+        innovation = quantity - prediction
+        innovations.append(innovation)
+        explained = explained + innovation * weight & lanes
+        stages.append(explained)
+        prediction = explained >> top
+        if prediction >= _BROKEN:  # or a negative one
+            prediction -= _LANE
+            if prediction <= -_BROKEN:
+                broken.append(prediction)
+                prediction = 0
+        quantity = yield prediction
+
+
 class Explained:
     """The quantities of one sample, as far as they are known.
 
@@ -118,75 +157,48 @@ class Explained:
         shape: How many there are.
         weights: Those of the reference, packed, one for each quantity.
         energies: Those of the reference, one for each quantity.
+
+    Attributes:
+        follow: Tells what the next quantity is; returns the one after it as this one and those
+            before explain it, 0 behind the last.
     """
 
     __slots__ = (
+        "_broken",
         "_energies",
-        "_explained",
         "_innovations",
-        "_places",
-        "_prediction",
         "_quantities",
         "_shape",
         "_stages",
         "_weights",
-        "is_broken",
+        "follow",
     )
 
     def __init__(self, shape: Shape, weights: list[int], energies: list[int]) -> None:
         self._shape = shape
-        self._places = shape.places
         self._weights = weights
         self._energies = energies
+        self._quantities: list[int] = []
         self._innovations: list[int] = []
-        # What all innovations so far explain of each quantity; and the same after each of them.
-        self._explained = 0
+        # What all innovations so far explain of the quantities to come, after each of them.
         self._stages: list[int] = []
-        self._quantities = 0
-        self._prediction = 0
-        self.is_broken = False
+        self._broken: list[int] = []
+        predictions = _predictions(
+            shape, weights, self._quantities, self._innovations, self._stages, self._broken
+        )
+        next(predictions)
+        self.follow = predictions.send
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether a prediction was nonsense."""
+        return bool(self._broken)
 
     def add(self, quantities: Iterable[int]) -> int:
-        """Tell what the next quantities are.
-
-        Returns:
-            The one after them as these and the ones before explain it; 0 behind the last.
-        """
-        places, weights, stages = self._places, self._weights, self._stages
-        innovations, explained, prediction = self._innovations, self._explained, self._prediction
-        k = len(innovations)
+        """Tell what the next quantities are, as `follow`."""
+        prediction = 0
         for quantity in quantities:
-            self._quantities += quantity << places[k]
-            innovation = quantity - prediction
-            innovations.append(innovation)
-            explained += innovation * weights[k]
-            stages.append(explained)
-            k += 1
-            prediction = explained >> places[k] + WEIGHT_BITS & _LANE
-            if prediction >= _HALF_LANE:
-                prediction -= _LANE + 1
-            if not -_BROKEN < prediction < _BROKEN:
-                self.is_broken = True
-                prediction = 0
-        self._explained, self._prediction = explained, prediction
-        return prediction
-
-    def follow(self, quantity: int) -> int:
-        """Tell what one quantity is; as `add`, which is slower for one."""
-        innovations = self._innovations
-        k = len(innovations)
-        self._quantities += quantity << self._places[k]
-        innovation = quantity - self._prediction
-        innovations.append(innovation)
-        self._explained = explained = self._explained + innovation * self._weights[k]
-        self._stages.append(explained)
-        prediction = explained >> self._places[k + 1] + WEIGHT_BITS & _LANE
-        if prediction >= _HALF_LANE:
-            prediction -= _LANE + 1
-        if not -_BROKEN < prediction < _BROKEN:
-            self.is_broken = True
-            prediction = 0
-        self._prediction = prediction
+            prediction = self.follow(quantity)
         return prediction
 
     def moved(self, trust: int) -> tuple[list[int], list[int]]:
@@ -198,17 +210,17 @@ class Explained:
         Returns:
             The weights and energies with it.
         """
-        shape = self._shape
-        whole = self._quantities << WEIGHT_BITS
+        whole = 0
+        for quantity in self._quantities:
+            whole = (whole << _LANE_BITS) + quantity
+        whole <<= WEIGHT_BITS
         weights, energies = [], []
-        for weight, energy, innovation, stage, half, mask, shifted in zip(
+        for weight, energy, innovation, stage, (lanes, half, mask, shifted) in zip(
             self._weights,
             self._energies,
             self._innovations,
             self._stages,
-            shape.halves,
-            shape.masks,
-            shape.shifted_halves,
+            self._shape.moves,
             strict=True,
         ):
             kept = energy - (energy >> _FORGET_BITS)
@@ -216,10 +228,9 @@ class Explained:
             more = kept + (lever * innovation >> 16)
             if more < _LEAST_ENERGY:
                 more = _LEAST_ENERGY
-            gain = (lever << _GAIN_SHIFT) // more
             energies.append(more)
+            gain = (lever << _GAIN_SHIFT) // more
+            left_over = (whole & lanes) - stage
+            weights.append(weight + (gain * left_over + half >> _STEP_SHIFT & mask) - shifted)
             trust = trust * kept // more
-            if gain:
-                weight += ((gain * (whole - stage) + half) >> _STEP_SHIFT & mask) - shifted
-            weights.append(weight)
         return weights, energies

@@ -162,11 +162,16 @@ def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]
         int(place): Adaptation(
             weights=model.shape.packed([list(row) for row in learnt.weights]),
             energies=list(learnt.energies),
-            scales=list(learnt.scales),
+            manners=list(
+                zip(
+                    learnt.scales,
+                    learnt.hold_misses,
+                    learnt.linear_misses,
+                    learnt.holds,
+                    strict=True,
+                )
+            ),
             widths=list(learnt.widths),
-            hold_misses=list(learnt.hold_misses),
-            linear_misses=list(learnt.linear_misses),
-            holds=list(learnt.holds),
         )
         for place, learnt in prior.learnt.items()
     }

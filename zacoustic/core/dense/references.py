@@ -21,7 +21,7 @@ at which it was sent.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -67,6 +67,7 @@ class Speaker:
         self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
         self._late: deque[Encoded] = deque(maxlen=LATEST)
+        self._marks: list[int] = []  # of `_sent`
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -79,19 +80,14 @@ class Speaker:
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
         """
         wanted = set(listeners)
-        forms: list[tuple[Snapshot | None, bool]] = [(None, False)]
-        if wanted:
-            forms = [*self._references(wanted), (None, False)]
+        if not wanted:
+            return self._codec.encode(samples, room)
         first: Encoded | None = None
-        for reference, long_name in forms:
+        for reference, long_name in self._references(wanted):
             encoded = self._codec.encode(
-                samples,
-                room,
-                reference,
-                long_name=long_name,
-                is_mistaken=self._is_mistaken if wanted else None,
+                samples, room, reference, long_name=long_name, is_mistaken=self._is_mistaken
             )
-            if encoded is None or not wanted or not self._is_mistaken(encoded):
+            if encoded is None or not self._is_mistaken(encoded):
                 return encoded
             first = first or encoded
         return first
@@ -103,13 +99,16 @@ class Speaker:
         again = self._by_digest.get(encoded.snapshot.digest)
         if again is not None:
             again.last = self._count
-            self._sent.remove(again)
-            self._sent.append(again)
+            place = self._sent.index(again)
+            self._sent.append(self._sent.pop(place))
+            self._marks.append(self._marks.pop(place))
             return
         sent = self._by_digest[encoded.snapshot.digest] = _Sent(encoded, self._count)
         self._sent.append(sent)
+        self._marks.append(encoded.snapshot.mark)
         if len(self._sent) > KEPT:
             oldest = self._sent.pop(0)
+            del self._marks[0]
             del self._by_digest[oldest.snapshot.digest]
             self._forgotten = oldest.last
 
@@ -125,18 +124,14 @@ class Speaker:
         """
         # What is much older than the newest that is known to be held is of no use; a little older
         # is what a late frame leads to.
-        meant, left = [], len(self._sent)
-        for each in reversed(self._sent):
-            left -= 1
-            if left < 0:
-                break
-            if each.snapshot.mark == mark:
-                meant.append(each)
-            if listener in each.holders:
-                left = min(left, _OVERLAP)
-        if len(meant) != 1:
+        newest = len(self._sent) - 1
+        while newest > 0 and listener not in self._sent[newest].holders:
+            newest -= 1
+        earliest = max(newest - _OVERLAP, 0)
+        if self._marks[earliest:].count(mark) != 1:
             return False
-        held: Snapshot | None = meant[0].snapshot
+        meant = self._sent[self._marks.index(mark, earliest)]
+        held: Snapshot | None = meant.snapshot
         for each in reversed(self._sent):
             if each.snapshot is held:
                 if listener in each.holders:
@@ -155,40 +150,49 @@ class Speaker:
 
         For what a late frame refers to, or what it refers to itself, when it comes again.
         """
-        for each in self._sent[-_MARKED:]:
-            is_same = each.snapshot.digest == new.snapshot.digest
-            if each.snapshot.mark == new.snapshot.mark and not is_same:
-                return True
+        snapshot = new.snapshot
+        if snapshot.mark in self._marks[-_MARKED:]:
+            for each in self._sent[-_MARKED:]:
+                is_same = each.snapshot.digest == snapshot.digest
+                if each.snapshot.mark == snapshot.mark and not is_same:
+                    return True
         for late in (*self._late, new):
             meant = late.reference
             if meant is None:
                 continue
             if late.long_name:
-                if meant.long_name == new.snapshot.long_name:
+                if meant.long_name == snapshot.long_name:
                     return True
-            elif meant.short_name == new.snapshot.short_name:
+            elif meant.short_name == snapshot.short_name:
                 return True
         return False
 
-    def _references(self, listeners: set[int]) -> list[tuple[Snapshot, bool]]:
-        """The newest frame that all hold and that can be named, and whether by its long name."""
+    def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
+        """The newest frame that all hold and that can be named, and whether by its long name.
+
+        More than one way only for who must not take the first; the last is to refer to none.
+        """
         for record in reversed(self._sent):
             # Only what came after a frame can push it out at a receiver, or be taken for it.
             earliest = record.first - LATEST
             if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
             meant = record.snapshot
-            others = [
-                each.snapshot for each in self._sent if each.last >= earliest and each is not record
-            ]
-            found = []
-            if all(other.short_name != meant.short_name for other in others):
-                found.append((meant, False))
-            if all(other.long_name != meant.long_name for other in others):
-                found.append((meant, True))
-            if found:
-                return found
-        return []
+            others = []
+            for each in reversed(self._sent):
+                if each.last < earliest:
+                    break
+                if each is not record:
+                    others.append(each.snapshot)
+            is_short = meant.short_name not in [other.short_name for other in others]
+            if is_short:
+                yield meant, False
+            is_long = meant.long_name not in [other.long_name for other in others]
+            if is_long:
+                yield meant, True
+            if is_short or is_long:
+                break
+        yield None, False
 
 
 class Listener:
@@ -200,12 +204,12 @@ class Listener:
 
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
-        self._held: deque[Snapshot] = deque(maxlen=KEPT)
+        self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
 
     @property
     def mark(self) -> int | None:
         """What to acknowledge: the mark of the newest frame; None: none was read."""
-        return self._held[-1].mark if self._held else None
+        return next(reversed(self._held.values())).mark if self._held else None
 
     def decode(self, frame: bytes) -> Decoded:
         """Read a frame off the water.
@@ -213,12 +217,12 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        decoded = self._codec.decode(frame, self._held)
-        for each in self._held:
-            if each.digest == decoded.snapshot.digest:
-                self._held.remove(each)
-                break
-        self._held.append(decoded.snapshot)
+        decoded = self._codec.decode(frame, self._held.values())
+        digest = decoded.snapshot.digest
+        self._held.pop(digest, None)
+        self._held[digest] = decoded.snapshot
+        if len(self._held) > KEPT:
+            del self._held[next(iter(self._held))]
         return decoded
 
     def forget(self) -> None:

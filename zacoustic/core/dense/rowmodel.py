@@ -29,6 +29,7 @@ from zacoustic.core.dense.adaptation import (
     SITUATIONS,
     WIDTH_BITS,
     Adaptation,
+    Manner,
     StreamState,
     nearest,
     new_adaptation,
@@ -36,7 +37,7 @@ from zacoustic.core.dense.adaptation import (
 )
 from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.course import course_of
-from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS, Curve
+from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS
 from zacoustic.core.dense.layout import Column, Row
 from zacoustic.core.dense.leastsquares import Explained, Shape
 
@@ -46,7 +47,8 @@ _LEVEL_SIZE: Final = 1 << 13
 _SCALE_SHIFT: Final = 3  # scales follow the last eight samples
 _MISS_SHIFT: Final = 5  # the choice of predictions, and the widths, the last 32
 _HOLD_SHIFT: Final = 5  # how often a number stays, the last 32 as well
-_MISS_LIMIT: Final = 4  # a miss counts as at most that many scales and two steps
+_MISS_LIMIT: Final = 4  # a miss counts as at most that many scales
+_MISS_SPARED: Final = 2 << SCALE_BITS  # and two steps
 _MISS_BITS: Final = SCALE_BITS - POINT_BITS
 _LEAST_SCALE: Final = 1 << SCALE_BITS - 4
 _LEAST_HOLD: Final = 200
@@ -62,8 +64,10 @@ _TRUSTED_MISS: Final = 800
 _LEAST_TRUST: Final = 1 << 6
 
 _WHOLE: Final = 1 << 16
-# By how many 1/256 of the other's miss that of the better prediction is: the share of the worse.
-_SHARES: Final = [(part**4 << 16) // ((1 << 32) + part**4) for part in range(257)]
+# By how many 1/256 of the other's miss that of the better prediction is: the share of the worse,
+# and that of the better.
+_WORSE: Final = [(part**4 << 16) // ((1 << 32) + part**4) for part in range(257)]
+_BETTER: Final = [_WHOLE - share for share in _WORSE]
 
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
@@ -178,13 +182,8 @@ class RowModel:
                 prior.weights, end.weights, start.weights, in_full=abs(other - place) == 1
             ),
             energies=prior.energies,
-            scales=_in_proportion(prior.scales, end.scales, start.scales),
+            manners=list(map(_in_proportion, prior.manners, end.manners, start.manners)),
             widths=end.widths,
-            hold_misses=_in_proportion(prior.hold_misses, end.hold_misses, start.hold_misses),
-            linear_misses=_in_proportion(
-                prior.linear_misses, end.linear_misses, start.linear_misses
-            ),
-            holds=prior.holds,
         )
 
     def _code_symbols(self, coder: Coder, row: Row, reference: StreamState) -> list[int]:
@@ -221,14 +220,16 @@ class RowModel:
         """
         old_row, old_velocity = reference.row, reference.velocity
         velocity = [0] * len(row)
-        trends = velocity if old_velocity is None else [way * steps for way in old_velocity]
-        scales, widths, holds = before.scales[:], before.widths[:], before.holds[:]
-        hold_misses, linear_misses = before.hold_misses[:], before.linear_misses[:]
+        trends = old_velocity or velocity
+        if steps != 1:
+            trends = [way * steps for way in trends]
+        manners, widths = before.manners[:], before.widths[:]
         explained = Explained(self.shape, before.weights, before.energies)
         linear = explained.add(self._known(old_row, trends, steps))
+        course_before = self._course_before
         surprise = greatest = 0
         for n, size, is_relative, guard in self._plan:
-            if n == self._course_before and self._course is not None:
+            if n == course_before and self._course is not None:
                 linear = explained.add(self._course.ways(row, old_row, trends, steps))
             old = old_row[n]
             if guard is not None and row[guard[0]] != guard[1]:
@@ -239,19 +240,16 @@ class RowModel:
                 linear = explained.follow(linear)
                 continue
 
-            hold_miss, linear_miss = hold_misses[n], linear_misses[n]
+            base, hold_miss, linear_miss, hold = manners[n]
             if linear_miss < hold_miss:
-                expected = linear * (_WHOLE - _SHARES[(linear_miss << 8) // hold_miss]) >> 16
+                expected = linear * _BETTER[(linear_miss << 8) // hold_miss] >> 16
             else:
-                expected = linear * _SHARES[(hold_miss << 8) // linear_miss] >> 16
+                expected = linear * _WORSE[(hold_miss << 8) // linear_miss] >> 16
 
-            hold, base = holds[n], scales[n]
             far = ((linear if linear > 0 else -linear) << 16) // base
-            situation = SITUATIONS * n + (
-                (0 if far < 128 else 1)
-                if far < 400
-                else (2 if far < 1000 else 3)
-            )  # fmt: skip
+            situation = SITUATIONS * n
+            if far >= 128:
+                situation += 1 if far < 400 else 2 if far < 1000 else 3
             if surprise >= 300:
                 situation += 4 if surprise < 600 else 8 if surprise < 1000 else 12
             width = widths[situation]
@@ -261,12 +259,17 @@ class RowModel:
             if is_relative:
                 span = size if size < LARGEST_SIZE else LARGEST_SIZE
                 half = span >> 1
-                curve = Curve(span, (half << POINT_BITS) + expected, scale, half, hold)
-                change = self._code_change(coder, curve, (row[n] or 0) - old, n) - half
-                new = row[n] = (old + change) % size
+                offset = (row[n] or 0) - old + half
+                if self.columns[n].wraps:
+                    offset %= size
+                if not coder.is_reader and not 0 <= offset < span:
+                    raise TooFarError
+                center = (half << POINT_BITS) + expected
+                change = coder.near(span, center, scale, half, hold, offset) - half
+                row[n] = (old + change) % size
             else:
-                curve = Curve(size, (old << POINT_BITS) + expected, scale, old, hold)
-                new = row[n] = coder.number(curve, row[n] or 0)
+                center = (old << POINT_BITS) + expected
+                row[n] = new = coder.near(size, center, scale, old, hold, row[n] or 0)
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
@@ -275,18 +278,18 @@ class RowModel:
             # Learn. A wild value must not make the curve wide for long.
             miss = moved - expected
             miss = (miss if miss > 0 else -miss) << _MISS_BITS
-            limit = _MISS_LIMIT * scale + (2 << SCALE_BITS)
             ratio = (miss << 8) // scale
-            if ratio > greatest:
-                greatest = ratio
+            limit = _MISS_LIMIT * scale + _MISS_SPARED
             if miss > limit:
+                if ratio > greatest:
+                    greatest = ratio
                 miss = limit
                 ratio = (miss << 8) // scale
             if ratio > surprise:
                 surprise = ratio
             if change:
                 if hold > _LEAST_HOLD:
-                    holds[n] = hold - (hold >> _HOLD_SHIFT)
+                    hold -= hold >> _HOLD_SHIFT
                 base += (miss << WIDTH_BITS) // width - base >> _SCALE_SHIFT
             else:
                 # Did it stay by chance, as the curve has it? Otherwise the curve has nothing to
@@ -294,50 +297,43 @@ class RowModel:
                 chance = _PEAK // scale if scale > _NARROW else _SURE
                 cause = (hold << 16) // (hold + ((_WHOLE - hold) * chance >> 16))
                 hold += cause - hold >> _HOLD_SHIFT
-                holds[n] = hold if hold < MOST_HOLD else MOST_HOLD
-                base += ((miss << WIDTH_BITS) // width - base) * (_WHOLE - cause) >> (
-                    16 + _SCALE_SHIFT
-                )
-            scales[n] = base if base > _LEAST_SCALE else _LEAST_SCALE
+                if hold > MOST_HOLD:
+                    hold = MOST_HOLD
+                base += ((miss << WIDTH_BITS) // width - base) * (
+                    _WHOLE - cause
+                ) >> 16 + _SCALE_SHIFT
             width += (ratio * width >> 8) - width >> _MISS_SHIFT
             if _LEAST_WIDTH < width < _MOST_WIDTH:
                 widths[situation] = width
             off = (moved if moved > 0 else -moved) << _MISS_BITS
             hold_miss += (off if off < limit else limit) - hold_miss >> _MISS_SHIFT
-            hold_misses[n] = hold_miss if hold_miss > _LEAST_SCALE else _LEAST_SCALE
             off = moved - linear
             off = (off if off > 0 else -off) << _MISS_BITS
             linear_miss += (off if off < limit else limit) - linear_miss >> _MISS_SHIFT
-            linear_misses[n] = linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE
+            manners[n] = (
+                base if base > _LEAST_SCALE else _LEAST_SCALE,
+                hold_miss if hold_miss > _LEAST_SCALE else _LEAST_SCALE,
+                linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE,
+                hold,
+            )
             linear = following
 
         if explained.is_broken:
             return velocity, self.start()
         trust = 1 << 16
+        greatest = max(greatest, surprise)
         if greatest > _TRUSTED_MISS:
             trust = max(trust * _TRUSTED_MISS**2 // greatest**2, _LEAST_TRUST)
         weights, energies = explained.moved(trust)
-        return velocity, Adaptation(
-            weights, energies, scales, widths, hold_misses, linear_misses, holds
-        )
-
-    def _code_change(self, coder: Coder, curve: Curve, change: int, n: int) -> int:
-        """Write or read the change of a column as the distance from the least change."""
-        size, half = self.sizes[n], curve.size >> 1
-        if self.columns[n].wraps:
-            change = (change + half) % size - half
-        if not coder.is_reader and not -half <= change < curve.size - half:
-            raise TooFarError
-        return coder.number(curve, change + half)
+        return velocity, Adaptation(weights, energies, manners, widths)
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""
-        known = [_ONE * steps]
-        for n, zero in self._levels:
-            old = old_row[n]
-            known.append(0 if old is None else old - zero << POINT_BITS)
-        known.extend([trends[n] for n in self._ways])
-        return known
+        levels = [
+            0 if (old := old_row[n]) is None else old - zero << POINT_BITS
+            for n, zero in self._levels
+        ]
+        return [_ONE * steps, *levels, *[trends[n] for n in self._ways]]
 
 
 def _completed(row: Row, old_row: Row) -> Row:
@@ -345,9 +341,10 @@ def _completed(row: Row, old_row: Row) -> Row:
     return [old if new is None else new for new, old in zip(row, old_row, strict=True)]
 
 
-def _in_proportion(values: list[int], end: list[int], start: list[int]) -> list[int]:
-    """Values that change as others did from start to end."""
-    return [
-        max(value * new // old, _LEAST_SCALE)
-        for value, new, old in zip(values, end, start, strict=True)
-    ]
+def _in_proportion(manner: Manner, end: Manner, start: Manner) -> Manner:
+    """A manner whose misses change as others did from start to end."""
+    scale, hold_miss, linear_miss = (
+        max(miss * new // old, _LEAST_SCALE)
+        for miss, new, old in zip(manner[:3], end[:3], start[:3], strict=True)
+    )
+    return scale, hold_miss, linear_miss, manner[3]

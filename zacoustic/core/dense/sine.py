@@ -1,4 +1,4 @@
-"""Sine and cosine of a field that goes round, by a table of integers.
+"""Directions of a field that goes round, by a table of integers.
 
 The table is computed by integers alone, since libraries of different machines may differ in the
 last digit: a rotation by 1/4096 of a circle, repeated, with twenty digits to spare.
@@ -28,13 +28,10 @@ def _table() -> list[int]:
 
 
 _SINES: Final = _table()
+_QUARTER: Final = _STEPS // 4
+_DIRECTIONS: Final = list(zip(_SINES[_QUARTER:] + _SINES[:_QUARTER], _SINES, strict=True))
 
 
-def sine(value: int, size: int) -> int:
-    """Sine of `value` of `size` parts of a circle, times 2**14."""
-    return _SINES[value * _STEPS // size % _STEPS]
-
-
-def cosine(value: int, size: int) -> int:
-    """Cosine of `value` of `size` parts of a circle, times 2**14."""
-    return _SINES[(value * _STEPS // size + _STEPS // 4) % _STEPS]
+def direction(value: int, size: int) -> tuple[int, int]:
+    """Cosine and sine of `value`, 0…size-1, of `size` parts of a circle, times 2**14."""
+    return _DIRECTIONS[value * _STEPS // size]

@@ -13,6 +13,7 @@ by the long name where it must.
 """
 
 import hashlib
+import struct
 from typing import Final
 
 from zacoustic.core.dense.adaptation import StreamState
@@ -27,7 +28,7 @@ LONG_NAME_BITS: Final = 7
 MARK_BITS: Final = 14
 """Bits of a mark."""
 
-_DIGEST_BYTES: Final = 12
+_PARTS: Final = struct.Struct(">IHHH2x")  # of a digest: check, names and mark
 
 
 class Snapshot:
@@ -39,12 +40,22 @@ class Snapshot:
         ticks: When the last sample of each stream was taken, in steps of the stream, by stream id.
             The sender's affair: a receiver counts on from where it began.
         digest: Of all frames up to this one.
+        check: What frames that refer to this one are checked against.
         short_name: Says which frame is meant, 0…30.
         long_name: Says it with more certainty, 0…127.
         mark: Says in an acknowledgement which frame is meant, 0…16383.
     """
 
-    __slots__ = ("digest", "habits", "long_name", "mark", "short_name", "streams", "ticks")
+    __slots__ = (
+        "check",
+        "digest",
+        "habits",
+        "long_name",
+        "mark",
+        "short_name",
+        "streams",
+        "ticks",
+    )
 
     def __init__(
         self,
@@ -57,16 +68,12 @@ class Snapshot:
         self.habits = habits
         self.ticks = ticks
         self.digest = digest
-        self.short_name = int.from_bytes(digest[4:6], "big") % SHORT_NAMES
-        self.long_name = int.from_bytes(digest[6:8], "big") >> 16 - LONG_NAME_BITS
-        self.mark = int.from_bytes(digest[8:10], "big") >> 16 - MARK_BITS
-
-    @property
-    def check(self) -> int:
-        """What frames that refer to this one are checked against."""
-        return int.from_bytes(self.digest[:4], "big")
+        self.check, short, long, mark = _PARTS.unpack(digest)
+        self.short_name = short % SHORT_NAMES
+        self.long_name = long >> 16 - LONG_NAME_BITS
+        self.mark = mark >> 16 - MARK_BITS
 
 
 def chained_digest(digest: bytes, frame: bytes) -> bytes:
     """The digest of a frame whose reference has `digest`."""
-    return hashlib.blake2s(digest + frame, digest_size=_DIGEST_BYTES).digest()
+    return hashlib.blake2s(digest + frame, digest_size=_PARTS.size).digest()

@@ -10,7 +10,7 @@ import math
 from typing import Any, Final
 
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.arithmetic import Coder, Writer
+from zacoustic.core.dense.arithmetic import Coder, Writer, ends_of
 from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, Curve
 from zacoustic.core.dense.layout import Layout, Row
 from zacoustic.core.dense.prior import (
@@ -25,8 +25,8 @@ from zacoustic.core.types import OutsideNumbers, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
 # Shares of the three ways where there is a reference, and of the last two where there is none.
-_WAYS: Final = (60, 3, 1)
-_WAYS_ALONE: Final = (3, 1)
+_WAYS: Final = ends_of(60, 3, 1)
+_WAYS_ALONE: Final = ends_of(3, 1)
 _DEAR_BITS: Final = 2  # by so many bits more than plainly, another way is tried
 
 Beside = dict[int, Row]
@@ -135,13 +135,13 @@ class StreamCodec:
         beside: Beside,
     ) -> StreamState:
         if reference is not None:
-            way = coder.choice(_WAYS, way or 0)
+            way = coder.pick(_WAYS, way or 0)
             if way == _AGAINST:
                 state = self.model.code(coder, row, reference, steps)
                 state.rest = self._rest.code(coder, row, rest, state.rest, plainly=False)
                 return state
         else:
-            way = 1 + coder.choice(_WAYS_ALONE, (way or 1) - 1)
+            way = 1 + coder.pick(_WAYS_ALONE, (way or 1) - 1)
         if way == _FIRST and self.prior is not None and self.prior.firsts:
             self._code_first(coder, row, self.prior.firsts, beside)
         else:

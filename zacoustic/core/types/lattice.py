@@ -36,10 +36,9 @@ class Lattice:
         self.is_ordered = field.is_numeric
         quantiser = field.quantiser
         if quantiser is not None:
-            low = quantiser.low_count
-            self.size = quantiser.high_count - low + 1
-            self.index = lambda value: quantiser.count(value) - low
-            self.value = lambda index: quantiser.value(index + low)
+            self.size = quantiser.high_count - quantiser.low_count + 1
+            self.index = quantiser.indexer()
+            self.value = quantiser.locator()
         elif field.is_integer:
             least, greatest = (int(limit) for limit in field.limits or INTEGER_LIMITS[field.type])
             # Where it wraps the top is the bottom, and `validate` has folded it already.

@@ -15,6 +15,7 @@ step (measured around the circle where it wraps), and encoding what was decoded 
 count.
 """
 
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Final
 
@@ -72,6 +73,36 @@ class Quantiser:
         if value < self._low:
             return self._low
         return self._high if value > self._high else value
+
+    def indexer(self) -> Callable[[int | float], int]:
+        """Make the function that gives how far `count` lies above `low_count`.
+
+        It is on the path of every number of every sample: one call, where `count` is three.
+        """
+        count, low = self.count, self.low_count
+        if self._integers or self._ratio is None:
+            return lambda value: count(value) - low
+        numerator, denominator = self._ratio
+        if self._folds_at is None:
+            return lambda value: round(value * denominator / numerator) - low
+        size = self.high_count - low + 1
+        return lambda value: (round(value * denominator / numerator) - low) % size
+
+    def locator(self) -> Callable[[int], int | float]:
+        """Make the function that gives the `value` of so many counts above `low_count`."""
+        value, low = self.value, self.low_count
+        if self._integers or self._ratio is None:
+            return lambda index: value(index + low)
+        least, greatest = self._low, self._high
+        numerator, denominator = self._ratio
+
+        def locate(index: int) -> int | float:
+            found = (index + low) * numerator / denominator
+            if found < least:
+                return least
+            return greatest if found > greatest else found
+
+        return locate
 
     def _nearest(self, value: int | float) -> int:
         if self._integers:
