@@ -27,6 +27,8 @@ from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError
 from zacoustic.island.marker import read_marker
 from zacoustic.recording.reading import ReadMessage, RecordingReader
+from zacoustic.ros.attachment import Attachment
+from zacoustic.ros.streams import RosTopic
 from zacoustic.tools.recordings.frames import decode_recording
 from zacoustic.tools.recordings.playing import Played, play
 from zacoustic.tools.recordings.zenohrecord import RecordedKeys, record_network
@@ -195,6 +197,42 @@ def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
     chats = [str(each.kind) for each in samples if str(each.key_expr) == "chat"]
     assert chats == ["SampleKind.PUT", "SampleKind.DELETE"]
     assert result.samples == {"auv1/nav": 2, "chat": 2, "auv1/json": 1}
+
+
+def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path) -> None:
+    stream = {"id": 1, "topic": "/cmd_vel", "type": "geometry_msgs/msg/Twist", "ros": {}}
+    config = config_from_mapping({"address": 1, "ros": {}, "streams": [stream]}, source="test")
+    assert config.ros is not None
+    topic = config.ros.streams[1]
+    assert isinstance(topic, RosTopic)
+    key = str(topic.key(config.ros.domain, "cmd_vel"))
+    value = {part: {"x": 1.0, "y": 0.0, "z": 0.0} for part in ("linear", "angular")}
+    cdr = topic.message.write(value)
+    beside = Attachment(sequence=1, stamp_ns=5, gid=bytes(16)).encode()
+    path = tmp_path / "a.mcap"
+
+    async def record() -> None:
+        with zenoh_router() as port:
+            recording = Recording(path, port, config=config)
+            await recording.ready()
+            with Island(port).client() as here:
+                await matched(here, key)
+                here.put(key, cdr, attachment=beside)
+                await fence(here)
+            await recording.end()
+
+    async def again() -> Any:
+        with zenoh_router() as port, Island(port).client() as here:
+            heard = await hear(here, key)
+            await played(path, port)
+            return await heard.next()
+
+    run(record())
+    (message,) = read(path)[f"/{key}"]
+    assert (message.encoding, message.data) == ("cdr", cdr)
+    sample = run(again())
+    assert sample.payload.to_bytes() == cdr
+    assert sample.attachment.to_bytes() == beside
 
 
 @pytest.fixture
