@@ -38,9 +38,9 @@ from zacoustic.command import (
 from zacoustic.errors import ConfigError, ZacousticError
 
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
-    "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
-    "init", "schema", "fit", "bench", "completion",
+    "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record",
+    "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 

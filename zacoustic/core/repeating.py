@@ -245,7 +245,7 @@ class Repeater:
                 repetition.stage = _Stage.SENT
                 assert self._times is not None
                 priority, times = repetition.qos.priority, self._times
-                if follow(repetition.record, priority, repetition.tries, times, at):
+                if follow(repetition.record, priority, times, at):
                     self._push_again(repetition)
                     continue
                 timing = self._timing(repetition.record.destination)

@@ -17,24 +17,38 @@ MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
 """In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
 
 
-def follow(record: Waiting, priority: Priority, tries: int, times: LinkTimes, at: int) -> bool:
-    """Tell whether a record that was just sent goes again without an answer, and note it there.
+def follow(record: Waiting, priority: Priority, times: LinkTimes, at: int) -> bool:
+    """Tell whether a record that was just sent follows itself into a pause, and note it there.
 
     Args:
         record: The record.
         priority: Of its lane.
-        tries: How often it was sent.
         times: Of the link.
         at: End of its last transmission, ns.
     """
-    most = MOST_COPIES.get(priority, 1)
     record.copies += 1
-    next_at, listening = at + times.gap_ns, times.listening
-    is_heard_out = listening is not None and listening.is_heard_out(next_at)
-    record.is_copy = is_heard_out and record.copies < most
+    is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
+    record.is_copy = is_heard_out and record.copies < MOST_COPIES.get(priority, 1)
     if not record.is_copy:
         record.copies = 0
-    return record.is_copy or (priority is Priority.REAL_TIME and tries < most)
+    return record.is_copy
+
+
+def is_emergency(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes again, wherever its answer may be.
+
+    Not so a request: its answer would come while its copies deafen the one that waits for it.
+    """
+    return priority is Priority.REAL_TIME and tries < MOST_COPIES[priority]
+
+
+def is_doubled(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes twice: it was not answered before.
+
+    Frames are lost, or meet what the other end says at the same time. Whoever acknowledges waits
+    for as long as the second copy needs to begin; so again this is not for requests.
+    """
+    return priority in MOST_COPIES and tries > 1
 
 
 def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) -> int:
@@ -48,5 +62,5 @@ def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) 
     """
     if priority not in MOST_COPIES or times.listening is None:
         return pause_ns
-    invited_at = times.listening.invited_at(at + times.first_round_trip_ns)
+    invited_at = times.listening.next_invitation_at(at, at + times.first_round_trip_ns)
     return pause_ns if invited_at is None else min(pause_ns, invited_at - at)

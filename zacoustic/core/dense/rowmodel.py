@@ -299,9 +299,9 @@ class RowModel:
                 hold += cause - hold >> _HOLD_SHIFT
                 if hold > MOST_HOLD:
                     hold = MOST_HOLD
-                base += (
-                    ((miss << WIDTH_BITS) // width - base) * (_WHOLE - cause) >> 16 + _SCALE_SHIFT
-                )
+                base += ((miss << WIDTH_BITS) // width - base) * (
+                    _WHOLE - cause
+                ) >> 16 + _SCALE_SHIFT
             width += (ratio * width >> 8) - width >> _MISS_SHIFT
             if _LEAST_WIDTH < width < _MOST_WIDTH:
                 widths[situation] = width
