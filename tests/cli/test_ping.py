@@ -59,6 +59,28 @@ def test_a_node_that_takes_no_orders_of_us_answers_a_ping_all_the_same(
     assert answer["round_trip_s"] > 0
 
 
+@pytest.mark.parametrize("acknowledges", [True, False])
+def test_where_no_orders_cross_the_range_alone_has_to_do(
+    acknowledges: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def scene() -> int:
+        taken = {"id": 175, "topic": "taken", "publishers": [1]}
+        section = WATCHED | {"streams": [*WATCHED["streams"], taken]}
+        async with pair(acknowledges=acknowledges, section=section) as found:
+            return await verb("ping", "2", *found.where, *ONCE, "--json")
+
+    code = run(scene())
+    if acknowledges:
+        assert code == 0
+        answer = lines_of(capsys)[0]
+        assert (answer["round_trip_s"], answer["range_m"]) == (None, 1.0)
+    else:
+        assert code == 1
+        error = capsys.readouterr().err
+        assert "stream 175 is taken, so no orders cross the water" in error
+        assert "and the modem measures no range" in error
+
+
 def test_ping_of_nobody_is_exit_code_3_and_of_the_own_island_1(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
