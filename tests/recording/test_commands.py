@@ -15,7 +15,7 @@ def said(capsys: pytest.CaptureFixture[str]) -> str:
     return captured.out + captured.err
 
 
-@pytest.mark.parametrize("verb", [["replay"], ["replay", "--check"]])
+@pytest.mark.parametrize("verb", [["replay"], ["replay", "--check"], ["report"]])
 def test_what_is_no_recording_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: list[str]
 ) -> None:

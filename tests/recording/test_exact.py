@@ -116,8 +116,8 @@ def survey() -> StreamTable:
     )  # fmt: skip
 
 
-def run_survey(network: VirtualNetwork, *, until_s: float = 3600.0) -> None:
-    """Let three nodes speak for an hour; one of them crashes, another one's modem is unplugged."""
+def run_survey(network: VirtualNetwork, *, until_s: float = 1500.0) -> None:
+    """Let three nodes speak for a while; one of them crashes, another one's modem is unplugged."""
 
     def nav(node: int) -> None:
         if network.is_running(node):
@@ -139,8 +139,8 @@ def run_survey(network: VirtualNetwork, *, until_s: float = 3600.0) -> None:
     network.at(600.0, lambda: network.restart(2))
     network.at(900.0, lambda: network.set_link(3, up=False))
     network.at(1000.0, lambda: network.set_link(3, up=True))
-    network.at(1800.0, lambda: network.crash(1, reboots=True))
-    network.at(1805.0, lambda: network.start(1))
+    network.at(1200.0, lambda: network.crash(1, reboots=True))
+    network.at(1205.0, lambda: network.start(1))
     network.run(until_s=until_s)
 
 
@@ -154,7 +154,7 @@ def test_dense_streams_objects_and_demand(seed: int) -> None:
     assert len(verdict.lives) == 5
     events = [life.events for life in verdict.lives]
     assert any(each.get("ObjectProgress") for each in events)
-    assert sum(each.get("SampleReceived", 0) for each in events) > 200
+    assert sum(each.get("SampleReceived", 0) for each in events) > 100
 
 
 def test_another_process_finds_the_same(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_another_process_finds_the_same(tmp_path: Path) -> None:
         network = VirtualNetwork(line(0, 800, 1500, loss={"frame": 0.2}), survey(),
                                  build=recorder.make)  # fmt: skip
         recorder.network = network
-        run_survey(network)
+        run_survey(network, until_s=1300)
     command = [sys.executable, "-m", "zacoustic.cli", "replay", str(path), "--check", "--json"]
     found = subprocess.run(command, capture_output=True, check=False, timeout=120)
     assert found.returncode == 0, found.stderr

@@ -22,7 +22,10 @@ class ReplayCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recording, what to do with it, and how."""
-        parser.add_argument("recording", metavar="FILE", help="recording, MCAP")
+        parser.add_argument(
+            "recordings", metavar="FILE", nargs="+",
+            help="recording, MCAP; with --what-if those of both ends",
+        )  # fmt: skip
         what = parser.add_mutually_exclusive_group()
         what.add_argument(
             "--check",
@@ -33,13 +36,21 @@ class ReplayCommand(Command):
             "--through", metavar="CONFIG",
             help="the same inputs into engines of this configuration: which frames are others?",
         )  # fmt: skip
+        what.add_argument(
+            "--what-if",
+            action="store_true",
+            help="the recorded load on a simulated channel, as it was and another way",
+        )
+        _add_changes(parser)
         onto = parser.add_argument_group("onto a Zenoh network, which is what it does otherwise")
         onto.add_argument(
             "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
         )
         onto.add_argument(
-            "--config", metavar="FILE", help="where the router is, and the keys of ROS topics"
-        )
+            "--config", metavar="FILE",
+            help="where the router is, and the keys of ROS topics; with --what-if: the streams "
+            "and rules of all nodes",
+        )  # fmt: skip
         onto.add_argument(
             "--rate", type=float, default=1.0, metavar="R", help="how many times as fast"
         )
@@ -59,6 +70,7 @@ class ReplayCommand(Command):
             "examples:\n"
             "  zacoustic replay trial.mcap --check\n"
             "  zacoustic replay trial.mcap --through fleet.json5\n"
+            "  zacoustic replay shore.mcap auv1.mcap --what-if --add-loss 0.2\n"
             "  zacoustic replay trial.mcap --connect tcp/127.0.0.1:7447 --rate 10 --key 'auv1/**'"
         )
 
@@ -69,6 +81,11 @@ class ReplayCommand(Command):
             ConfigError: The file or an argument is wrong.
             SessionError: No router is reached.
         """
+        if arguments.what_if:
+            return _what_if(arguments)
+        if len(arguments.recordings) > 1:
+            raise ConfigError("several recordings; allowed: with --what-if, or one")
+        arguments.recording = arguments.recordings[0]
         if arguments.check:
             return _check(arguments)
         if arguments.through is not None:
@@ -76,6 +93,42 @@ class ReplayCommand(Command):
         check_positive(arguments, "rate")
         played = asyncio.run(_play(arguments))
         return _print_played(arguments, played)
+
+
+def _add_changes(parser: argparse.ArgumentParser) -> None:
+    """Declare what --what-if can change."""
+    changes = parser.add_argument_group("another way, with --what-if; also --config")
+    changes.add_argument(
+        "--add-loss", type=float, default=0.0, metavar="SHARE",
+        help="so much more of the frames is lost: 0.2 is 20 %% more",
+    )  # fmt: skip
+    changes.add_argument("--loss", type=float, metavar="SHARE", help="so much, whatever it was")
+    changes.add_argument("--access", choices=("aloha", "carrier_sense", "delegated"))
+    changes.add_argument("--codec", choices=("cbor", "packed", "dense"), help="of typed topics")
+    changes.add_argument(
+        "--scenario", metavar="FILE", help="the water, instead of the measured one"
+    )
+    changes.add_argument("--seed", type=int, default=1, metavar="N", help="of the losses")
+
+
+def _what_if(arguments: argparse.Namespace) -> int:
+    import msgspec
+
+    from zacoustic.tools.recordings.changes import Wanted, what_if
+    from zacoustic.tools.recordings.whatiftext import as_text
+
+    for name in ("add_loss", "loss"):
+        share = getattr(arguments, name)
+        if share is not None and not -1 <= share <= 1:
+            raise ConfigError(f"--{name.replace('_', '-')} {share:g}; allowed: a share, 0..1")
+    names = ("add_loss", "loss", "config", "access", "codec", "scenario", "seed")
+    wanted = Wanted(**{name: getattr(arguments, name) for name in names})
+    found = what_if(arguments.recordings, wanted)
+    if arguments.json:
+        print(json.dumps(msgspec.to_builtins(found), ensure_ascii=False))
+    else:
+        print(as_text(found))
+    return EXIT_OK
 
 
 def _check(arguments: argparse.Namespace) -> int:

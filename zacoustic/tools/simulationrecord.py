@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from zacoustic.recording.recorder import EngineRecorder
-from zacoustic.recording.writing import RecordingFile
+from zacoustic.recording.writing import MessageSink, RecordingFile
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.testing.virtualclock import WALL_BEGINS_NS
 
@@ -14,11 +14,11 @@ class SimulationRecorder(EngineRecorder):
     """Records the engines of a virtual network, whose time began at `WALL_BEGINS_NS`.
 
     Args:
-        file: Takes what they do.
+        sink: Takes what they do.
     """
 
-    def __init__(self, file: RecordingFile) -> None:
-        super().__init__(file, self._offset)
+    def __init__(self, sink: MessageSink) -> None:
+        super().__init__(sink, self._offset)
         self.network: VirtualNetwork | None = None
         """The network; None as long as it is made."""
 
