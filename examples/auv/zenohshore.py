@@ -7,12 +7,14 @@ state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, q
 import json
 import os
 import queue
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 import zenoh
 
+from examples.auv.account import unaccounted
 from examples.auv.linkwatch import LinkWatch
 from examples.auv.messages import (
     GOTO,
@@ -33,6 +35,7 @@ from examples.auv.start import SHORE
 from zacoustic.gateway import read_marker
 
 CALL_LIMIT_S: Final = 100.0
+_ANSWERS_KEPT: Final = 256
 RESULT_LIMIT_S: Final = 3600.0
 Take = Callable[[dict[str, Any]], None]
 _ACTION: Final = f"{GOTO}/_action"
@@ -62,6 +65,10 @@ class ZenohShore(Carrier):
         self._shore = shore
         self._watch = LinkWatch() if watch is None else watch
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
+        self.published: Counter[str] = Counter()
+        """Samples that were put, by stream."""
+        self.answers: deque[Answer] = deque(maxlen=_ANSWERS_KEPT)
+        """Of the newest calls and goals."""
         self.goal_id: bytes | None = None
         """Of the goal that was sent last."""
         for topic in (NAV, STATUS, PHOTO, f"{_ACTION}/feedback"):
@@ -81,11 +88,12 @@ class ZenohShore(Carrier):
         name, said = topic, msgspec.to_builtins(value)
         if self._ros:
             name, said = name_in_ros(topic), to_ros(topic, said)
+        self.published[name] += 1
         self._session.put(name, to_cbor(said), encoding=CBOR)
 
     def call(self, service: str, value: msgspec.Struct) -> Answer:
         """Call a service of the vehicle."""
-        answer = Answer()
+        answer = self._new_answer()
 
         def answered(said: dict[str, Any]) -> None:
             answer.answered(msgspec.convert(said, Done))
@@ -95,7 +103,7 @@ class ZenohShore(Carrier):
 
     def send_goal(self, waypoint: Waypoint) -> Answer:
         """Send a way-point to the vehicle."""
-        answer = Answer()
+        answer = self._new_answer()
         goal_id = self.goal_id = os.urandom(16)
 
         def accepted(said: dict[str, Any]) -> None:
@@ -128,6 +136,15 @@ class ZenohShore(Carrier):
 
         question = {"goal_id": self.goal_id}
         self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, answered, answer)
+        return answer
+
+    def unaccounted(self) -> list[str]:
+        """Say what of the shore's orders has not ended; nothing: all has."""
+        return unaccounted(self.published, self.answers, self._watch.documents.get("streams"))
+
+    def _new_answer(self) -> Answer:
+        answer = Answer()
+        self.answers.append(answer)
         return answer
 
     def _ask(

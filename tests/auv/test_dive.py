@@ -6,9 +6,10 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
+from examples.auv.account import unaccounted
 from examples.auv.dive import DEPTH_WITHIN_M, REACHED_WITHIN_M, WAYPOINTS, Dive
 from examples.auv.messages import ARM, NAV, Arm, Hold, Mode, Nav
-from examples.auv.shore import Shore
+from examples.auv.shore import Answer, Shore
 from examples.auv.virtual import VirtualDive
 from zacoustic.core.streamspecs import TopicSpec
 
@@ -46,6 +47,24 @@ def test_vehicle_goes_up_when_the_shore_falls_silent() -> None:
     water.network.run(until_s=600.0)
     modes.append(water.craft.mode)
     assert modes == [Mode.HOLD, Mode.SURFACING, Mode.HOLD]
+
+
+def test_samples_that_have_not_ended_or_ended_twice_are_told_of() -> None:
+    def document(**counts: int) -> dict[str, object]:
+        return {"streams": [{"name": "a", **counts}, {"name": "b", "waiting": 0}]}
+
+    done, open_ = Answer(), Answer()
+    done.failed("")
+    assert unaccounted({}, [done], None) == []
+    assert unaccounted({"a": 3}, [], document(delivered=1, superseded=2, delivering=0)) == []
+    for counts in (
+        {"delivered": 2, "delivering": 1},
+        {"delivered": 2},
+        {"delivered": 3, "expired": 1},
+        {"delivered": 3, "delivering": 1},
+    ):
+        assert len(unaccounted({"a": 3}, [], document(**counts))) == 1, counts
+    assert len(unaccounted({"a": 1}, [open_, done], None)) == 2
 
 
 def nav(**changes: float) -> Nav:

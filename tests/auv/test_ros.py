@@ -207,3 +207,28 @@ def test_nodes_of_its_island_find_it_as_a_node() -> None:
                 await here.until(lambda: here.craft.controls.thrust_n == -31.0)
 
     run(look())
+
+
+@pytest.mark.usefixtures("capfd")
+def test_it_goes_up_when_its_gateway_has_lost_the_shore_and_waits_when_that_is_back() -> None:
+    def section(address: int) -> dict[str, Any]:
+        found = section_of(address)
+        found["nodes"][0] |= {"heartbeat_s": 1.0, "lost_after_s": 2.5}
+        return found
+
+    async def lose() -> None:
+        water, craft = Water(), Craft(START)
+        async with island(VEHICLE, water, section=section(VEHICLE)) as far:
+            with vehicle_at(far.port, craft):
+                async with island(SHORE, water, section=section(SHORE)) as near:
+                    with near.client() as session:
+                        carrier = ZenohShore(session, Shore(), ros=True)
+                        here = Dive(craft, carrier, far.port)
+                        await here.answered(carrier.call(ARM, Arm(True)))
+                        await here.answered(carrier.call(HOLD, Hold(True, 9.0, 0.0, 1.0)))
+                        assert craft.mode is Mode.HOLD
+                await here.until(lambda: craft.mode is Mode.SURFACING)
+                async with island(SHORE, water, section=section(SHORE)):
+                    await here.until(lambda: craft.mode is Mode.HOLD)
+
+    run(lose())

@@ -13,6 +13,9 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats
 
+_GIVE_WAY_PERIODS = 2
+"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
+
 
 class Transmitter:
     """Makes the transmissions of one engine.
@@ -105,6 +108,9 @@ class Transmitter:
             ),
         )
         self._next_transmission_id += 1
+        if composed.is_pressing:
+            until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
+            protocols.ranging.give_way(composed.destination, until)
         port.transmit(transmission, now)
         self._protocols.transmitted(transmission, composed, now)
         self._stats.frames_transmitted += 1

@@ -235,6 +235,10 @@ class Listening:
                 invited_at = max(invited_at or at, opens_at)
         return invited_at
 
+    def row_began_at(self, ended_at: int) -> int:
+        """Return when the first of the own frames began that ended then in a row, ns."""
+        return ended_at if self._burst_at is None else min(ended_at, self._burst_at)
+
     def next_invitation_at(self, now: int, not_before: int) -> int | None:
         """Return when to start, from `not_before` on, by what is known now; None: of nobody."""
         opens = [self._opens_at(each, not_before) for each in self._active(now)]

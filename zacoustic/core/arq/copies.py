@@ -62,5 +62,7 @@ def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) 
     """
     if priority not in MOST_COPIES or times.listening is None:
         return pause_ns
-    invited_at = times.listening.next_invitation_at(at, at + times.first_round_trip_ns)
+    # What has come of the first copy can be known by then, of the last maybe not.
+    since = times.listening.row_began_at(at)
+    invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
     return pause_ns if invited_at is None else min(pause_ns, invited_at - at)
