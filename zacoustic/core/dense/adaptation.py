@@ -11,7 +11,6 @@ the same whatever the distance, the way made is not. So distances of about the s
 time a distance occurs, its adaptation starts as a copy of the nearest that has learnt something.
 """
 
-from collections.abc import Callable
 from typing import Any, Final
 
 from zacoustic.core.dense.curve import SCALE_BITS
@@ -55,40 +54,26 @@ Manner = tuple[int, int, int, int]
 """
 
 
-Squares = tuple[list[int], list[int]]
-"""Weights of all quantities, packed, and their energies, see `leastsquares`."""
-
-
 class Adaptation:
     """What was learnt of samples at one distance from their reference.
 
-    Args:
-        squares: Gives the weights and energies.
+    Attributes:
+        weights: Of all quantities, packed, see `zacoustic.core.dense.leastsquares`.
+        energies: Of all quantities.
         manners: By column.
         widths: How much wider or narrower than its scale, 2**-8: for each column `SITUATIONS` of
             them.
     """
 
-    __slots__ = ("_give", "_squares", "manners", "widths")
+    __slots__ = ("energies", "manners", "weights", "widths")
 
     def __init__(
-        self, squares: Callable[[], Squares], manners: list[Manner], widths: list[int]
+        self, weights: list[int], energies: list[int], manners: list[Manner], widths: list[int]
     ) -> None:
-        self._give: Callable[[], Squares] | None = squares
-        self._squares: Squares = ([], [])
+        self.weights = weights
+        self.energies = energies
         self.manners = manners
         self.widths = widths
-
-    @property
-    def squares(self) -> Squares:
-        """Weights and energies.
-
-        Worked out when somebody asks, which is a quarter of all work with a sample: most samples
-        are never referred to.
-        """
-        if self._give is not None:
-            self._squares, self._give = self._give(), None
-        return self._squares
 
 
 def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
@@ -100,7 +85,8 @@ def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
     """
     scales = [min(_WIDEST_START, 1 + size // _START_PART) << SCALE_BITS for size in sizes]
     return Adaptation(
-        lambda: ([0] * quantities, [_START_ENERGY] * quantities),
+        weights=[0] * quantities,
+        energies=[_START_ENERGY] * quantities,
         manners=[(scale, scale, scale, _START_HOLD) for scale in scales],
         widths=[1 << WIDTH_BITS] * (SITUATIONS * len(sizes)),
     )

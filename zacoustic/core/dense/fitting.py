@@ -278,14 +278,15 @@ class _Mean:
         self.count += 1
         if self.count <= 0:
             return
-        weights, energies = adaptation.squares
-        for row, more in zip(self._weights, self._model.shape.unpacked(weights), strict=True):
+        for row, more in zip(
+            self._weights, self._model.shape.unpacked(adaptation.weights), strict=True
+        ):
             for place, weight in enumerate(more):
                 row[place] += weight
         scales, hold_misses, linear_misses, holds = (
             [manner[part] for manner in adaptation.manners] for part in range(4)
         )
-        lists = {"energies": energies, "widths": adaptation.widths, "holds": holds}
+        lists = {"energies": adaptation.energies, "widths": adaptation.widths, "holds": holds}
         for name, sums in self._sums.items():
             values = lists[name]
             self._sums[name] = (

@@ -158,16 +158,20 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
 
 def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]:
     """The adaptations to start with."""
-    return {int(place): _adaptation(learnt, model) for place, learnt in prior.learnt.items()}
-
-
-def _adaptation(learnt: Learnt, model: RowModel) -> Adaptation:
-    parts = (learnt.scales, learnt.hold_misses, learnt.linear_misses, learnt.holds)
-    return Adaptation(
-        lambda: (
-            model.shape.packed([list(row) for row in learnt.weights]),
-            list(learnt.energies),
-        ),
-        manners=list(zip(*parts, strict=True)),
-        widths=list(learnt.widths),
-    )
+    return {
+        int(place): Adaptation(
+            weights=model.shape.packed([list(row) for row in learnt.weights]),
+            energies=list(learnt.energies),
+            manners=list(
+                zip(
+                    learnt.scales,
+                    learnt.hold_misses,
+                    learnt.linear_misses,
+                    learnt.holds,
+                    strict=True,
+                )
+            ),
+            widths=list(learnt.widths),
+        )
+        for place, learnt in prior.learnt.items()
+    }

@@ -22,7 +22,6 @@ The quantities of `leastsquares`, in this order:
    of a type that has a heading, what `course` says.
 """
 
-from functools import partial
 from typing import Final
 
 from zacoustic.core.dense.adaptation import (
@@ -178,12 +177,11 @@ class RowModel:
             return found
         other = min(learnt, key=lambda known: (abs(known - place), known))
         start, end = self.priors[other], learnt[other]
-        weights, energies = prior.squares
-        moved = self.shape.carried_over(
-            weights, end.squares[0], start.squares[0], in_full=abs(other - place) == 1
-        )
         return Adaptation(
-            lambda: (moved, energies),
+            weights=self.shape.carried_over(
+                prior.weights, end.weights, start.weights, in_full=abs(other - place) == 1
+            ),
+            energies=prior.energies,
             manners=list(map(_in_proportion, prior.manners, end.manners, start.manners)),
             widths=end.widths,
         )
@@ -226,7 +224,7 @@ class RowModel:
         if steps != 1:
             trends = [way * steps for way in trends]
         manners, widths = before.manners[:], before.widths[:]
-        explained = Explained(self.shape, *before.squares)
+        explained = Explained(self.shape, before.weights, before.energies)
         linear = explained.add(self._known(old_row, trends, steps))
         course_before = self._course_before
         surprise = greatest = 0
@@ -326,7 +324,8 @@ class RowModel:
         greatest = max(greatest, surprise)
         if greatest > _TRUSTED_MISS:
             trust = max(trust * _TRUSTED_MISS**2 // greatest**2, _LEAST_TRUST)
-        return velocity, Adaptation(partial(explained.moved, trust), manners, widths)
+        weights, energies = explained.moved(trust)
+        return velocity, Adaptation(weights, energies, manners, widths)
 
     def _known(self, old_row: Row, trends: list[int], steps: int) -> list[int]:
         """The quantities that are known before the sample."""
