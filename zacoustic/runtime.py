@@ -48,6 +48,8 @@ SUBMIT_LIMIT: Final = 1024
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
 # each event with a command that makes the next one.
 _ROUNDS_LIMIT: Final = 1000
+_NO_WRITE: Final = 0
+"""Write id that no engine waits for."""
 # Expiries in a row after which the timer is due again at once. A sound engine has none.
 _STUCK_LIMIT: Final = 1000
 
@@ -187,6 +189,11 @@ class LinkRunner:
             return command(self.engine, self._instant())
         finally:
             self._guarded(self._service)
+
+    def keep(self, key: str, value: bytes | None) -> None:
+        """Write something down beside what the engine does, for the next life; None deletes it."""
+        if self._journal is not None:
+            self._journal.put(JournalWrite(write_id=_NO_WRITE, key=key, value=value))
 
     def submit(self, command: Command) -> bool:
         """Hand a command over from another thread; it runs on the loop soon.

@@ -17,12 +17,15 @@ def main() -> int:
     parser.add_argument(
         "--loss", type=_share, default=0.0, metavar="P", help="share of the frames that is lost"
     )
+    parser.add_argument(
+        "--ros", action="store_true", help="the vehicle is a node of ROS 2 on rmw_zenoh"
+    )
     parser.add_argument("--port", type=_port, default=8080, help="of the console's page (8080)")
     given = parser.parse_args()
     if given.headless:
         from examples.auv.headless import headless
 
-        return asyncio.run(headless(loss=given.loss))
+        return asyncio.run(headless(loss=given.loss, ros=given.ros))
     try:
         from examples.auv.console import run_console
     except ModuleNotFoundError as error:
@@ -31,7 +34,7 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    return run_console(port=given.port, loss=given.loss)
+    return run_console(port=given.port, loss=given.loss, ros=given.ros)
 
 
 def _share(text: str) -> float:

@@ -26,7 +26,7 @@ _PERIOD_S: Final = 0.2
 _HISTORY: Final = 60
 
 
-def run_console(*, port: int, loss: float) -> int:
+def run_console(*, port: int, loss: float, ros: bool = False) -> int:
     """Serve the page until it is interrupted; returns the exit code."""
     if (trouble := _why_not(port)) is not None:
         sys.stderr.write(f"{trouble}\n")
@@ -38,11 +38,12 @@ def run_console(*, port: int, loss: float) -> int:
     async def work() -> None:
         try:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="zacoustic-auv-"))
-            running = await stack.enter_async_context(expedition(Path(folder), _ignore, loss=loss))
+            under_way = expedition(Path(folder), _ignore, loss=loss, ros=ros)
+            running = await stack.enter_async_context(under_way)
             session = await asyncio.to_thread(open_session, running.shore_endpoint)
             stack.enter_context(session)
             print("the vehicle is in the water", flush=True)
-            await attend(desk, ZenohShore(session, desk.shore, desk.watch), running)
+            await attend(desk, ZenohShore(session, desk.shore, desk.watch, ros=ros), running)
         except ZacousticError as error:
             desk.trouble = str(error)
             sys.stderr.write(f"{error}\n")

@@ -143,7 +143,7 @@ class Desk:
     def photo(self) -> None:
         """Ask for a photo."""
         self._photos_asked += 1
-        order = self._call(TAKE_PHOTO, TakePhoto(self._photos_asked % 256), "photo")
+        order = self._call(TAKE_PHOTO, TakePhoto(self._photos_asked % 256), "take a photo")
         if order is not None:
             self._photos_awaited.append(order)
 

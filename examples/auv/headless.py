@@ -18,7 +18,7 @@ _PAUSE_S = 0.2
 _SHOWN = ("event", "lost", "status", "text", "service", "accepted", "reason")
 
 
-async def headless(*, loss: float = 0.0) -> int:
+async def headless(*, loss: float = 0.0, ros: bool = False) -> int:
     """Run the dive; returns the exit code."""
     begun = time.monotonic()
 
@@ -34,9 +34,9 @@ async def headless(*, loss: float = 0.0) -> int:
     shore = Shore()
     with tempfile.TemporaryDirectory(prefix="zacoustic-auv-") as folder:
         try:
-            async with expedition(Path(folder), told, loss=loss) as running:
+            async with expedition(Path(folder), told, loss=loss, ros=ros) as running:
                 with await asyncio.to_thread(open_session, running.shore_endpoint) as session:
-                    carrier = ZenohShore(session, shore)
+                    carrier = ZenohShore(session, shore, ros=ros)
                     dive = Dive(shore, carrier, note)
                     while not dive.is_over:
                         if running.failed.done():

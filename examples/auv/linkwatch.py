@@ -104,6 +104,12 @@ class LinkWatch:
         return found
 
     @property
+    def loss(self) -> float | None:
+        """Which share of the frames to the vehicle its modem has not confirmed; None: not known."""
+        found: float | None = self._peer.get("per")
+        return found
+
+    @property
     def propagation_s(self) -> float:
         """How long sound takes, as measured; else what the link reckons with."""
         measured = self.metrics.get("propagation_s")

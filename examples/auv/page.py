@@ -127,6 +127,7 @@ class Page:
             self._age = ui.label().classes("chip").mark("age")
             self._heard = ui.label().classes("chip").mark("heard")
             self._trouble = ui.label().classes("trouble")
+            self._notice = ui.label().classes("hint").mark("notice")
             ui.button("STOP", on_click=self._desk.stop, color="red").classes("stop text-h6")
 
     def _sea(self) -> None:
@@ -143,7 +144,9 @@ class Page:
                 self._attitude = ui.html(sanitize=False).classes("attitude").mark("attitude")
                 self._picture = ui.html(sanitize=False).classes("picture").mark("photo")
             self._bar = ui.html(sanitize=False)
-            self._photo_line = ui.label().classes("photo-line").mark("photo-line")
+            with ui.element("div").classes("photo-lines"):
+                self._photo_line = ui.label().mark("photo-line")
+                self._photo_progress = ui.label().mark("photo-progress")
             ui.label("Vehicle").classes("caption")
             self._values = ui.html(sanitize=False).mark("values")
 
@@ -245,10 +248,13 @@ class Page:
         is_lost = desk.watch.lost_since_unix_s is not None or link != "up"
         self._heard.classes(add="bad" if is_lost else "good", remove="good" if is_lost else "bad")
         self._trouble.set_text(desk.trouble)
+        is_starting = desk.carrier is None and not desk.trouble
+        self._notice.set_text("modems, gateways and vehicle start" if is_starting else "")
 
     def _show_photo(self) -> None:
         desk = self._desk
         self._photo_line.set_text(readout.photo_line(desk))
+        self._photo_progress.set_text(readout.photo_progress(desk))
         share = readout.photo_share(desk)
         bar = (
             "" if share is None else f'<div class="bar"><div style="width:{share:.0%}"></div></div>'

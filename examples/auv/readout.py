@@ -181,7 +181,8 @@ def link_lines(desk: Desk) -> list[Line]:
     share = watch.airtime_share(desk.now_s)
     if share is not None:
         found.append(Line("own airtime", f"{share:.0%} of a minute"))
-    frames = f"{link['frames_transmitted']} sent, {link['frames_received']} heard"
+    lost = "" if watch.loss is None else f", {watch.loss:.0%} of ours lost"
+    frames = f"{link['frames_transmitted']} sent, {link['frames_received']} heard{lost}"
     found.append(Line("frames", frames))
     return found
 
@@ -209,19 +210,25 @@ def water_lines(desk: Desk) -> list[Line]:
 
 
 def photo_line(desk: Desk) -> str:
-    """Say where the photo is."""
-    lines = []
-    for each in desk.watch.arriving(desk.now_s):
-        if each.total_bytes is None:
-            lines.append(f"a photo begins: {each.done_bytes} bytes")
-            continue
-        left = "" if each.left_s is None else f", about {ago(each.left_s)} left"
-        lines.append(f"{each.done_bytes / 1000:.1f} of {each.total_bytes / 1000:.1f} kB{left}")
-    if not lines and desk.shore.photos:
-        lines.append(f"came {ago(desk.now_s - desk.shore.photo_came_at_s)} ago")
-        if desk.photo_asked_at_s is not None:
-            lines.append(f"asked for {ago(desk.now_s - desk.photo_asked_at_s)} ago")
-    return ", ".join(lines)
+    """Say how old the photo is that is shown."""
+    if not desk.shore.photos:
+        return ""
+    came = f"came {ago(desk.now_s - desk.shore.photo_came_at_s)} ago"
+    if desk.photo_asked_at_s is None:
+        return came
+    return f"{came}, asked for {ago(desk.now_s - desk.photo_asked_at_s)} ago"
+
+
+def photo_progress(desk: Desk) -> str:
+    """Say how much of the next photo is here; empty: none is on its way."""
+    arriving = desk.watch.arriving(desk.now_s)
+    if not arriving:
+        return ""
+    first = arriving[0]
+    if first.total_bytes is None:
+        return f"{first.done_bytes} bytes of the next"
+    left = "" if first.left_s is None else f", about {ago(first.left_s)} left"
+    return f"{first.done_bytes / 1000:.1f} of {first.total_bytes / 1000:.1f} kB{left}"
 
 
 def photo_share(desk: Desk) -> float | None:

@@ -26,6 +26,7 @@ from examples.auv.messages import (
     Status,
     Waypoint,
 )
+from examples.auv.roswords import from_ros, name_in_ros, to_ros
 from examples.auv.session import CBOR, from_cbor, to_cbor
 from examples.auv.shore import Answer, Carrier, Shore
 from examples.auv.start import SHORE
@@ -45,12 +46,19 @@ class ZenohShore(Carrier):
         session: Zenoh's.
         shore: What is known of the vehicle.
         watch: Keeps what the gateway tells.
+        ros: The table is that of `fleet_ros.json5`.
     """
 
     def __init__(
-        self, session: zenoh.Session, shore: Shore, watch: LinkWatch | None = None
+        self,
+        session: zenoh.Session,
+        shore: Shore,
+        watch: LinkWatch | None = None,
+        *,
+        ros: bool = False,
     ) -> None:
         self._session = session
+        self._ros = ros
         self._shore = shore
         self._watch = LinkWatch() if watch is None else watch
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
@@ -70,7 +78,10 @@ class ZenohShore(Carrier):
 
     def put(self, topic: str, value: msgspec.Struct) -> None:
         """Publish."""
-        self._session.put(topic, to_cbor(value), encoding=CBOR)
+        name, said = topic, msgspec.to_builtins(value)
+        if self._ros:
+            name, said = name_in_ros(topic), to_ros(topic, said)
+        self._session.put(name, to_cbor(said), encoding=CBOR)
 
     def call(self, service: str, value: msgspec.Struct) -> Answer:
         """Call a service of the vehicle."""
@@ -148,17 +159,19 @@ class ZenohShore(Carrier):
 
         def take(now_s: float) -> None:
             shore, way_s = self._shore, self._watch.way_s
+            said: Any = payload.to_bytes()
+            if self._ros or topic != PHOTO:
+                said = from_cbor(payload)
+            if self._ros:
+                said = from_ros(topic, said)
             if topic == PHOTO:
-                shore.hear(topic, payload.to_bytes(), now_s)
+                shore.hear(topic, said, now_s)
             elif topic == NAV:
-                nav = msgspec.convert(from_cbor(payload), Nav)
-                shore.hear(topic, nav, now_s, age_s, way_s)
+                shore.hear(topic, msgspec.convert(said, Nav), now_s, age_s, way_s)
             elif topic == STATUS:
-                status = msgspec.convert(from_cbor(payload), Status)
-                shore.hear(topic, status, now_s, age_s, way_s)
+                shore.hear(topic, msgspec.convert(said, Status), now_s, age_s, way_s)
             else:
-                said = from_cbor(payload)["feedback"]
-                shore.progress = msgspec.convert(said, Progress)
+                shore.progress = msgspec.convert(said["feedback"], Progress)
 
         self._came.put(take)
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from examples.auv.__main__ import main
+from examples.auv.desk import Desk
 from examples.auv.fates import Fate
 from examples.auv.messages import (
     ARM,
@@ -23,6 +24,7 @@ from examples.auv.messages import (
     THRUST,
     Setpoint,
 )
+from examples.auv.shore import Shore
 from tests.auv.desks import Clock, desk_at, nav, topics
 
 ROOT = Path(__file__).parents[2]
@@ -89,6 +91,31 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
             assert await until(lambda: topics(carrier).count(STOP) == 2)
             pages[0].refresh()
             await user.should_see("STOP")
+
+    asyncio.run(visit())
+
+
+def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
+    pytest.importorskip("nicegui")
+    from nicegui.testing.user_simulation import user_simulation
+
+    from examples.auv.page import Page
+
+    desk = Desk(Shore(), Clock())
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        def root() -> None:
+            pages.append(Page(desk))
+
+        async with user_simulation(root) as user:
+            await user.open("/")
+            await user.should_see("vehicle start")
+            user.find("STOP").click()  # there is nothing to be stopped, and nothing fails
+            desk.trouble = "gateway 1 ended with code 1"
+            pages[0].refresh()
+            await user.should_see("gateway 1 ended")
+            await user.should_not_see("vehicle start")
 
     asyncio.run(visit())
 

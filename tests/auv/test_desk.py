@@ -230,13 +230,15 @@ def test_a_photo_is_followed_from_the_order_to_the_picture() -> None:
         desk.watch.take("objects", objects(1000 * step), clock.now_s)
         clock.now_s += 10
     assert readout.photo_share(desk) == pytest.approx(0.4)
-    assert readout.photo_line(desk) == "4.0 of 10.0 kB, about 1 min 15 s left"
+    assert readout.photo_progress(desk) == "4.0 of 10.0 kB, about 1 min 15 s left"
+    assert readout.photo_line(desk) == ""
     assert any(each.name == "photo" for each in readout.water_lines(desk))
     desk.watch.take("objects", {"receiving": []}, clock.now_s)
     desk.shore.hear(PHOTO, b"picture", clock.now_s)
     desk.tick()
     clock.now_s += 5
     assert readout.photo_line(desk) == "came 5 s ago, asked for 55 s ago"
+    assert readout.photo_progress(desk) == ""
     # Two are asked for: nobody can tell which one the next is.
     for _ in range(2):
         desk.photo()

@@ -65,7 +65,7 @@ def test_shore_predicts_the_vehicle_and_grows_uncertain() -> None:
     assert estimate.age_s == pytest.approx(10.0)
     assert estimate.east == pytest.approx(15.0)
     assert estimate.north == pytest.approx(0.0, abs=1e-9)
-    assert estimate.sigma > 3.0
+    assert estimate.sigma > 4 * nav().sigma  # test_prediction.py says how much it should be
     turning = Shore()
     turning.hear(NAV, nav(turn=4.5), 0.0, age_s=-1.5)  # made at 0
     half = turning.estimate(40.0)  # half a circle to starboard
@@ -88,3 +88,19 @@ def test_nothing_is_more_urgent_than_stop() -> None:
     stop = table.by_name("auv1/stop")
     assert isinstance(stop.spec, TopicSpec)
     assert stop.qos.priority.value == min(each.qos.priority.value for each in table)
+
+
+def test_the_modem_of_the_vehicle_moves_with_it() -> None:
+    water = VirtualDive(seed=2)
+    water.network.run(until_s=20.0)
+    water.call(ARM, Arm(True))
+    water.network.run(until_s=40.0)
+    water.call("auv1/hold", Hold(True, 15.0, 90.0, 2.0))  # towards the shore
+    water.network.run(until_s=200.0)
+    place = water.craft.motion
+    away_m = math.dist((place.east_m, place.north_m, place.depth_m), (1500.0, 0.0, 10.0))
+    assert away_m < 1300.0
+    measured = water.network.engine(1).measurements.range(2)
+    assert measured is not None
+    age_s = water.now_s - measured.measured_at / 1e9
+    assert abs(measured.propagation_s * 1500.0 - away_m) < 5.0 + 2.2 * age_s

@@ -28,7 +28,7 @@ def test_the_vehicle_is_where_the_rings_say_whatever_the_age_of_the_report(
     """Two standard deviations in the plane promise 86 %, at every age; and they are not idle."""
     inside: dict[int, list[bool]] = defaultdict(list)
     share_of_ring: list[float] = []
-    for seed in range(count(300)):
+    for seed in range(count(200)):
         for age_s, off_m, sigma_m in dive_and_predict(seed, loss):
             inside[int(age_s // 6)].append(off_m <= 2 * sigma_m)
             share_of_ring.append(off_m / sigma_m)

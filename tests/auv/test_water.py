@@ -71,13 +71,14 @@ def test_the_link_is_told_with_the_age_of_each_measurement() -> None:
     watch = desk.watch
     watch.take("link", LINK, clock.now_s)
     metrics = {"received_level_db": -96.0, "integrity": 143.0, "snr_db": None}
-    peer = {"heard_at_unix_s": UNIX_S + 98.0, "metrics": metrics}
+    peer = {"heard_at_unix_s": UNIX_S + 98.0, "metrics": metrics, "per": 0.25}
     watch.take("peers", {"2": peer}, clock.now_s)
     measured = {"range_m": 1500.3, "propagation_s": 1.0, "measured_at_unix_s": UNIX_S + 70.0}
     watch.take("peer/2/range", measured, clock.now_s)
     lines = {each.name: each for each in readout.link_lines(desk)}
     assert (lines["range"].text, lines["range"].age_s) == ("1500 m, 1.00 s", 30.0)
     assert (lines["signal"].text, lines["signal"].age_s) == ("-96 dB, integrity 143", 2.0)
+    assert lines["frames"].text == "3 sent, 9 heard, 25% of ours lost"
     assert "own airtime" not in lines  # too early to tell
     clock.now_s += 60.0
     watch.take("link", LINK | {"airtime_s": 6.0, "state": "down"}, clock.now_s)

@@ -184,7 +184,8 @@ def _read(process: "subprocess.Popen[str]", said: list[str], spoken: threading.S
 
 
 def _serves(words: list[str]) -> bool:
-    return words[0] == "zacoustic" and words[1] in SERVING and "--help" not in words
+    ends = {"--help", "--once"} & set(words)
+    return words[0] == "zacoustic" and words[1] in SERVING and not ends
 
 
 def _program(words: list[str]) -> list[str]:
@@ -200,7 +201,9 @@ def _program(words: list[str]) -> list[str]:
 def _environment() -> dict[str, str]:
     scripts = Path(sys.executable).parent
     path = f"{scripts}{os.pathsep}{os.environ.get('PATH', '')}"
-    return {**os.environ, "PATH": path, "PYTHONUNBUFFERED": "1"}
+    # NiceGUI takes a program that pytest has started for a test of its own.
+    ours = {name: text for name, text in os.environ.items() if "PYTEST" not in name}
+    return {**ours, "PATH": path, "PYTHONUNBUFFERED": "1"}
 
 
 def _check_target(target: str) -> None:

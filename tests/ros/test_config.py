@@ -66,7 +66,6 @@ def test_what_a_stream_is_in_ros_follows_from_its_table() -> None:
     assert config.ros is not None
     chat, fix, arm, fibonacci = (config.ros.streams[number] for number in (1, 2, 3, 4))
     assert isinstance(chat, RosTopic)
-    assert chat.is_latched
     assert (chat.qos.reliability, chat.qos.durability, chat.qos.depth) == (
         RosReliability.RELIABLE,
         RosDurability.TRANSIENT_LOCAL,
@@ -101,7 +100,10 @@ def test_ros_does_not_change_what_crosses() -> None:
             r'ros\.stamp: "drop"; allowed: exact: std_msgs/msg/String has no header',
         ),
         (topic(topic="/a/*"), r"topic: \"/a/\*\"; allowed: a ROS name"),
-        (topic(durability="for_ever"), 'durability: "for_ever"; allowed: volatile'),
+        (
+            topic(durability="for_ever"),
+            'durability: "for_ever"; allowed: volatile, transient_local',
+        ),
         (
             topic(topic="/a/{b}", wildcards=[{"name": "b", "values": ["c"]}]),
             r"wildcards: with ros; allowed: \{node\} alone",

@@ -37,6 +37,13 @@ DOCUMENTS: Final[dict[str, Any]] = {
                 "receiving": [], "ended": [{"source": 1, "transfer": 3, "stream": "auv1/plan",
                                             "done_bytes": 900, "total_bytes": 900,
                                             "outcome": "delivered"}]},
+    "water": {
+        "transmitting": {"way": "out", "peer": 1, "bytes": 24, "streams": ["auv1/nav"],
+                         "begun_unix_s": 999.9, "airtime_s": 0.31, "outcome": ""},
+        "last": [{"way": "in", "peer": 1, "bytes": 7, "streams": [], "begun_unix_s": 940.0,
+                  "airtime_s": 0.2, "outcome": ""},
+                 {"way": "out", "peer": None, "bytes": 33, "streams": ["auv1/nav", "auv1/photo"],
+                  "begun_unix_s": 990.0, "airtime_s": 0.4, "outcome": "not_delivered"}]},
     "journal": {"kept": True, "failure": ""},
     "modem": {"firmware": "1.9", "battery_v": 24.1},
     "dropped": {"water": {"check": 2, "unconfirmed": 1}},

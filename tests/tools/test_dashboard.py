@@ -20,7 +20,7 @@ from zacoustic.tools.watch.drawing import (
 )
 from zacoustic.tools.watch.history import SPAN_S, STEP_S, History, Point
 from zacoustic.tools.watch.lookout import Lookout
-from zacoustic.tools.watch.page import Page, peer_row, stream_row
+from zacoustic.tools.watch.page import Page, frame_rows, peer_row, stream_row
 
 
 def lookout(node: int | None = None) -> Lookout:
@@ -112,6 +112,16 @@ def test_rows_say_what_is_wrong() -> None:
     shore, buoy = (peer_row(each) for each in view.peers)
     assert (shore["lost"], shore["range"]) == ("25.0 % of 8 !", "1512 m, 3 min ago")
     assert (buoy["heard"], buoy["trouble"]) == ("never", "LOST, another table")
+
+
+def test_frames_are_told_the_newest_first_below_what_is_being_sent() -> None:
+    rows = frame_rows(full_view())
+    assert [(row["what"], row["outcome"], row["ago"]) for row in rows] == [
+        ("→ 1: auv1/nav", "being sent", "0.1 s ago"),
+        ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s ago"),
+        ("← 1: acknowledgements and the like", "", "60 s ago"),
+    ]
+    assert frame_rows(full_view(water={})) == []
 
 
 def test_texts_of_the_network_are_no_html() -> None:

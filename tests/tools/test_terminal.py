@@ -29,9 +29,10 @@ def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:
     text = drawn()
     assert " 2 auv1 " in text
     assert "link up   evologics/tcp:h:9200 · native · 1.9 · 64 B at 976 bit/s · 24.1 V" in text
-    assert "frames 40 sent, 30 heard, 2 damaged   2 waiting   journal kept, runs 15 min" in text
+    assert "frames 40 sent, 30 heard, 2 damaged   2 waiting   sending 24 B → 1: auv1/nav" in text
+    assert "journal kept, runs 15 min" in " ".join(text.split())
     assert "10.0 % of the last 15 min" in text
-    assert line_with(text, "auv1/nav") == ["10", "auv1/nav", "20", "3.0", "s", "2/min", "2",
+    assert line_with(text, "10   auv1/nav") == ["10", "auv1/nav", "20", "3.0", "s", "2/min", "2",
                                            "92.3", "%"]  # fmt: skip
     cmd = line_with(text, "auv1/cmd")
     assert cmd[2:] == ["3", "60", "s", "1/min", "62", "s", "late", "4", "times"]
@@ -45,6 +46,12 @@ def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:
     assert line_with(text, "payload")[:4] == ["payload", "62.3", "69.2", "%"]
     assert "auv1/photo to 1: 5000 B of 20.0 kB there, 8000 B sent" in text
     assert "auv1/plan from 1: delivered, 900 B" in text
+    assert "sending 24 B → 1: auv1/nav" in text
+    frames = text[text.index("last frames") :]
+    assert " ".join(line_with(frames, "auv1/photo")) == (
+        "→ all: auv1/nav, auv1/photo 33 0.40 s 10 s not delivered"
+    )
+    assert frames.index("→ all") < frames.index("← 1: acknowledgements")
     lost, up = text.index("lost 3 buoy"), text.index("link up", text.index("lost 3 buoy"))
     assert lost < up
     assert "dropped off the water: 2 check, 1 unconfirmed" in text

@@ -38,11 +38,18 @@ from zacoustic.command import (
 from zacoustic.errors import ConfigError, ZacousticError
 
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "plan", "links", "pub", "sub", "call", "action", "ping", "topics",
-    "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record", "replay",
-    "report", "init", "schema", "fit", "bench",
+    "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record",
+    "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
+
+_EXTRAS: Final = {
+    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
+    "prometheus_client": "metrics", "rich": "terminal", "rosbags": "ros", "shtab": "completion",
+    "xxhash": "ros",
+}  # fmt: skip
+"""Which extra brings a module that may be absent."""
 
 _EXAMPLE: Final = """example:
   zacoustic demo                     two islands joined through simulated water
@@ -78,8 +85,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "zacoustic").startswith("zacoustic"):
             raise
-        hint = "pip install 'zacoustic[terminal]' brings what the live views need"
-        return _complain(program, f"needs {error.name}, which is not installed ({hint})")
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        what = error.name if extra is None else f"'zacoustic[{extra}]'"
+        absent = f"needs {error.name}, which is not installed (pip install {what})"
+        return _complain(program, absent)
     except ConfigError as error:
         return _complain(program, error, EXIT_USAGE)
     except TimeoutError as error:
@@ -103,6 +112,23 @@ def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
     verbs = _verbs(_path(arguments))
     parsed = _parser(verbs).parse_args(arguments)
     return verbs[parsed.verb], parsed
+
+
+def complete_parser() -> argparse.ArgumentParser:
+    """Return a parser with all verbs and all sub-verbs; those that cannot be imported stay out."""
+    from zacoustic import registry
+
+    verbs: dict[str, Command] = {name: _built_in(name) for name in BUILT_IN}
+    usable = {
+        name: command
+        for name, command in registry.commands().items()
+        if not isinstance(command, registry.UnavailableCommand)
+    }
+    for name in sorted({name.partition(".")[0] for name in usable}):
+        below = _sub_verbs(name, usable)
+        members = {sub_verb: usable[full] for sub_verb, full in below.items()}
+        verbs[name] = CommandGroup(name, members, tuple(below)) if below else usable[name]
+    return _parser(verbs)
 
 
 class Parser(argparse.ArgumentParser):

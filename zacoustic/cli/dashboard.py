@@ -3,14 +3,10 @@
 import argparse
 import contextlib
 import json
-from typing import TYPE_CHECKING
 
 from zacoustic.cli.topics import add_watch_arguments, read_watch
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.serving import parse_place, place_name
-
-if TYPE_CHECKING:
-    from zacoustic.tools.watch.watching import Watch
 
 _EXAMPLE = """It shows what zacoustic monitor shows, and needs no internet. Whoever reaches the
 place can look at it: there is no password. Nothing of it costs anything on the water. Ctrl-C ends
@@ -44,20 +40,24 @@ class DashboardCommand(Command):
             ConfigError: An argument or the file is wrong.
             LinkOpenError: The place cannot be listened at.
         """
-        from zacoustic.tools.watch.lookout import Lookout
-        from zacoustic.tools.watch.serving import free_place, serve
-        from zacoustic.tools.watch.watching import Watch
-
-        host, port = parse_place(arguments.listen)
-        port = free_place(host, port)
-        config = read_watch(arguments)
-
-        def make() -> "Watch":
-            return Watch(config, arguments.connect)
-
-        where = ", ".join(arguments.connect or [arguments.config or "this network"])
-        url = f"http://{place_name(host, port)}"
-        print(json.dumps({"url": url}) if arguments.json else f"page      {url}", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            serve(Lookout(make, where, arguments.node), host, port)
+            _serve(arguments)
         return EXIT_OK
+
+
+def _serve(arguments: argparse.Namespace) -> None:
+    from zacoustic.tools.watch.lookout import Lookout
+    from zacoustic.tools.watch.serving import free_place, serve
+    from zacoustic.tools.watch.watching import Watch
+
+    host, port = parse_place(arguments.listen)
+    port = free_place(host, port)
+    config = read_watch(arguments)
+
+    def make() -> Watch:
+        return Watch(config, arguments.connect)
+
+    where = ", ".join(arguments.connect or [arguments.config or "this network"])
+    url = f"http://{place_name(host, port)}"
+    print(json.dumps({"url": url}) if arguments.json else f"page      {url}", flush=True)
+    serve(Lookout(make, where, arguments.node), host, port)

@@ -132,13 +132,6 @@ class RosReader:
         written: dict[str, Any] = dict(place.written)
         name = written.get("type")
         is_ros = written.pop("ros", None) is not None
-        durability = written.get("durability")
-        if durability == _TRANSIENT_LOCAL and not is_ros:
-            place.at("durability").complain(
-                f'"{_TRANSIENT_LOCAL}" of a topic without ros',
-                allowed='"volatile"',
-                hint="a get on its key is answered from the last value in any case",
-            )
         if self._is_interface(name):
             written |= self._typed(place, kind, name)
         elif is_ros:
@@ -293,8 +286,6 @@ class RosReader:
                 qos=_qos(place.written),
             )
             self.streams[identity] = topic
-            if topic.is_latched:
-                changed["durability"] = "volatile"  # late joiners are no matter of the water
             if stamp == Stamp.AGE.value:
                 changed["stamp"] = stamp
             return changed

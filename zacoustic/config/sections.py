@@ -83,7 +83,7 @@ ALLOWED: Final = {
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
     "model": "a file that `zacoustic fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
-    "durability": '"volatile", with ros "transient_local"',
+    "durability": '"volatile", "transient_local"',
     "codec": '"cbor", "packed", for topics "dense"',
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",

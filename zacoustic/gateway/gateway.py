@@ -13,7 +13,6 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 """
 
 import asyncio
-import json
 import logging
 import time
 from collections.abc import Callable, Sequence
@@ -34,6 +33,7 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.island.latching import stamp_samples
 from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
@@ -145,7 +145,7 @@ class Gateway:
             if self._record is not None:
                 await self._open_recording(self._record)
             if self.config.ros is not None:
-                _stamp_samples(self._zenoh_config)
+                stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
@@ -304,13 +304,6 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
-
-
-def _stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file says something of it: caches need that."""
-    if json.loads(settings.get_json("timestamping/enabled")) is None:
-        everywhere = {"router": True, "peer": True, "client": True}
-        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
 def _locator(config: Config) -> str:

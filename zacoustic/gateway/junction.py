@@ -31,6 +31,7 @@ from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.framefeed import FrameFeed
 from zacoustic.gateway.health import Counts, Health
+from zacoustic.gateway.kept import KeptSamples
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.onlookers import Onlookers
@@ -140,7 +141,13 @@ class Junction:
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
         self._dialects = dialects(island, self._complaints, ring)
         self._topics = Topics(
-            table, self.siblings, self._complaints, self._dialects, clock=clock, ring=ring
+            table,
+            self.siblings,
+            self._complaints,
+            self._dialects,
+            KeptSamples(self.runner.keep, clock=clock, wall_clock=time.time_ns),
+            clock=clock,
+            ring=ring,
         )
         self._services = Services(
             table, island, self._complaints, self._dialects, clock=clock, ring=ring
@@ -211,6 +218,7 @@ class Junction:
             self.siblings.update(address, is_alive=True)
         await self._dialects.open()
         await self.runner.start()
+        self._topics.recover(self.runner.engine.stored)
         for address, every_s in self._ranges.items():
             self.runner.apply(partial(_repeat_range, address, every_s))
         self._routes.reconcile()

@@ -389,7 +389,7 @@ class LinkCarrier:
             await recording.close()
 
     def _trace(self, record: TraceRecord) -> None:
-        if record.what == "report":
+        if record.what in ("report", "receive"):  # the end of a frame, or an acknowledgement
             self._progress.set()
 
     def _is_flushed(self) -> bool:

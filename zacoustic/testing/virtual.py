@@ -32,6 +32,7 @@ from typing import Final, TypeVar
 import msgspec
 
 from zacoustic.channel.medium import Medium
+from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
@@ -304,6 +305,10 @@ class VirtualNetwork:
         else:
             node.engine.handle_link_state(LinkState.DOWN, node.clock.local(self.now))
             self._service(node)
+
+    def move(self, address: int, position: Position) -> None:
+        """Tell where a node is from now on: x east, y north, z down, m."""
+        self._water.move(address, position)
 
     def tell_clock(self, address: int) -> None:
         """Tell an engine what its node believes of the wall clock; no effect if it is down."""

@@ -235,6 +235,12 @@ class Listening:
                 invited_at = max(invited_at or at, opens_at)
         return invited_at
 
+    def next_invitation_at(self, now: int, not_before: int) -> int | None:
+        """Return when to start, from `not_before` on, by what is known now; None: of nobody."""
+        opens = [self._opens_at(each, not_before) for each in self._active(now)]
+        last_ns, period_ns = self._last_ns, self.period_ns
+        return max((at + (not_before > at + last_ns) * period_ns for at in opens), default=None)
+
     def is_heard_out(self, at: int) -> bool:
         """Tell whether what was sent last went into a pause, and a short frame may follow there."""
         first_at = self._burst_at

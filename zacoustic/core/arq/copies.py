@@ -42,6 +42,15 @@ def is_emergency(priority: Priority, tries: int) -> bool:
     return priority is Priority.REAL_TIME and tries < MOST_COPIES[priority]
 
 
+def is_doubled(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes twice: it was not answered before.
+
+    Frames are lost, or meet what the other end says at the same time. Whoever acknowledges waits
+    for as long as the second copy needs to begin; so again this is not for requests.
+    """
+    return priority in MOST_COPIES and tries > 1
+
+
 def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) -> int:
     """Return a pause before a repetition, or how long it is to the next pause of the others, ns.
 
@@ -53,5 +62,5 @@ def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) 
     """
     if priority not in MOST_COPIES or times.listening is None:
         return pause_ns
-    invited_at = times.listening.invited_at(at + times.first_round_trip_ns)
+    invited_at = times.listening.next_invitation_at(at, at + times.first_round_trip_ns)
     return pause_ns if invited_at is None else min(pause_ns, invited_at - at)

@@ -8,7 +8,7 @@ a sample of it does not wait for as long as others have decided to leave the nod
 import random
 from typing import Final
 
-from zacoustic.core.arq.copies import follow, is_emergency, shorten_pause
+from zacoustic.core.arq.copies import follow, is_doubled, is_emergency, shorten_pause
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
@@ -126,7 +126,7 @@ class Pacing:
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
         assert self.times is not None
-        sample.follows = False
+        was_copy, sample.follows = sample.follows, False
         was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
         if was_sent and lane.rhythm_is_known(sample):
             # If it was lost it is asked for; if it is the last one, the next one is asked for.
@@ -137,6 +137,8 @@ class Pacing:
             at = report.finished_at
             sample.follows = follow(sample.waiting, priority, self.times, at)
             sample.follows |= is_emergency(priority, sample.tries)
+            if not was_copy and not self.is_doubtful(lane, sample):
+                sample.follows |= is_doubled(priority, sample.tries)
             if sample.follows:
                 return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)

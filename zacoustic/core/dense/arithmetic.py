@@ -213,11 +213,12 @@ class Reader:
     def flag(self, probability: int, value: bool = False) -> bool:
         """Read a flag that is set with `probability`."""
         split = probability << _FLAG_SHIFT
-        if self._value < (self._width >> TOTAL_BITS) * split:
+        is_set = self._value < (self._width >> TOTAL_BITS) * split
+        if is_set:
             self._narrow(0, split)
-            return True
-        self._narrow(split, TOTAL - split)
-        return False
+        else:
+            self._narrow(split, TOTAL - split)
+        return is_set
 
     def uniform(self, size: int, value: int = 0) -> int:
         """Read one of `size` equally likely values."""
@@ -340,4 +341,7 @@ class Reader:
 
 
 Coder = Writer | Reader
-"""What models are written for: both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number`, `near`."""
+"""What models are written for.
+
+Both have `flag`, `uniform`, `raw`, `choice`, `pick`, `number` and `near`.
+"""

@@ -166,11 +166,7 @@ def span(size: int, center: int, scale: int, held: int, hold: int, value: int) -
 def find(
     size: int, center: int, scale: int, held: int, hold: int, share: int
 ) -> tuple[int, int, int]:
-    """Find the value of a `Curve` that a share belongs to.
-
-    Args:
-        size, center, scale, held, hold: As of the curve.
-        share: 0…2**28-1.
+    """Find the value of a `Curve` that a share, 0…2**28-1, belongs to.
 
     Returns:
         The value, the sum below it, and the sum up to it.

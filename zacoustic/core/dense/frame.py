@@ -79,6 +79,8 @@ class Encoded(msgspec.Struct, frozen=True):
     """What it refers to; None: it stands for itself."""
     long_name: bool = False
     """Whether by the long name."""
+    is_mistaken: bool = False
+    """Whether it has another frame's name in either form."""
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -179,7 +181,7 @@ class DenseCodec:
             stream_id = self._ids[reader.uniform(len(self._ids))]
             value, state = self.streams[stream_id].read(reader, None, 1, page.beside)
             page.add(stream_id, state, 0)
-            page.habits.learn([stream_id])
+            page.habits.learn(stream_id)
             samples.append((stream_id, value))
         else:
             for stream_id in page.habits.code_streams(reader, []):
@@ -272,7 +274,7 @@ class DenseCodec:
         page.add(
             sample.stream_id, codec.write(writer, parts, None, 1, page.beside), sample.tick or 0
         )
-        page.habits.learn([sample.stream_id])
+        page.habits.learn(sample.stream_id)
         return aim.finish(writer, page, self._root.check, 1)
 
 
@@ -298,16 +300,15 @@ class _Aim:
     def finish(self, writer: Writer, page: "_Page", check: int, taken: int) -> Encoded:
         """End a frame in the one or the other form."""
         mark = writer.mark()
-        writer.flag(_OTHER, False)
-        encoded = self._encoded(writer.finish(1, check), page, taken)
-        if self.is_mistaken is None or not self.is_mistaken(encoded):
-            return encoded
-        writer.rewind(mark)
-        writer.flag(_OTHER, True)
-        return self._encoded(writer.finish(1, check), page, taken)
-
-    def _encoded(self, frame: bytes, page: "_Page", taken: int) -> Encoded:
-        return Encoded(frame, taken, page.snapshot(frame), self.reference, self.long_name)
+        for is_other in (False, True):
+            writer.flag(_OTHER, is_other)
+            frame = writer.finish(1, check)
+            snapshot = page.snapshot(frame)
+            encoded = Encoded(frame, taken, snapshot, self.reference, self.long_name)
+            if self.is_mistaken is None or not self.is_mistaken(encoded):
+                return encoded
+            writer.rewind(mark)
+        return msgspec.structs.replace(encoded, is_mistaken=True)
 
 
 class _Page:

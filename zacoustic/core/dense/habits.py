@@ -109,24 +109,27 @@ class Habits:
     def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
         """Write or read which streams there are; learns it."""
         ids = list(self._streams)
+        places: tuple[int, ...]
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
-            found = [ids[coder.pick(_ends(self.present), place)]]
+            places = (coder.pick(_ends(self.present), place),)
         else:
             flag = coder.flag
-            found = [
-                stream_id
-                for stream_id, present in zip(ids, self.present, strict=True)
-                if flag(present, stream_id in streams)
-            ]
-        self.learn(found)
-        return found
+            places = tuple(
+                place
+                for place, present in enumerate(self.present)
+                if flag(present, ids[place] in streams)
+            )
+        self._learn(places)
+        return [ids[place] for place in places]
 
-    def learn(self, streams: list[int]) -> None:
-        """Learn which streams a frame had."""
-        self.single = _followed(self.single, len(streams) == 1)
-        ids = list(self._streams)
-        self.present = _present_after(self.present, tuple(map(ids.index, streams)))
+    def learn(self, stream_id: int) -> None:
+        """Learn that a frame had one stream."""
+        self._learn((list(self._streams).index(stream_id),))
+
+    def _learn(self, places: tuple[int, ...]) -> None:
+        self.single = _followed(self.single, len(places) == 1)
+        self.present = _present_after(self.present, places)
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:

@@ -10,6 +10,7 @@ A column that is not there in a sample (the value of a missing optional) is None
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
@@ -147,14 +148,25 @@ class _Fields(_Part):
             part = _of_field(layout, type_spec, field, f"{path}{field.name}", guard)
             self._parts.append((field.name, part))
             place += 1
+        # Most fields are plain numbers, and most types of nothing else: no call for each of them.
+        self._numbers = [
+            (name, part.place, part.index, part.value)
+            for name, part in self._parts
+            if isinstance(part, _Number)
+        ]
+        self._others = [each for each in self._parts if not isinstance(each[1], _Number)]
 
     def split(self, value: dict[str, Any], row: Row, rest: list[Any]) -> None:
-        for name, part in self._parts:
+        for name, place, index, _ in self._numbers:
+            row[place] = index(value[name])
+        for name, part in self._others:
             part.split(value[name], row, rest)
         for names, quaternion in self._quaternions:
             quaternion.split([value[name] for name in names], row, rest)
 
     def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
+        if len(self._numbers) == len(self._names):
+            return {name: value(row[place]) for name, place, _, value in self._numbers}
         value = {name: part.join(row, rest) for name, part in self._parts}
         if not self._quaternions:
             return value
@@ -206,8 +218,9 @@ class _Number(_Part):
         self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
     ) -> None:
         lattice = Lattice(field)
-        self._place = len(layout.columns)
-        self._index, self._value = lattice.index, lattice.value
+        self.place = len(layout.columns)
+        self.index: Callable[[Any], int] = lattice.index
+        self.value: Callable[[Any], Any] = lattice.value
         limits = field.limits
         both_sides = limits is not None and limits[0] < 0 < limits[1] and not field.wraps
         is_ordered = lattice.is_ordered
@@ -217,12 +230,10 @@ class _Number(_Part):
         )
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
-        row[self._place] = self._index(value)
+        row[self.place] = self.index(value)
 
     def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
-        index = row[self._place]
-        assert index is not None
-        return self._value(index)
+        return self.value(row[self.place])
 
 
 class _Escaping(_Part):

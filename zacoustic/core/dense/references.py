@@ -22,6 +22,7 @@ at which it was sent.
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import takewhile
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -87,7 +88,7 @@ class Speaker:
             encoded = self._codec.encode(
                 samples, room, reference, long_name=long_name, is_mistaken=self._is_mistaken
             )
-            if encoded is None or not self._is_mistaken(encoded):
+            if encoded is None or not encoded.is_mistaken:
                 return encoded
             first = first or encoded
         return first
@@ -178,12 +179,7 @@ class Speaker:
             if not listeners <= record.holders or earliest <= self._forgotten:
                 continue
             meant = record.snapshot
-            others = []
-            for each in reversed(self._sent):
-                if each.last < earliest:
-                    break
-                if each is not record:
-                    others.append(each.snapshot)
+            others = [each.snapshot for each in self._since(earliest) if each is not record]
             is_short = meant.short_name not in [other.short_name for other in others]
             if is_short:
                 yield meant, False
@@ -193,6 +189,10 @@ class Speaker:
             if is_short or is_long:
                 break
         yield None, False
+
+    def _since(self, count: int) -> Iterator[_Sent]:
+        """The frames that were sent then or later, the newest first."""
+        return takewhile(lambda each: each.last >= count, reversed(self._sent))
 
 
 class Listener:

@@ -65,11 +65,12 @@ def _float_check(field: FieldSpec) -> Check:
     # Without limits NaN and infinity are values as well.
     any_float = field.limits is None or field.escapes
     if field.outside == "clamp":
-        limits = (-math.inf, math.inf)
+        limits = None
+    low, high = limits or (-math.inf, math.inf)
 
     def check(value: object) -> float:
         number = value if type(value) is float else _as_float(field, value)
-        if limits is None or limits[0] <= number <= limits[1]:
+        if low <= number <= high:
             return number
         if any_float and number - number != 0:  # NaN and the infinities
             return number

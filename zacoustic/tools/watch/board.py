@@ -12,12 +12,14 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
+from zacoustic.core.events import DeliveryOutcome
 from zacoustic.island.orders import PREFIX
 from zacoustic.tools.watch.documents import (
     DOCUMENTS,
     PEER_DOCUMENTS,
     DroppedDocument,
     EventsDocument,
+    FrameRow,
     JournalDocument,
     LateDocument,
     LedgerDocument,
@@ -31,10 +33,12 @@ from zacoustic.tools.watch.documents import (
     StreamRow,
     StreamsDocument,
     TransferRow,
+    WaterDocument,
 )
 from zacoustic.tools.watch.views import (
     CauseView,
     EventView,
+    FrameView,
     GatewayView,
     PeerView,
     StreamView,
@@ -144,6 +148,7 @@ class _GatewayBoard:
             self._get("dropped", DroppedDocument),
             self._get("journal", JournalDocument),
         )
+        water = self._get("water", WaterDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
         capabilities = link.capabilities
         return GatewayView(
@@ -176,6 +181,8 @@ class _GatewayBoard:
             peers=self._peers(there_s),
             causes=self._causes(),
             transfers=self._transfers(),
+            transmitting=_frame(water.transmitting, there_s) if water.transmitting else None,
+            frames=tuple(_frame(row, there_s) for row in reversed(water.last)),
             dropped=dropped.water,
             events=self._events(there_s),
         )
@@ -226,6 +233,7 @@ class _GatewayBoard:
             age_s=round((heard_ago_s or 0) + (row.age_s or 0), 3) if is_aged else None,
             waiting=row.waiting,
             delivering=row.delivering,
+            outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
@@ -290,6 +298,24 @@ class _GatewayBoard:
             )
             for row in reversed(self._get("events", EventsDocument).events)
         )
+
+
+def _frame(row: FrameRow, there_s: float) -> FrameView:
+    return FrameView(
+        ago_s=_ago(row.begun_unix_s, there_s) or 0.0,
+        way=row.way,
+        peer=row.peer,
+        size_bytes=row.bytes,
+        airtime_s=round(row.airtime_s, 3),
+        streams=tuple(row.streams),
+        outcome=row.outcome,
+    )
+
+
+def _outcomes(row: StreamRow) -> dict[str, int]:
+    if row.delivering is None:
+        return {}
+    return {outcome.value: getattr(row, outcome.value) for outcome in DeliveryOutcome}
 
 
 def _transfer(row: TransferRow) -> TransferView:

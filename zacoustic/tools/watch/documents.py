@@ -65,6 +65,11 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     received: int = 0
     waiting: int = 0
     delivering: int | None = None
+    delivered: int = 0
+    superseded: int = 0
+    expired: int = 0
+    refused: int = 0
+    cancelled: int = 0
     deadline_missed: int | None = None
     sent_at_unix_s: float | None = None
     sent_period_s: float | None = None
@@ -150,6 +155,25 @@ class ObjectsDocument(msgspec.Struct, frozen=True, kw_only=True):
     ended: list[TransferRow] = []
 
 
+class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``water``: one frame."""
+
+    way: str = ""
+    peer: int | None = None
+    bytes: int = 0
+    streams: list[str] = []
+    begun_unix_s: float = 0.0
+    airtime_s: float = 0.0
+    outcome: str = ""
+
+
+class WaterDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``water``: what is being sent, and what was sent and heard last."""
+
+    transmitting: FrameRow | None = None
+    last: list[FrameRow] = []
+
+
 class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``journal``."""
 
@@ -202,6 +226,7 @@ DOCUMENTS: dict[str, Any] = {
     "peers": dict[int, PeerRow],
     "streams": StreamsDocument,
     "objects": ObjectsDocument,
+    "water": WaterDocument,
     "journal": JournalDocument,
     "dropped": DroppedDocument,
     "events": EventsDocument,

@@ -22,6 +22,7 @@ from zacoustic.tools.watch.words import (
     LOSING,
     NOTHING,
     error_words,
+    frame_words,
     is_quiet,
     is_well,
     number_words,
@@ -51,6 +52,12 @@ _PEER_COLUMNS: Final = (
     ("node", "node", True), ("heard", "heard", False), ("range", "range", False),
     ("signal", "signal", False), ("lost", "frames lost", False), ("trouble", "", True),
 )  # fmt: skip
+_FRAME_COLUMNS: Final = (
+    ("ago", "began", False), ("what", "what", True), ("bytes", "bytes", False),
+    ("airtime", "airtime", False), ("outcome", "", True),
+)  # fmt: skip
+FRAMES_SHOWN: Final = 8
+"""The newest so many frames of each gateway."""
 _BAD_CELL: Final = '<q-td :props="props" class="bad">{{ props.value }}</q-td>'
 
 
@@ -113,8 +120,8 @@ class _Section:
                     self._quiet = ui.checkbox("quiet streams as well").mark("quiet")
                     _heading("nodes")
                     self._peers = _table(_PEER_COLUMNS).mark("peers")
-                    _heading("events")
-                    self._events = ui.html(sanitize=False).classes("w-full").mark("events")
+                    _heading("last frames")
+                    self._frames = _table(_FRAME_COLUMNS).mark("frames")
                 with ui.column().classes("gap-3").style("flex: 2 1 22rem; min-width: 0"):
                     _heading("on the air")
                     self._chart = ui.html(sanitize=False).classes("w-full").mark("chart")
@@ -122,6 +129,8 @@ class _Section:
                     self._causes = ui.html(sanitize=False).classes("w-full").mark("causes")
                     _heading("large samples")
                     self._transfers = ui.html(sanitize=False).classes("w-full").mark("transfers")
+                    _heading("events")
+                    self._events = ui.html(sanitize=False).classes("w-full").mark("events")
 
     def show(self, view: GatewayView, chart: str) -> None:
         """Show what holds now."""
@@ -133,6 +142,7 @@ class _Section:
         shown = [each for each in view.streams if self._quiet.value or not is_quiet(each)]
         _fill(self._streams, [stream_row(each) for each in shown])
         _fill(self._peers, [peer_row(each) for each in view.peers])
+        _fill(self._frames, frame_rows(view))
         self._chart.set_content(chart)
         self._causes.set_content(cause_bars(view.causes))
         self._transfers.set_content(transfer_bars(view.transfers))
@@ -170,6 +180,26 @@ def peer_row(peer: PeerView) -> dict[str, Any]:
         "lost": error_words(peer) + (" !" if (peer.per or 0) > LOSING else ""),
         "trouble": trouble_words(peer),
     }
+
+
+def frame_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of the last frames, that which is being sent on top."""
+    now = [] if view.transmitting is None else [(view.transmitting, "being sent")]
+    rows = [
+        *now,
+        *((frame, frame.outcome.replace("_", " ")) for frame in view.frames[:FRAMES_SHOWN]),
+    ]
+    return [
+        {
+            "id": number,
+            "ago": f"{time_words(frame.ago_s)} ago",
+            "what": frame_words(frame),
+            "bytes": frame.size_bytes,
+            "airtime": f"{frame.airtime_s:.2f} s",
+            "outcome": outcome,
+        }
+        for number, (frame, outcome) in enumerate(rows)
+    ]
 
 
 def _figures(view: GatewayView) -> str:

@@ -15,11 +15,14 @@ from rich.text import Text
 from zacoustic.tools.watch.views import GatewayView, PeerView
 from zacoustic.tools.watch.words import (
     LOSING,
+    LOST_OUTCOMES,
     OLD_S,
     error_words,
+    frame_words,
     is_quiet,
     is_well,
     load_words,
+    now_words,
     range_words,
     rate_words,
     share_words,
@@ -35,6 +38,8 @@ from zacoustic.tools.watch.words import (
 
 EVENTS_SHOWN: Final = 6
 """The newest so many events of each gateway."""
+FRAMES_SHOWN: Final = 5
+"""The newest so many frames of each gateway."""
 _BAR_CELLS: Final = 18
 _GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
 
@@ -53,7 +58,8 @@ class Terminal:
         )
 
     def __enter__(self) -> Self:
-        self._live.start()
+        if self._console.is_terminal:
+            self._live.start()
         return self
 
     def __exit__(
@@ -65,8 +71,12 @@ class Terminal:
         self._live.stop()
 
     def show(self, picture: RenderableType) -> None:
-        """Draw."""
-        self._live.update(picture, refresh=True)
+        """Draw; where there is no terminal, one below the other."""
+        if self._console.is_terminal:
+            self._live.update(picture, refresh=True)
+        else:
+            self._console.print(picture)
+            self._console.file.flush()
 
 
 def waiting_picture(where: str) -> RenderableType:
@@ -91,6 +101,7 @@ def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
         _streams(view, is_complete=is_complete),
         *([_peers(view)] if view.peers else []),
         Columns([_causes(view), _transfers(view)], padding=(0, 4)),
+        *([_frames(view)] if view.frames else []),
         _events(view),
     )
 
@@ -108,6 +119,7 @@ def _head(view: GatewayView) -> RenderableType:
     damaged = f", {view.frames_damaged} damaged" if view.frames_damaged else ""
     line.append(f"   frames {view.frames_sent} sent, {view.frames_heard} heard{damaged}")
     line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
+    line.append(f"   {now_words(view)}" if view.transmitting else "", style="cyan")
     line.append(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", style=_DIM)
     return Group(state, line)
 
@@ -195,6 +207,21 @@ def _transfers(view: GatewayView) -> RenderableType:
             cells = round(min(transfer.done_bytes / transfer.total_bytes, 1) * _BAR_CELLS)
             words.append(f"  {'█' * cells}", style="cyan").append("·" * (_BAR_CELLS - cells))
         table.add_row(words)
+    return table
+
+
+def _frames(view: GatewayView) -> RenderableType:
+    table = _table("last frames", right=("bytes", "airtime", "ago"))
+    table.add_column("")
+    for frame in view.frames[:FRAMES_SHOWN]:
+        is_lost = frame.outcome in LOST_OUTCOMES
+        table.add_row(
+            Text(frame_words(frame), style="cyan" if frame.way == "out" else ""),
+            str(frame.size_bytes),
+            f"{frame.airtime_s:.2f} s",
+            time_words(frame.ago_s),
+            Text(frame.outcome.replace("_", " "), style=_WEAK if is_lost else _DIM),
+        )
     return table
 
 

@@ -38,6 +38,8 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Samples, calls and goals that wait for the water."""
     delivering: int | None
     """Reliable samples that have not arrived; None: it is not reliable."""
+    outcomes: dict[str, int]
+    """Reliable samples by how they ended; empty: it is not reliable."""
     useless: int
     """Samples that became too old, were superseded, or that nobody wanted."""
     deadline_missed: int | None
@@ -115,6 +117,25 @@ class TransferView(msgspec.Struct, frozen=True, kw_only=True):
     """How it ended; None: it is under way."""
 
 
+class FrameView(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame."""
+
+    ago_s: float
+    """When it began, s ago."""
+    way: str
+    """``out`` or ``in``."""
+    peer: int | None
+    """The other node; None: everybody, or nobody knows."""
+    size_bytes: int
+    """Its size."""
+    airtime_s: float
+    """How long it sounds."""
+    streams: tuple[str, ...]
+    """Names of those with a record in it; none: the link's own business."""
+    outcome: str
+    """Of one that was sent: what the modem said; empty: nothing yet, or it was heard."""
+
+
 class EventView(msgspec.Struct, frozen=True, kw_only=True):
     """Something that was worth a line."""
 
@@ -189,6 +210,10 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """The greatest first."""
     transfers: tuple[TransferView, ...]
     """Those under way, and how the last ones ended."""
+    transmitting: FrameView | None
+    """What the modem is sending now."""
+    frames: tuple[FrameView, ...]
+    """The last ones that were sent or heard, the newest first."""
     dropped: dict[str, int]
     """What came off the water and was of no use, by reason."""
     events: tuple[EventView, ...]

@@ -2,12 +2,14 @@
 
 from typing import Final
 
-from zacoustic.tools.watch.views import GatewayView, PeerView, StreamView, TransferView
+from zacoustic.tools.watch.views import FrameView, GatewayView, PeerView, StreamView, TransferView
 
 NOTHING: Final = "–"
 """Stands for what is not known, or has not happened."""
 LOSING: Final = 0.2
 """A packet error rate above this is worth a colour."""
+LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
+"""What a modem says of a frame that nobody has."""
 OLD_S: Final = 120.0
 """A node that was not heard for longer than this is worth a colour, s."""
 
@@ -142,6 +144,19 @@ def stream_words(stream: StreamView) -> str:
     if stream.deadline_missed:
         words.append(f"late {stream.deadline_missed} times")
     return ", ".join(words)
+
+
+def frame_words(frame: FrameView) -> str:
+    """Return where a frame goes, or whence it comes, and what is in it."""
+    peer = "all" if frame.peer is None else str(frame.peer)
+    where = f"→ {peer}" if frame.way == "out" else f"← {'?' if frame.peer is None else peer}"
+    return f"{where}: {', '.join(frame.streams) or 'acknowledgements and the like'}"
+
+
+def now_words(view: GatewayView) -> str:
+    """Return what is being sent now; empty: nothing is."""
+    frame = view.transmitting
+    return "" if frame is None else f"sending {frame.size_bytes} B {frame_words(frame)}"
 
 
 def is_quiet(stream: StreamView) -> bool:
