@@ -45,8 +45,9 @@ BUILT_IN: Final = (
 """Our verbs, in the order in which the help lists them."""
 
 _EXTRAS: Final = {
-    "mcap": "recording", "nicegui": "console", "prometheus_client": "metrics", "rich": "terminal",
-    "rosbags": "ros", "shtab": "completion", "xxhash": "ros",
+    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
+    "prometheus_client": "metrics", "rich": "terminal", "rosbags": "ros", "shtab": "completion",
+    "xxhash": "ros",
 }  # fmt: skip
 """Which extra brings a module that may be absent."""
 
