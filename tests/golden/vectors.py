@@ -490,7 +490,7 @@ def _orders() -> Iterator[Vector]:
         yield _vector(f"order_{name}", frame, f"HELLO; call for node 2: {meaning}")
         said = bytes.fromhex(pair.frames[2][0])
         yield _vector(f"order_{name}_answer", said, f"HELLO; named answer of node 2: {answer}")
-    confirm = bytes.fromhex(pair.frames[1][1])
+    confirm = bytes.fromhex(pair.frames[1][-1])  # whatever was asked again before
     yield _vector("order_confirm", confirm, "the client has the answer to call 4 of node 2")
     digest = table().by_id(ORDERS_STREAM_ID).digest
     yield _vector("digest_of_stream_175", digest, "digest of the stream of orders")
