@@ -95,6 +95,20 @@ def test_values_out_of_bounds_are_counted_and_left_out(
     assert clamped == "auv1/status: 1 numbers outside of their range"
 
 
+def test_a_dense_topic_without_a_type_is_said_to_have_nothing_of_a_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    streams = [
+        {"id": 10, "topic": "{node}/nav", "type": "Nav", "codec": "dense"},
+        {"id": 12, "topic": "auv1/log", "codec": "dense", "publishers": [2]},
+    ]
+    fleet = write_config(tmp_path / "fleet.json5", streams=streams)
+    lines = [line for line in dive(1, 40) if line["s"] != "status"]
+    _, out, _ = fit(capsys, write(tmp_path / "a.jsonl", lines), "--config", fleet)
+    assert 'note: "auv1/log", 4 samples: a topic without a type\n' in out
+    assert "note: auv1/log: dense but without a type, so nothing is fitted to it" in out
+
+
 def test_a_recording_of_another_place_is_read_as_if_the_bounds_were_there(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -249,7 +249,7 @@ def test_the_help_of_a_shared_verb_lists_its_sub_verbs_the_broken_one_too(
     [
         (["emulate"], 2, "zacoustic emulate: the following arguments are required: VERB"),
         (["emulate", "aa"], 2, "zacoustic emulate aa: no such verb; there are: a, b, c"),
-        (["emulate", "a", "--bogus"], 2, "zacoustic: unrecognized arguments: --bogus"),
+        (["emulate", "a", "--bogus"], 2, "zacoustic emulate a: unrecognized arguments: --bogus"),
         (["emulate", "c", "--port", "7"], 1, "zacoustic emulate c: command 'emulate.c' needs"),
         (["emulate.a"], 2, "zacoustic emulate.a: no such verb"),
     ],

@@ -15,21 +15,14 @@ from zacoustic.tools.pinging import Ping, statistics_of
 ONCE = ["--count", "1"]
 
 
-def test_ping_tells_round_trip_range_and_signal_and_costs_what_its_help_says(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_ping_tells_round_trip_range_and_signal(capsys: pytest.CaptureFixture[str]) -> None:
     async def scene() -> None:
         async with pair(profile="evologics_s2c_18_34", time_scale=20.0) as found:
-            assert main(["ping", "--help"]) == 0
-            assert "at most three frames of at most 27 bytes" in capsys.readouterr().out
-            for _ in range(3):  # they have not met, then they have
-                assert await verb("ping", "2", *found.where, *ONCE) == 0
-            sizes = [each.frame_bytes for each in found.water.emissions]
-            assert 6 <= len(sizes) <= 9
-            assert max(sizes) <= 27
-            told = capsys.readouterr().out.splitlines()[0]
+            assert await verb("ping", "2", *found.where, *ONCE) == 0
+            first, sent, *_ = capsys.readouterr().out.splitlines()
             for word in ("1: node 2 by 1: round trip ", " m, ", "SNR "):
-                assert word in told
+                assert word in first
+            assert sent == "node 2: 1 sent, 1 answered, 0% lost"
 
     run(scene())
 
@@ -64,6 +57,28 @@ def test_a_node_that_takes_no_orders_of_us_answers_a_ping_all_the_same(
     answer = lines_of(capsys)[0]
     assert answer["answered"]
     assert answer["round_trip_s"] > 0
+
+
+@pytest.mark.parametrize("acknowledges", [True, False])
+def test_where_no_orders_cross_the_range_alone_has_to_do(
+    acknowledges: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def scene() -> int:
+        taken = {"id": 175, "topic": "taken", "publishers": [1]}
+        section = WATCHED | {"streams": [*WATCHED["streams"], taken]}
+        async with pair(acknowledges=acknowledges, section=section) as found:
+            return await verb("ping", "2", *found.where, *ONCE, "--json")
+
+    code = run(scene())
+    if acknowledges:
+        assert code == 0
+        answer = lines_of(capsys)[0]
+        assert (answer["round_trip_s"], answer["range_m"]) == (None, 1.0)
+    else:
+        assert code == 1
+        error = capsys.readouterr().err
+        assert "stream 175 is taken, so no orders cross the water" in error
+        assert "and the modem measures no range" in error
 
 
 def test_ping_of_nobody_is_exit_code_3_and_of_the_own_island_1(

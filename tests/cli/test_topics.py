@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.cli.watched import lines_of, pair, verb
+from tests.cli.watched import WATCHED, lines_of, pair, verb
 from tests.gateway.islands import cbor, get, hear, run
 from zacoustic.cli import main
 from zacoustic.core.trace import TraceRecord
@@ -47,17 +47,21 @@ def test_topics_tells_what_has_crossed_and_how_old_it_is(
 
 def test_gateway_tells_its_events_exchanges_and_clock() -> None:
     async def scene() -> None:
-        async with pair() as found:
-            assert await verb("ping", "2", *found.where, "--count", "1") == 0
+        ranges = WATCHED | {"ranging": [{"by": 1, "to": 2, "every_s": 1}]}
+        async with pair(section=ranges) as found:
+            heard = await hear(found.shore, "chat")
+            found.auv.put("chat", b"here")  # so that the two have met
+            await heard.next()
             found.shore.put("chat", b"x" * 10_000)  # fits no frame
             key = "@acoustic/1/events"
             while True:
                 replies = await get(found.shore, "@acoustic/1/**")
                 events = json.loads(replies.payload(key))["events"]
-                if any(each["event"] == "complaint" for each in events):
+                peers = json.loads(replies.payload("@acoustic/1/peers"))
+                has_complained = any(each["event"] == "complaint" for each in events)
+                if has_complained and peers.get("2", {}).get("delivered"):
                     break
-            peers = json.loads(replies.payload("@acoustic/1/peers"))
-            assert (peers["2"]["delivered"], peers["2"]["per"]) == (1, 0.0)
+            assert (peers["2"]["not_delivered"], peers["2"]["per"]) == (0, 0.0)
             assert {"link", "peer"} <= {each["event"] for each in events}
             complaint = next(each for each in events if each["event"] == "complaint")
             assert complaint["trouble"]

@@ -9,7 +9,7 @@ import pytest
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.qos import Priority, Qos, Stamp
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
@@ -110,6 +110,15 @@ def test_digests_do_not_change_with_what_is_for_people_and_senders(type_spec: Ty
 def test_digests_do_not_change_with_when_something_is_sent(qos: Qos) -> None:
     assert digest(msgspec.structs.replace(TOPIC, qos=qos)) == digest(TOPIC)
     assert digest(msgspec.structs.replace(SERVICE, qos=qos)) == digest(SERVICE)
+
+
+def test_a_time_is_the_same_whether_it_is_written_as_a_whole_number_or_not() -> None:
+    """A program says 60, a configuration is read as 60.0."""
+    whole = msgspec.structs.replace(SERVICE, timeout_s=60)
+    assert digest(whole) == digest(msgspec.structs.replace(SERVICE, timeout_s=60.0))
+    action = ActionSpec(stream_id=30, name="goto", server=2, timeout_s=60, result_timeout_s=600)
+    floats = msgspec.structs.replace(action, timeout_s=60.0, result_timeout_s=600.0)
+    assert digest(action) == digest(floats)
 
 
 def test_digests_do_not_change_with_the_order_in_which_things_are_listed() -> None:

@@ -61,6 +61,16 @@ def files_of(page: str) -> dict[str, str]:
 
 def commands_of(text: str) -> list[str]:
     """Return the commands of a block of sh, comments gone, continued lines joined."""
+    return [command for command, _ in steps_of(text)]
+
+
+def steps_of(text: str) -> list[tuple[str, int]]:
+    """Return the commands of a block of sh, each with its exit code: 0, or `# … exit code N`."""
     joined = re.sub(r"\\\n\s*", "", text)
-    lines = (re.sub(r"(^|\s+)#\s.*$", "", line).strip() for line in joined.splitlines())
-    return [line for line in lines if line]
+    steps = []
+    for line in joined.splitlines():
+        command, _, comment = re.sub(r"(^|\s)#\s", "\0", line, count=1).partition("\0")
+        expected = re.search(r"exit code (\d)", comment)
+        if command.strip():
+            steps.append((command.strip(), int(expected[1]) if expected is not None else 0))
+    return steps

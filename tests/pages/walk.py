@@ -4,7 +4,7 @@
   for neighbours. Where a page names a modem of a vessel, an emulated one stands in its place; where
   a file connects to a router, there is one.
 - A verb that serves runs until the next heading; then it is interrupted, and has to end in peace.
-  Every other command has to end with exit code 0.
+  Every other command has to end with exit code 0, or with the one that its comment names.
 - Of two gateways the second is on another computer: it listens elsewhere, unless it says where
   itself.
 """
@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Final
 
 from tests.gateway.islands import zenoh_router
-from tests.pages.blocks import ROOT, blocks_of, commands_of, files_of
+from tests.pages.blocks import ROOT, blocks_of, files_of, steps_of
 from zacoustic.tools.demo.islands import free_ports
 
 LIMIT_S: Final = 90.0
@@ -92,7 +92,7 @@ class Walk:
     def do(self, block: str) -> list[str]:
         """Run the commands of a block of sh; returns the output of each that ended."""
         outputs = []
-        for command in commands_of(block):
+        for command, code in steps_of(block):
             background = command.endswith("&")
             words = shlex.split(self.moved(command.rstrip("&")))
             if words[0] == "make":
@@ -100,10 +100,10 @@ class Walk:
             elif background or _serves(words):
                 self._serving.enter_context(self._served(words))
             else:
-                outputs.append(self._done(words))
+                outputs.append(self._done(words, code))
         return outputs
 
-    def _done(self, words: list[str]) -> str:
+    def _done(self, words: list[str], code: int) -> str:
         process = subprocess.run(
             _program(words),
             cwd=self._folder,
@@ -114,7 +114,8 @@ class Walk:
             timeout=LIMIT_S,
             check=False,
         )
-        assert process.returncode == 0, f"{shlex.join(words)}\n{process.stdout}\n{process.stderr}"
+        said = f"{shlex.join(words)}: {process.returncode}\n{process.stdout}\n{process.stderr}"
+        assert process.returncode == code, said
         return process.stdout
 
     @contextlib.contextmanager

@@ -4,6 +4,8 @@ import asyncio
 import logging
 import random
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -201,4 +203,33 @@ def test_a_file_that_nobody_has_finished_is_read_as_far_as_it_goes(tmp_path: Pat
     cut.write_bytes(flipped)
     reader = RecordingReader(cut)
     list(reader)
+    assert reader.damage
+
+
+_WRITER = """
+import sys
+from zacoustic.recording import writing
+from zacoustic.recording.channels import events_channel
+writing.FLUSH_S = 0.02
+file = writing.RecordingFile(sys.argv[1], waits=True)
+number = 0
+while True:
+    file.put(events_channel(1), number, b'{"event": "Test"}')
+    number += 1
+    if number == 20_000:
+        print("ready", flush=True)
+"""
+
+
+def test_what_a_killed_process_has_recorded_can_be_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    command = [sys.executable, "-c", _WRITER, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        process.kill()
+    reader = RecordingReader(path)
+    read = [each.utc_ns for each in reader]
+    assert read == list(range(len(read)))
+    assert len(read) > 1000
     assert reader.damage

@@ -21,12 +21,15 @@ from tests.gateway.islands import (
     island,
     matched,
     run,
+    until,
     zenoh_router,
 )
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError
 from zacoustic.island.marker import read_marker
 from zacoustic.recording.reading import ReadMessage, RecordingReader
+from zacoustic.ros.attachment import Attachment
+from zacoustic.ros.streams import RosTopic
 from zacoustic.tools.recordings.frames import decode_recording
 from zacoustic.tools.recordings.playing import Played, play
 from zacoustic.tools.recordings.zenohrecord import RecordedKeys, record_network
@@ -39,6 +42,9 @@ class Recording:
 
     def __init__(self, path: Path, port: int, *keys: str, config: Config | None = CONFIG) -> None:
         self.stop = asyncio.Event()
+        self.heard: list[str] = []
+        self.changed = asyncio.Event()
+        self._loop = asyncio.get_running_loop()
         self._ready = asyncio.Event()
         self._task = asyncio.create_task(
             record_network(
@@ -48,6 +54,7 @@ class Recording:
                 keys=keys,
                 stop=self.stop,
                 ready=lambda path, keys: self._ready.set(),
+                heard=self._hear,
             )
         )
 
@@ -57,6 +64,17 @@ class Recording:
         waits.cancel()
         if self._task.done():
             self._task.result()
+
+    def _hear(self, key: str) -> None:
+        self._loop.call_soon_threadsafe(self._note, key)
+
+    def _note(self, key: str) -> None:
+        self.heard.append(key)
+        self.changed.set()
+
+    async def until(self, *keys: str) -> None:
+        """Wait until all these keys are in the recording."""
+        await until(lambda: set(keys) <= set(self.heard), self.changed)
 
     async def end(self) -> RecordedKeys:
         self.stop.set()
@@ -89,14 +107,18 @@ def test_topics_documents_and_frames_of_a_running_gateway(tmp_path: Path) -> Non
             recording = Recording(path, shore.port, "free/**")
             await recording.ready()
             with shore.client() as here, auv.client() as there:
-                await watched(here)
+                # The gateway hears of a subscriber some time after that: so again and again.
+                while "@acoustic/1/frames" not in recording.heard:
+                    await one_frame(water, here, "chat", b"are you listening?")
                 heard = await hear(here, "auv1/nav")
                 there.put("auv1/nav", cbor(depth=7.0, mode="idle"))
                 await heard.next()
                 here.put("auv1/text", b"\xff\x00")
                 here.put("free/key", '{"a": 1}', encoding="application/json")
-                await fence(here)
-                await until_sent(water, 1)
+                await recording.until(
+                    "auv1/nav", "auv1/text", "free/key", "@acoustic/1/frames",
+                    "@acoustic/1/reports", "@acoustic/1/ledger",
+                )  # fmt: skip
             return await recording.end()
 
     found = run(main())
@@ -118,6 +140,14 @@ def test_topics_documents_and_frames_of_a_running_gateway(tmp_path: Path) -> Non
     assert any('auv1/nav, 0 s old: {"depth": 7.0, "mode": "idle"}' in each for each in words)
 
 
+async def one_frame(water: Water, session: zenoh.Session, key: str, payload: bytes) -> None:
+    """Have node 1 send a frame."""
+    before = water.sent_by(1)
+    session.put(key, payload)
+    await until(lambda: water.sent_by(1) > before, water.changed)
+    await fence(session)
+
+
 async def until_sent(water: Water, address: int) -> None:
     while not water.sent_by(address):
         water.changed.clear()
@@ -136,20 +166,14 @@ def test_frames_are_put_only_while_somebody_subscribes() -> None:
                 here.put("auv1/text", b"before")
                 await until_sent(water, 1)
                 heard = await hear(here, "@acoustic/1/frames")
-                await watched(here)
-                here.put("auv1/text", b"while")
+                # The gateway hears of a subscriber some time after that: so again and again.
+                while not heard.samples:
+                    await one_frame(water, here, "auv1/text", b"while")
                 first = json.loads(await heard.payload())
                 assert first["direction"] == "sent"
                 assert base64.b64decode(first["frame"]).endswith(b"while")
 
     run(main())
-
-
-async def watched(session: zenoh.Session) -> None:
-    """Wait until the loop of the gateway, which is this one, has heard of a subscriber."""
-    await fence(session)
-    for _ in range(3):
-        await fence(session)
 
 
 def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
@@ -170,7 +194,7 @@ def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
                     await matched(here, key)
                     here.put(key, payload, encoding=encoding, attachment=b"beside")
                 here.delete("chat")
-                await fence(here)
+                await until(lambda: len(recording.heard) > len(sent), recording.changed)
             await recording.end()
 
     async def again() -> tuple[list[Any], Played]:
@@ -195,6 +219,42 @@ def test_a_recorded_network_is_put_again_byte_for_byte(tmp_path: Path) -> None:
     chats = [str(each.kind) for each in samples if str(each.key_expr) == "chat"]
     assert chats == ["SampleKind.PUT", "SampleKind.DELETE"]
     assert result.samples == {"auv1/nav": 2, "chat": 2, "auv1/json": 1}
+
+
+def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path) -> None:
+    stream = {"id": 1, "topic": "/cmd_vel", "type": "geometry_msgs/msg/Twist", "ros": {}}
+    config = config_from_mapping({"address": 1, "ros": {}, "streams": [stream]}, source="test")
+    assert config.ros is not None
+    topic = config.ros.streams[1]
+    assert isinstance(topic, RosTopic)
+    key = str(topic.key(config.ros.domain, "cmd_vel"))
+    value = {part: {"x": 1.0, "y": 0.0, "z": 0.0} for part in ("linear", "angular")}
+    cdr = topic.message.write(value)
+    beside = Attachment(sequence=1, stamp_ns=5, gid=bytes(16)).encode()
+    path = tmp_path / "a.mcap"
+
+    async def record() -> None:
+        with zenoh_router() as port:
+            recording = Recording(path, port, config=config)
+            await recording.ready()
+            with Island(port).client() as here:
+                await matched(here, key)
+                here.put(key, cdr, attachment=beside)
+                await recording.until(key)
+            await recording.end()
+
+    async def again() -> Any:
+        with zenoh_router() as port, Island(port).client() as here:
+            heard = await hear(here, key)
+            await played(path, port)
+            return await heard.next()
+
+    run(record())
+    (message,) = read(path)[f"/{key}"]
+    assert (message.encoding, message.data) == ("cdr", cdr)
+    sample = run(again())
+    assert sample.payload.to_bytes() == cdr
+    assert sample.attachment.to_bytes() == beside
 
 
 @pytest.fixture

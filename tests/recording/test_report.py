@@ -170,7 +170,7 @@ def test_the_page_needs_nothing_from_elsewhere(
     ids = re.findall(r'<svg[^>]*viewBox="([^"]*)"', text)
     assert len(ids) == 8
     facts = gather([trial])
-    assert plots_of(facts, figures_of(facts)) == plots_of(facts, figures_of(facts))
+    assert all(plot.svg in text for plot in plots_of(facts, figures_of(facts))), "the same again"
 
 
 def test_names_from_a_recording_are_text_on_the_page(tmp_path: Path) -> None:

@@ -132,3 +132,24 @@ def test_what_cannot_be_is_one_line(stream: dict[str, Any], expected: str) -> No
     stream = {key: value for key, value in stream.items() if value is not None}
     with pytest.raises(ConfigError, match=expected):
         read(stream)
+
+
+def test_of_an_action_only_what_crosses_is_a_type_of_the_config() -> None:
+    streams = [
+        {"id": 3, "service": "/arm", "type": "std_srvs/srv/SetBool", "server": 2, "ros": {}},
+        {
+            "id": 4,
+            "action": "/fibonacci",
+            "type": "example_interfaces/action/Fibonacci",
+            "server": 2,
+            "ros": {},
+        },
+    ]
+    section = {"address": 1, "streams": streams}
+    assert [spec.name for spec in config_from_mapping(section, source="test").types] == [
+        "std_srvs/srv/SetBool_Request",
+        "std_srvs/srv/SetBool_Response",
+        "example_interfaces/action/Fibonacci_Goal",
+        "example_interfaces/action/Fibonacci_Feedback",
+        "example_interfaces/action/Fibonacci_Result",
+    ]

@@ -49,6 +49,8 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     """What is said."""
     access: dict[str, Any] | None = None
     """Medium access."""
+    short_hours: float = 0.5
+    """What a quick look takes, h; more where chance decides more."""
 
     def write(self, folder: Path) -> Path:
         """Write config and scenario; returns the latter."""
@@ -133,6 +135,7 @@ CASES: Final = (
     ),
     Case(
         name="reliable_20_percent_loss",
+        short_hours=2.0,
         streams=[
             {"id": 10, "topic": "orders", "publishers": [1], "subscribers": [2],
              "reliability": "reliable", "depth": 20},
@@ -167,6 +170,7 @@ CASES: Final = (
     ),
     Case(
         name="services_three_nodes",
+        short_hours=3.0,
         streams=[
             {"id": 10, "service": "arm", "server": 2},
             {"id": 11, "service": "get", "server": 3, "timeout_s": 120},
@@ -184,6 +188,7 @@ CASES: Final = (
     ),
     Case(
         name="objects_beside_reports",
+        short_hours=2.0,
         streams=[
             {"id": 10, "topic": "photo", "publishers": [2], "subscribers": [1],
              "reliability": "reliable", "depth": 4, "priority": "background"},

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.pages.blocks import files_of
 from tests.tools.planned import ALLOWED, CASES, HOURS, Case, compare
 from zacoustic.channel.profiles import PROFILES
 from zacoustic.cli import main
@@ -15,7 +16,6 @@ from zacoustic.errors import ConfigError
 from zacoustic.tools.plan.fleet import Water
 from zacoustic.tools.plan.report import plan, transmit_power_w
 
-_SHORT_HOURS = 0.5
 _SHORT_ALLOWED = 0.15
 
 NAV = {
@@ -56,7 +56,7 @@ def test_a_plan_is_near_what_sim_measures(
     case: Case, tmp_path: Path, count: Callable[[int], int]
 ) -> None:
     is_full = count(100) == 100
-    compared = compare(case, tmp_path, HOURS if is_full else _SHORT_HOURS)
+    compared = compare(case, tmp_path, HOURS if is_full else case.short_hours)
     assert abs(compared.off) <= (ALLOWED if is_full else _SHORT_ALLOWED), compared
     assert compared.measured > 0.03
 
@@ -218,3 +218,15 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
     stranger = water(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
     assert main(["plan", str(stranger)]) == 2
     assert '"no" of node 2; allowed: log' in capsys.readouterr().err
+
+
+def test_the_example_of_the_page_is_as_the_page_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in files_of("docs/plan.md").items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert main(["plan", str(tmp_path / "water.json5"), "--hours", "0.5"]) == 1
+    told = capsys.readouterr().out
+    assert "auv1/status alone takes" in told
+    assert "it would fit with: auv1/status: codec: " in told
+    assert "it would fit with: auv1/status: every 0.9 s" in told

@@ -45,8 +45,9 @@ BUILT_IN: Final = (
 """Our verbs, in the order in which the help lists them."""
 
 _EXTRAS: Final = {
-    "nicegui": "console", "prometheus_client": "metrics", "rich": "terminal",
-    "rosbags": "ros", "shtab": "completion", "xxhash": "ros",
+    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
+    "prometheus_client": "metrics", "rich": "terminal", "rosbags": "ros", "shtab": "completion",
+    "xxhash": "ros",
 }  # fmt: skip
 """Which extra brings a module that may be absent."""
 
@@ -105,11 +106,18 @@ def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
 
     Raises:
         SystemExit: Argparse has printed help, the version, or a complaint.
-        ConfigError: There is no such verb.
+        ConfigError: There is no such verb, or it has no such argument.
         ZacousticError: It is there and cannot be imported.
     """
-    verbs = _verbs(_path(arguments))
-    parsed = _parser(verbs).parse_args(arguments)
+    path = _path(arguments)
+    verbs = _verbs(path)
+    # Argparse would complain about what is left over in the name of the whole program.
+    parsed, strangers = _parser(verbs).parse_known_args(arguments)
+    if strangers:
+        program = " ".join(["zacoustic", *path])
+        raise ConfigError(
+            f"unrecognized arguments: {' '.join(strangers)}", hint=f"see {program} --help"
+        )
     return verbs[parsed.verb], parsed
 
 

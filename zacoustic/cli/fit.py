@@ -65,7 +65,7 @@ class FitCommand(Command):
         if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
                 f"{arguments.config}: no stream is dense; allowed: topics with a type",
-                hint='say codec: "dense" for one',
+                hint='say type and codec: "dense" for one; without a type nothing can be fitted',
             )
         recordings = read_recordings(
             arguments.recordings, table, only_dense=True, window_s=window_s

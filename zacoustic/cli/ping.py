@@ -17,10 +17,15 @@ if TYPE_CHECKING:
     from zacoustic.tools.pinging import Ping, Pinger, PingStatistics, Spread
 
 _LONGEST_S: Final = 600.0
-_EXAMPLE: Final = """it costs at most three frames of at most 27 bytes: question, answer, and a
-confirmation, which rides on the next question if that is soon; a lost one is repeated within
---timeout. A modem that measures ranges does so on the same frames. The node answers by itself,
-whatever runs there, unless it is silent.
+MOST_FRAMES: Final = 6
+"""What a ping costs without losses: question, answer, two that confirm, a byte for the range, and
+half a minute later what ends the call at both ends."""
+MOST_BYTES: Final = 66
+"""Of them together, where the two have not met yet."""
+_EXAMPLE: Final = f"""it costs at most {MOST_FRAMES} frames, {MOST_BYTES} bytes together:
+question, answer, what confirms them, which rides on other frames where there are any, and, where a
+modem measures ranges on demand, a byte for that; a lost one is repeated within --timeout. The node
+answers by itself, whatever runs there, unless it is silent.
 
 examples:
   zacoustic ping 2 --connect tcp/127.0.0.1:7447

@@ -211,11 +211,13 @@ class RosReader:
 
     def _types_of(self, place: Place, key: str, name: str) -> list[TypeSpec]:
         """Return the types that cross of an interface which a stream names."""
-        if key == "type" and name.split("/")[1] != "msg":
+        kinds = {word: kind for kind, word in _KINDS.items()}
+        kind = kinds.get(name.split("/")[1], "topic")
+        if key == "type" and kind != "topic":
             return [
-                self._message(place.at(key), each, _EXACT).spec
-                for each in messages_of(name)
-                if each in self._load()
+                self._message(place.at(key), name + suffix, _EXACT).spec
+                for suffix in _PARTS[kind].values()
+                if name + suffix in self._load()
             ]
         stamp = self._stamp(place, name) if key == "type" else _EXACT
         return [self._message(place.at(key), name, stamp).spec]

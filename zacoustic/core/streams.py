@@ -170,11 +170,13 @@ class Stream:
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
         if spec.codec != "cbor":
             head.append(f"codec {spec.codec}")
+        # 60 and 60.0 are one time, whoever has written it, and two in JSON.
         if isinstance(spec, ActionSpec):
             feedback = self.feedback_type.canonical().decode() if self.feedback_type else None
-            return ["action", *head, feedback, spec.server, spec.timeout_s, spec.result_timeout_s]
+            times = (float(spec.timeout_s), float(spec.result_timeout_s))
+            return ["action", *head, feedback, spec.server, *times]
         if isinstance(spec, ServiceSpec):
-            return ["service", *head, spec.server, spec.timeout_s]
+            return ["service", *head, spec.server, float(spec.timeout_s)]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
         nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
         audience = [

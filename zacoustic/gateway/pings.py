@@ -1,15 +1,15 @@
 """Pings from the island: is the node there, how long does an answer take, how far away is it?
 
-Two questions in one frame. The node itself is asked whether it is silent (an order that changes
-nothing, `zacoustic.core.orders`): what comes back says that its engine lives, not only its modem,
-and a refusal says so as well. Where the modem measures ranges one is asked for as well; the frame
-with the question is then acknowledged by the other modem, and its delay measured, for no byte more.
+The node itself is asked whether it is silent (an order that changes nothing,
+`zacoustic.core.orders`): what comes back says that its engine lives, not only its modem, and a
+refusal says so as well. Then, where the modem measures ranges and has told none on those frames,
+one is asked for: behind the answer, since a modem that waits for an acknowledgement is deaf to it.
 Where the wire knows no orders the range alone has to do.
 """
 
 from collections.abc import Iterable
 from functools import partial
-from typing import cast
+from typing import Final, cast
 
 import msgspec
 
@@ -24,6 +24,9 @@ from zacoustic.gateway.siblings import Siblings
 from zacoustic.island.pings import PINGS, PingAnswer, ping_selector, read_ping
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.runtime import LinkRunner
+
+RANGE_LIMIT_S: Final = 10.0
+"""How long an answer waits for the range besides, s: three exchanges over 1500 m."""
 
 
 class PingDesk:
@@ -77,27 +80,28 @@ class PingDesk:
     def answered(self, event: ResponseReceived | CallFailed) -> None:
         """The node has answered, or not."""
         ping = self._by_call.pop(event.call_id)
-        # What its modem has not measured until now is not waited for.
-        if self._by_range.pop(ping.range_id, None) is not None:
-            self._runner.apply(lambda engine, now: engine.ranging.cancel(ping.range_id))
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
             text = event.text
             if event.failure is CallFailure.TIMED_OUT:
                 text = f"node {ping.node} has not answered in time"
             ping.held.refuse(event.failure, text)
             return
-        self._answer(ping, round_trip_s=ns_to_seconds(self._clock() - ping.asked_at))
+        now = self._clock()
+        ping.round_trip_s = ns_to_seconds(now - ping.asked_at)
+        left_s = min(ping.within_s - ping.round_trip_s, RANGE_LIMIT_S)
+        known = self._runner.engine.measurements.range(ping.node)
+        has_range = known is not None and known.measured_at >= ping.asked_at
+        if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
+            self._answer(ping)
 
     def ranged(self, event: RangeMeasured | RangeFailed) -> None:
         """A range is there, or will not come."""
         assert event.range_id is not None
         ping = self._by_range.pop(event.range_id)
-        if ping.is_called:
-            return  # the answer of the node itself is still awaited
-        if isinstance(event, RangeFailed):
+        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
             ping.held.refuse(CallFailure.TIMED_OUT, event.text)
-            return
-        self._answer(ping, round_trip_s=None)
+        else:
+            self._answer(ping)
 
     # Below the methods above
 
@@ -108,25 +112,30 @@ class PingDesk:
         return is_known and self._siblings.address == self._siblings.alive[0]
 
     def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
-        ping = _Ping(held, node, now)
-        try:
-            ping.range_id = engine.ranging.request(node, now, timeout_s=within_s)
-            self._by_range[ping.range_id] = ping
-        except (LocalError, RangeUnavailableError):
-            pass  # no range: the answer says so
+        ping = _Ping(held, node, within_s, now)
         try:
             call_id = engine.orders.send(node, Order(), now, timeout_s=within_s)
         except LocalError as error:
-            if ping.range_id not in self._by_range:
+            if not self._range(ping, within_s, engine, now):
                 held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")
-            return
-        ping.is_called = True
-        self._by_call[call_id] = ping
+        else:
+            self._by_call[call_id] = ping
 
-    def _answer(self, ping: "_Ping", *, round_trip_s: float | None) -> None:
+    def _range(self, ping: "_Ping", within_s: float, engine: Engine, now: int) -> bool:
+        """Ask for the range; False: there is none to be had."""
+        try:
+            range_id = engine.ranging.request(ping.node, now, timeout_s=within_s)
+        except (LocalError, RangeUnavailableError):
+            return False
+        self._by_range[range_id] = ping
+        return True
+
+    def _answer(self, ping: "_Ping") -> None:
         known = self._runner.engine.measurements
         found = PingAnswer(
-            address=ping.node, by=self._runner.engine.address, round_trip_s=_rounded(round_trip_s)
+            address=ping.node,
+            by=self._runner.engine.address,
+            round_trip_s=_rounded(ping.round_trip_s),
         )
         if metrics := known.metrics(ping.node):
             found = msgspec.structs.replace(
@@ -149,14 +158,13 @@ class PingDesk:
 class _Ping:
     """One that waits for its answer."""
 
-    def __init__(self, held: HeldQuery, node: int, asked_at: int) -> None:
+    def __init__(self, held: HeldQuery, node: int, within_s: float, asked_at: int) -> None:
         self.held = held
         self.node = node
+        self.within_s = within_s
         self.asked_at = asked_at
-        self.range_id = 0
-        """Of the range that was asked for; 0: none."""
-        self.is_called = False
-        """The node itself was asked."""
+        self.round_trip_s: float | None = None
+        """Of the node's own answer; None: it has not answered, or was not asked."""
 
 
 def _rounded(value: float | None, digits: int = 3) -> float | None:

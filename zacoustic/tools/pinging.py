@@ -36,6 +36,8 @@ from zacoustic.node.session import session_config
 
 # Zenoh's own limit stands behind that of the gateway, which says more.
 _BEHIND_S: Final = 2.0
+RANGE_LIMIT_S: Final = 10.0
+"""How long an answer waits for the range besides, s."""
 
 
 class Ping(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,32 +116,27 @@ class LinkPinger(Pinger):
         self._node = node
 
     async def ping(self, node: int, timeout_s: float) -> PingAnswer:
-        """Ask the node for its state, and its modem for the range, in one frame."""
+        """Ask the node for its state, and then its modem for the range."""
         assert self._node.address is not None
         if node == self._node.address:
             raise DeliveryError(f"node {node} is this node")
-        range_task = asyncio.create_task(self._node.range(node, timeout_s=timeout_s))
         began_s = time.monotonic()
-        round_trip_s: float | None = None
+        answer = PingAnswer(address=node, by=self._node.address)
+        left_s = timeout_s
         try:
-            await asyncio.sleep(0)  # the range is asked for first, so that the frame brings both
             with contextlib.suppress(ServiceError):  # a refusal is an answer
                 await self._node.order(node, Order(), timeout_s=timeout_s)
             round_trip_s = time.monotonic() - began_s
+            answer = msgspec.structs.replace(answer, round_trip_s=round_trip_s)
+            left_s = max(min(timeout_s - round_trip_s, RANGE_LIMIT_S), 0.001)
         except LocalError:
-            await asyncio.wait({range_task})  # no orders on this wire: the range has to do
-            if isinstance(range_task.exception(), RangeUnavailableError):
+            pass  # no orders on this wire: the range has to do
+        try:
+            found = await self._node.range(node, timeout_s=left_s)
+        except (CallTimeoutError, RangeUnavailableError):
+            if answer.round_trip_s is None:
                 raise
-        finally:
-            if not range_task.done():
-                range_task.cancel()
-            await asyncio.gather(range_task, return_exceptions=True)
-        answer = PingAnswer(address=node, by=self._node.address, round_trip_s=round_trip_s)
-        if range_task.cancelled() or range_task.exception() is not None:
-            if round_trip_s is None:
-                raise CallTimeoutError(str(range_task.exception()))
             return answer
-        found = range_task.result()
         return msgspec.structs.replace(
             answer,
             propagation_s=found.propagation_s,

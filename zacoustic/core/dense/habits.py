@@ -109,10 +109,9 @@ class Habits:
     def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
         """Write or read which streams there are; learns it."""
         ids = list(self._streams)
-        places: tuple[int, ...]
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
-            places = (coder.pick(_ends(self.present), place),)
+            places: tuple[int, ...] = (coder.pick(_ends(self.present), place),)
         else:
             flag = coder.flag
             places = tuple(

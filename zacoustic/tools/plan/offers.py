@@ -30,6 +30,8 @@ from zacoustic.tools.bits import sample_bits
 from zacoustic.tools.telemetry.recording import Mission
 
 _BITS: Final = 8
+_BLOCK: Final = 16
+"""So many random instants lie within as many periods: a plan is of what is usual."""
 _HEAD_BYTES: Final = 12
 """TAG, SYNC, id, number and age: what the largest record leaves room for."""
 
@@ -107,9 +109,15 @@ class Offer:
                     yield seconds_to_ns(at_s + turn * self._span_s)
         at_s = rng.random() * self.every_s if self.first_s is None else self.first_s
         while self.until_s is None or at_s < self.until_s:
-            for _ in range(self.burst):
-                yield seconds_to_ns(at_s + rng.random() * self.jitter_s)
-            at_s += self.every_s if self.is_steady else rng.expovariate(1.0 / self.every_s)
+            for due_s in [at_s] if self.is_steady else self._at_random(at_s, rng):
+                if self.until_s is None or due_s < self.until_s:
+                    for _ in range(self.burst):
+                        yield seconds_to_ns(due_s + rng.random() * self.jitter_s)
+            at_s += self.every_s if self.is_steady else _BLOCK * self.every_s
+
+    def _at_random(self, begin_s: float, rng: random.Random) -> list[float]:
+        """Return the instants of a block of periods: as many as are expected."""
+        return sorted(begin_s + rng.random() * _BLOCK * self.every_s for _ in range(_BLOCK))
 
     def sayings(self, rng: random.Random) -> Iterator[Saying]:
         """Yield what is said."""

@@ -1,14 +1,15 @@
 """What is done with recordings: looked at, checked, played back, tried in another way, reported.
 
 ===============  ===================================================================================
-`lives`          the lives of nodes in a file, with their calls
-`checking`       engines made again: do they say the same bytes?
-`otherwise`      the same inputs into engines of another config
+`lives`          the lives of nodes in a file, with their calls, and a call made again
+`checking`       engines made again: do they say the same bytes? (`checktext`)
+`otherwise`      the same inputs into engines of another configuration (`today`)
 `frames`         frames in words
-`whatif`         the recorded load on a simulated channel
-`playing`        values back onto a Zenoh network
-`zenohrecord`    a recording of a network and of a gateway that runs elsewhere
-`figures`        what a recording amounts to
-`page`           the same as a page with plots
+`zenohrecord`    a recording of a network, and of gateways that run elsewhere
+`putting`        what a recording has to put; `playing`: onto a Zenoh network
+`facts`          what happened, as records; `gathering`: out of files; `reactions`: who was asked
+`figures`        what that amounts to (`reporttext`, `plots`, `page`)
+`measuredwater`  the water of a recording
+`whatif`         the load of a trial once more; `changes`: another way (`whatiftext`)
 ===============  ===================================================================================
 """

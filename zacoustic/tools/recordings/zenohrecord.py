@@ -68,10 +68,17 @@ class IslandRecorder:
     Args:
         file: Takes it.
         config: The topics; None: only what `record_network` is told.
+        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
     """
 
-    def __init__(self, file: RecordingFile, config: Config | None) -> None:
+    def __init__(
+        self,
+        file: RecordingFile,
+        config: Config | None,
+        heard: Callable[[str], None] | None = None,
+    ) -> None:
         self._file = file
+        self._heard = heard
         self._config = config
         self._guard = threading.Lock()
         self._channels: dict[str, Channel] = {}
@@ -111,6 +118,7 @@ class IslandRecorder:
             self._file.put(self._samples, now_ns, as_json(record))
             if not record.deleted:
                 self._show(stream, key, record, now_ns)
+        self._tell(key)
 
     def take_document(self, sample: zenoh.Sample) -> None:
         """Record a health document, a frame or a report; on a thread of Zenoh's."""
@@ -118,6 +126,11 @@ class IslandRecorder:
         with self._guard:
             self.counts[key] = self.counts.get(key, 0) + 1
             self._file.put(self._document(key), time.time_ns(), sample.payload.to_bytes())
+        self._tell(key)
+
+    def _tell(self, key: str) -> None:
+        if self._heard is not None:
+            self._heard(key)
 
     def _show(self, stream: Stream | None, key: str, record: SampleRecord, now_ns: int) -> None:
         """Write a sample so that others can read it."""
@@ -173,6 +186,7 @@ async def record_network(
     keys: Sequence[str],
     stop: asyncio.Event,
     ready: Callable[[Path, Sequence[str]], None],
+    heard: Callable[[str], None] | None = None,
 ) -> RecordedKeys:
     """Record until told to stop.
 
@@ -183,6 +197,7 @@ async def record_network(
         keys: Key expressions beside the topics of the config.
         stop: Set to end it.
         ready: Told the file and the key expressions when everything is subscribed to.
+        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
 
     Raises:
         ConfigError: The file cannot be made.
@@ -192,7 +207,7 @@ async def record_network(
     try:
         island = await Island.open(session_config(config, connect))
         try:
-            recorder = IslandRecorder(file, config)
+            recorder = IslandRecorder(file, config, heard)
             wanted: dict[str, Stream | None] = {**dict.fromkeys(keys), **recorder.topics()}
             await island.worker.run(partial(_declare, island, recorder, wanted))
             ready(file.path, [*wanted, f"{PREFIX}/**"])

@@ -5,7 +5,7 @@ of each recording and measured on the second, which it has not seen; what is han
 fitted to everything.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import msgspec
@@ -113,10 +113,20 @@ def fit_recordings(
         acknowledged_bytes=acknowledged,
         helps=alone.after + acknowledged.after < alone.before + acknowledged.before,
         digest=whole.digest.hex(),
-        notes=tuple(recordings.notes),
+        notes=(*recordings.notes, *_untyped_notes(table)),
     )
     typical_bits = {str(each.stream_id): round(each.next_bits.after, 1) for each in streams}
     return ModelFile(model=whole, typical_bits=typical_bits), report
+
+
+def _untyped_notes(table: StreamTable) -> Iterator[str]:
+    """What dense streams without a type have of a fit: nothing."""
+    for stream in table:
+        if stream.dense_type is not None and stream.type is None:
+            yield (
+                f"{stream.name}: dense but without a type, so nothing is fitted to it: its texts "
+                "and bytes have the model that the package ships, with a fit as without"
+            )
 
 
 def _halves(mission: Mission) -> tuple[Mission, Mission]:

@@ -11,7 +11,7 @@ class Named(msgspec.Struct, frozen=True):
     """What a name means."""
 
     stream: Stream
-    """A typed topic."""
+    """A topic."""
     source: int | None
     """The node whose samples these are; None: not said."""
 
@@ -21,19 +21,20 @@ class StreamNames:
 
     Args:
         table: The streams.
+        are_typed: Whether typed topics are looked for, or those without a type.
     """
 
-    def __init__(self, table: StreamTable) -> None:
+    def __init__(self, table: StreamTable, *, are_typed: bool = True) -> None:
         self._table = table
         self._topics = [
             stream
             for stream in table
-            if stream.type is not None and isinstance(stream.spec, TopicSpec)
+            if (stream.type is not None) == are_typed and isinstance(stream.spec, TopicSpec)
         ]
         self._known: dict[str, Named | None] = {}
 
     def find(self, name: str) -> Named | None:
-        """Return what a name means; None: no typed topic.
+        """Return what a name means; None: no such topic.
 
         Raises:
             ConfigError: It may mean several.

@@ -88,6 +88,7 @@ def read_recordings(
 class _Reading:
     def __init__(self, table: StreamTable, *, only_dense: bool, window_s: float) -> None:
         self._names = StreamNames(table)
+        self._untyped = StreamNames(table, are_typed=False)
         self._only_dense = only_dense
         self._window_s = window_s
         self._left_out: Counter[str] = Counter()
@@ -127,8 +128,10 @@ class _Reading:
                 hint="`s` is the name of a topic, its last part or its id",
             )
         for name, count in sorted(self._left_out.items())[:_SHOWN_NAMES]:
-            what = "no dense topic" if self._only_dense else "no typed topic"
-            found.notes.append(f'"{name}", {count} samples: {what} of that name')
+            what = f"no {'dense' if self._only_dense else 'typed'} topic of that name"
+            if self._is_untyped(name):
+                what = "a topic without a type"
+            found.notes.append(f'"{name}", {count} samples: {what}')
         for each in found.counts.values():
             if each.refused:
                 found.notes.append(
@@ -138,6 +141,12 @@ class _Reading:
             if each.outside:
                 found.notes.append(f"{each.name}: {each.outside} numbers outside of their range")
         return found
+
+    def _is_untyped(self, name: str) -> bool:
+        try:
+            return self._untyped.find(name) is not None
+        except ConfigError:  # it may mean several of them
+            return True
 
     def _add_mission(self, path: str, streams: dict[int, Stream], written: list[Sample]) -> None:
         types: dict[int, TypeSpec] = {}
