@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test test-browser soak bench clean distclean
+.PHONY: help demo auv test test-browser screenshot soak bench clean distclean
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -22,6 +22,7 @@ help:
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
+	@echo "make screenshot     the picture of that console in the README, taken anew (ten minutes)"
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
@@ -39,7 +40,12 @@ test: format lint types contracts unit examples package
 test-browser: venv-test
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
 	    echo "test-browser: NOT RUN, no Chromium found"
-	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py -rs $(ARGS)
+	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py tests/tools/test_dashboard_browser.py -rs $(ARGS)
+
+screenshot: venv-test
+	@mkdir -p docs/images
+	ZACOUSTIC_BROWSER=1 ZACOUSTIC_SCREENSHOT=docs/images/console.png \
+	    $(PYTEST) tests/auv/test_browser.py -rs $(ARGS)
 
 soak: venv-test
 	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 -n auto --dist worksteal $(ARGS)

@@ -532,8 +532,8 @@ MISTAKES: list[tuple[str, object, str]] = [
     ),
     (
         "streams.0.durability",
-        "transient_local",
-        '"transient_local" of a topic without ros; allowed: "volatile"',
+        "for_ever",
+        'durability: "for_ever"; allowed: volatile, transient_local',
     ),
     (
         "streams.0.codec",

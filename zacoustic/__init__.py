@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     )
     from zacoustic.core.measurements import Range
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
-    from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
+    from zacoustic.core.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.rmw_desert.entities import RosEntitySeen
     from zacoustic.core.types import Bounds
     from zacoustic.node import (
@@ -75,6 +75,7 @@ __all__ = [
     "Delivery",
     "DeliveryError",
     "DeliveryOutcome",
+    "Durability",
     "Forward",
     "GoalHandle",
     "GoalResult",
@@ -129,7 +130,7 @@ _HOMES: Final = {
     ),
     "zacoustic.core.measurements": ("Range",),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
-    "zacoustic.core.qos": ("Forward", "Priority", "Qos", "Reliability", "Stamp"),
+    "zacoustic.core.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.rmw_desert.entities": ("RosEntitySeen",),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (

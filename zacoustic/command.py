@@ -20,6 +20,8 @@ EXIT_USAGE: Final = 2
 """The arguments or a file that they name are wrong; nothing was tried."""
 EXIT_TIMED_OUT: Final = 3
 """No answer within the time that the user gave."""
+EXIT_INTERRUPTED: Final = 130
+"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
 
 
 class Command(ABC):

@@ -21,7 +21,9 @@ nothing about streams. Rules, all proven by the conformance battery
   `diagnostics`.
 """
 
+import asyncio
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import (
     Any,
     ClassVar,
@@ -44,7 +46,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic.errors import ConfigError
+from zacoustic.errors import ConfigError, LinkOpenError
 
 LINK_API: Final = 1
 """Version of this contract; the registry refuses a link that was written for another."""
@@ -52,6 +54,17 @@ LINK_API: Final = 1
 
 class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Settings from the `#key=value&…` part of a locator; each link extends it."""
+
+
+class Finding(msgspec.Struct, frozen=True, kw_only=True):
+    """Something that is wrong, or will be at sea; `zacoustic doctor` collects them."""
+
+    what: str
+    """What was found, with the values."""
+    why: str
+    """What it does at sea."""
+    cure: str
+    """What to do about it."""
 
 
 class LinkReceiver(Protocol):
@@ -82,7 +95,7 @@ class Link(ABC):
     """One acoustic modem, or something that behaves like one.
 
     Must implement: `config_type`, `capabilities`, `from_locator`, `open`, `close`, `transmit`.
-    May override: `diagnostics`. Everything else has its default here.
+    May override: `diagnostics`, `examine`, `assess`. Everything else has its default here.
     """
 
     link_api: ClassVar[int] = LINK_API
@@ -130,6 +143,66 @@ class Link(ABC):
     def diagnostics(self) -> dict[str, int | float | str]:
         """Counters and readings of the device for the health report, by name."""
         return {}
+
+    async def examine(self, patience_s: float) -> list[Finding]:
+        """Look for what is wrong with the device; for `zacoustic doctor`, in place of `open`.
+
+        Nothing is transmitted into the water, and nobody else has the device. The default opens the
+        link, waits until it is UP, and closes it.
+
+        Args:
+            patience_s: How long the device may take to answer, s.
+        """
+        onlooker = _Onlooker()
+        try:
+            async with asyncio.timeout(patience_s):
+                await self.open(onlooker)
+                await onlooker.up.wait()
+        except (TimeoutError, LinkOpenError) as error:
+            said = str(error) or f"not ready after {patience_s:g} s: {onlooker.detail}"
+            return [
+                Finding(
+                    what=f"the modem cannot be used: {said}",
+                    why="without it this node is deaf and mute",
+                    cure=getattr(error, "hint", "") or "see that it is switched on and connected",
+                )
+            ]
+        finally:
+            await self.close()
+        return []
+
+    def assess(self, health: Mapping[str, Any]) -> list[Finding]:
+        """Tell what is wrong by what a running gateway says of its link; not open.
+
+        Args:
+            health: The documents below `@acoustic/ADDRESS/`, by name: `link`, `dropped`, `modem`, …
+        """
+        return []
+
+
+class _Onlooker:
+    """Hears from a link whether it is UP, and nothing else."""
+
+    def __init__(self) -> None:
+        self.up = asyncio.Event()
+        self.detail = ""
+
+    def frame_received(self, frame: ReceivedFrame) -> None:
+        pass
+
+    def transmit_finished(self, report: TransmitReport) -> None:
+        pass
+
+    def state_changed(self, state: LinkState, detail: str = "") -> None:
+        self.detail = detail
+        if state is LinkState.UP:
+            self.up.set()
+
+    def carrier_changed(self, busy: bool) -> None:
+        pass
+
+    def measured(self, measurement: Measurement) -> None:
+        pass
 
 
 def convert_config(

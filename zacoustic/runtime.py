@@ -48,6 +48,8 @@ SUBMIT_LIMIT: Final = 1024
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
 # each event with a command that makes the next one.
 _ROUNDS_LIMIT: Final = 1000
+_NO_WRITE: Final = 0
+"""Write id that no engine waits for."""
 # Expiries in a row after which the timer is due again at once. A sound engine has none.
 _STUCK_LIMIT: Final = 1000
 
@@ -59,6 +61,8 @@ _CLOCK_JITTER_NS: Final = NS_PER_S // 1000
 _logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
+LinkWatch: TypeAlias = Callable[[ReceivedFrame | Transmission | TransmitReport, int], None]
+"""Sees what crosses between engine and link, with the instant; on the loop, and must not raise."""
 Command: TypeAlias = Callable[[Engine, int], object]
 """Something to do with the engine, given the instant; runs on the loop and does not block."""
 
@@ -97,6 +101,8 @@ class LinkRunner:
         self.link_state = LinkState.OPENING
         self.link_detail = ""
         self.failure: Exception | None = None
+        self.watch: LinkWatch | None = None
+        """Whoever sets this sees what crosses between engine and link."""
         self._deliver = deliver
         self._clock = clock
         self._now = 0
@@ -184,6 +190,11 @@ class LinkRunner:
         finally:
             self._guarded(self._service)
 
+    def keep(self, key: str, value: bytes | None) -> None:
+        """Write something down beside what the engine does, for the next life; None deletes it."""
+        if self._journal is not None:
+            self._journal.put(JournalWrite(write_id=_NO_WRITE, key=key, value=value))
+
     def submit(self, command: Command) -> bool:
         """Hand a command over from another thread; it runs on the loop soon.
 
@@ -219,10 +230,14 @@ class LinkRunner:
 
     def frame_received(self, frame: ReceivedFrame) -> None:
         """Give a frame to the engine."""
+        if self.watch is not None:
+            self.watch(frame, self._instant())
         self._guarded(lambda: self.engine.handle_frame(frame, self._instant()), self._service)
 
     def transmit_finished(self, report: TransmitReport) -> None:
         """Give a report to the engine, and to the permit log."""
+        if self.watch is not None:
+            self.watch(report, self._instant())
         self._guarded(
             lambda: self._log_emission(report),
             lambda: self.engine.handle_transmit_report(report, self._instant()),
@@ -276,6 +291,8 @@ class LinkRunner:
         transmission = None if self._is_closing else self.engine.poll_transmit(self._now)
         if transmission is not None:
             self._on_air = transmission
+            if self.watch is not None:
+                self.watch(transmission, self._now)
             self.link.transmit(transmission)
         event = self.engine.poll_event()
         if event is not None:

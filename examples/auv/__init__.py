@@ -17,7 +17,9 @@ the time that it is told, so the same dive runs in real time between processes a
 `session`, `vehicle`,           the same as Zenoh clients, in processes of their own, between
 `zenohshore`, `expedition`,     emulated modems; the scripted dive there
 `headless`
-`setpoints`, `drawing`,         the console: set-points at a rate that the water carries, pictures
-`desk`, `page`, `console`       without a browser, everything the operator sees and does; its page
+`setpoints`, `fates`,           the console: set-points at a rate that the water carries, and what
+`linkwatch`, `desk`,            became of them; what the gateway tells of link and water; everything
+`readout`, `drawing`, `ladder`, the operator does and reads; pictures; its page, its looks and keys;
+`look`, `page`, `console`       and all of that with the processes behind it
 ==============================  ====================================================================
 """

@@ -2,9 +2,13 @@
 
 import asyncio
 import contextlib
+import signal
+import socket
+import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, Final
 
 from nicegui import app, ui
 
@@ -16,11 +20,17 @@ from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
 from zacoustic.errors import ZacousticError
 
-_PERIOD_S = 0.2
+_HOST: Final = "127.0.0.1"
+_PERIOD_S: Final = 0.2
+# Messages that NiceGUI keeps for a browser that comes back; one that was away longer reloads.
+_HISTORY: Final = 60
 
 
-def run_console(*, port: int, loss: float) -> None:
-    """Serve the page until it is interrupted."""
+def run_console(*, port: int, loss: float, ros: bool = False) -> int:
+    """Serve the page until it is interrupted; returns the exit code."""
+    if (trouble := _why_not(port)) is not None:
+        sys.stderr.write(f"{trouble}\n")
+        return 1
     desk = Desk(Shore())
     stack = contextlib.AsyncExitStack()
     working: list[asyncio.Task[None]] = []
@@ -28,15 +38,23 @@ def run_console(*, port: int, loss: float) -> None:
     async def work() -> None:
         try:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="zacoustic-auv-"))
-            running = await stack.enter_async_context(expedition(Path(folder), _ignore, loss=loss))
+            under_way = expedition(Path(folder), _ignore, loss=loss, ros=ros)
+            running = await stack.enter_async_context(under_way)
             session = await asyncio.to_thread(open_session, running.shore_endpoint)
             stack.enter_context(session)
-            await attend(desk, ZenohShore(session, desk.shore), running)
+            print("the vehicle is in the water", flush=True)
+            await attend(desk, ZenohShore(session, desk.shore, desk.watch, ros=ros), running)
         except ZacousticError as error:
             desk.trouble = str(error)
+            sys.stderr.write(f"{error}\n")
 
     async def start() -> None:
+        # In place of the server's: it would raise the signal once more when all is over, and a
+        # second one would not wait until the processes are stopped.
+        for each in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(each, _interrupted)
         working.append(asyncio.create_task(work()))
+        print(f"the console is at http://{_HOST}:{port}; Ctrl+C ends everything", flush=True)
 
     async def stop() -> None:
         for task in working:
@@ -49,8 +67,18 @@ def run_console(*, port: int, loss: float) -> None:
 
     app.on_startup(start)
     app.on_shutdown(stop)
-    print(f"the console is at http://127.0.0.1:{port}", flush=True)
-    ui.run(root, host="127.0.0.1", port=port, reload=False, show=False, show_welcome_message=False)
+    ui.run(
+        root,
+        host=_HOST,
+        port=port,
+        dark=True,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        message_history_length=_HISTORY,
+    )
+    print("stopped", flush=True)
+    return 1 if desk.trouble else 0
 
 
 async def attend(desk: Desk, carrier: ZenohShore, running: Expedition) -> None:
@@ -59,12 +87,29 @@ async def attend(desk: Desk, carrier: ZenohShore, running: Expedition) -> None:
     Raises:
         ZacousticError: One has.
     """
-    desk.carrier, desk.cancel, desk.health = carrier, carrier.cancel_goal, carrier.health
+    desk.carrier, desk.cancel = carrier, carrier.cancel_goal
     while not running.failed.done():
         carrier.drain(desk.now_s)
         desk.tick()
         await asyncio.sleep(_PERIOD_S)
     running.failed.result()
+
+
+def _why_not(port: int) -> str | None:
+    """Say why nothing can listen at a port; None: it can."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((_HOST, port))
+        except OSError as error:
+            reason = error.strerror or str(error)
+            return f"--port {port}: {reason}; name another one, as --port {port + 1}"
+    return None
+
+
+def _interrupted(number: int, _: FrameType | None) -> None:
+    """End everything, in order; at most some seconds."""
+    app.shutdown()
 
 
 def _ignore(name: str, said: dict[str, Any]) -> None:

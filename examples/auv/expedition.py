@@ -1,18 +1,21 @@
 """The processes of a dive: two emulated S2C modems, a gateway on each island, the vehicle.
 
 The children are started and stopped as those of `zacoustic demo`; whoever steers sits in this
-process, as a client of the shore's router.
+process, as a client of the shore's router. Where the vehicle says that it truly is, its modem is.
 """
 
 import asyncio
+import json
 import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from examples.auv.start import SHORE, VEHICLE
+from examples.auv.roswords import FLEET, shore_section
+from examples.auv.start import SHORE, VEHICLE, modem_at
 from zacoustic.errors import ZacousticError
+from zacoustic.json5 import read_json5
 from zacoustic.tools.demo.children import Child
 from zacoustic.tools.demo.islands import free_ports
 
@@ -26,21 +29,48 @@ Told = Callable[[str, dict[str, Any]], None]
 class Expedition:
     """What is there once everything runs."""
 
-    def __init__(self, shore_endpoint: str, failed: "asyncio.Future[None]") -> None:
+    def __init__(
+        self, shore_endpoint: str, failed: "asyncio.Future[None]", *, ros: bool = False
+    ) -> None:
+        self.ros = ros
+        """The vehicle is a node of ROS 2."""
         self.shore_endpoint = shore_endpoint
         """Router of the shore."""
         self.failed = failed
         """Is done with an exception when a process has died."""
 
 
+def fleet_text(address: int, endpoint: str, *, ros: bool) -> str:
+    """Return the configuration of a gateway.
+
+    Args:
+        address: Its acoustic address.
+        endpoint: Where its router listens.
+        ros: The vehicle is a node of ROS 2; the island of the shore is plain Zenoh all the same.
+    """
+    file = FLEET if ros else _HERE / "fleet.json5"
+    if not ros:
+        return file.read_text(encoding="utf-8").replace(_ENDPOINT, endpoint)
+    whole: Any = read_json5(file)
+    whole["listen"]["endpoints"] = [endpoint]
+    section = whole["plugins"]["acoustic"]
+    section["ros"]["packages"] = str(file.parent / section["ros"]["packages"])
+    if address == SHORE:
+        whole["plugins"]["acoustic"] = shore_section()
+    return json.dumps(whole)
+
+
 @asynccontextmanager
-async def expedition(folder: Path, told: Told, *, loss: float = 0.0) -> AsyncIterator[Expedition]:
+async def expedition(
+    folder: Path, told: Told, *, loss: float = 0.0, ros: bool = False
+) -> AsyncIterator[Expedition]:
     """Run everything but the shore's client.
 
     Args:
         folder: For files.
         told: Takes what the processes tell: name, and an object.
         loss: Share of the frames that is lost, each way.
+        ros: The vehicle is a node of ROS 2, and its gateway speaks with one.
 
     Raises:
         ZacousticError: A process does not start in time.
@@ -56,6 +86,9 @@ async def expedition(folder: Path, told: Told, *, loss: float = 0.0) -> AsyncIte
             locators[said["address"]] = f"evologics/{said['locator']}"
         if said.get("event") in ("ready", "started") or len(locators) == 2:
             ready[name].set()
+        if name == "vehicle" and said.get("event") == "place":
+            here = modem_at(said["north_m"], said["east_m"], said["depth_m"])
+            children[0].tell(json.dumps({"address": VEHICLE, "position": here}))
         told(name, said)
 
     def ended(task: asyncio.Task[None]) -> None:
@@ -83,7 +116,7 @@ async def expedition(folder: Path, told: Told, *, loss: float = 0.0) -> AsyncIte
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))
         modems = ("emulate", "evologics", "--scenario", str(water), "--listen", "127.0.0.1:0")
-        await begin("modems", *program, *modems, "--json")
+        await begin("modems", *program, *modems, "--moves", "--json")
         endpoints = dict(
             zip(
                 (SHORE, VEHICLE),
@@ -91,14 +124,13 @@ async def expedition(folder: Path, told: Told, *, loss: float = 0.0) -> AsyncIte
                 strict=True,
             )
         )
-        fleet = (_HERE / "fleet.json5").read_text(encoding="utf-8")
         for address, endpoint in endpoints.items():
             file = folder / f"node{address}.json5"
-            file.write_text(fleet.replace(_ENDPOINT, endpoint), encoding="utf-8")
+            file.write_text(fleet_text(address, endpoint, ros=ros), encoding="utf-8")
             arguments = ("--address", str(address), "--link", locators[address], "--json")
             await begin(f"gateway {address}", *program, "gateway", str(file), *arguments)
         vehicle = (sys.executable, "-m", "examples.auv.vehicle", endpoints[VEHICLE])
-        await begin("vehicle", *vehicle, reads_input=True)
+        await begin("vehicle", *vehicle, *["--ros"] * ros, reads_input=True)
         return endpoints[SHORE]
 
     try:
@@ -108,7 +140,7 @@ async def expedition(folder: Path, told: Told, *, loss: float = 0.0) -> AsyncIte
         except TimeoutError as error:
             late = next(name for name, event in ready.items() if not event.is_set())
             raise ZacousticError(f"{late} is not ready after {START_LIMIT_S:g} s") from error
-        yield Expedition(endpoint, failed)
+        yield Expedition(endpoint, failed, ros=ros)
     finally:
         for task in watching:
             task.cancel()

@@ -1,11 +1,12 @@
 """The scripted dive between processes, in real time: tells what happens, and whether it held."""
 
 import asyncio
+import math
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from examples.auv.dive import Dive
 from examples.auv.expedition import expedition
@@ -15,10 +16,12 @@ from examples.auv.zenohshore import ZenohShore
 from zacoustic.errors import ZacousticError
 
 _PAUSE_S = 0.2
+ACCOUNT_LIMIT_S: Final = 150.0
+"""Longer than any order of the dive lives, s: by then each has ended, in whatever way."""
 _SHOWN = ("event", "lost", "status", "text", "service", "accepted", "reason")
 
 
-async def headless(*, loss: float = 0.0) -> int:
+async def headless(*, loss: float = 0.0, ros: bool = False) -> int:
     """Run the dive; returns the exit code."""
     begun = time.monotonic()
 
@@ -34,21 +37,29 @@ async def headless(*, loss: float = 0.0) -> int:
     shore = Shore()
     with tempfile.TemporaryDirectory(prefix="zacoustic-auv-") as folder:
         try:
-            async with expedition(Path(folder), told, loss=loss) as running:
+            async with expedition(Path(folder), told, loss=loss, ros=ros) as running:
                 with await asyncio.to_thread(open_session, running.shore_endpoint) as session:
-                    carrier = ZenohShore(session, shore)
+                    carrier = ZenohShore(session, shore, ros=ros)
                     dive = Dive(shore, carrier, note)
-                    while not dive.is_over:
+                    ends_at_s = math.inf
+                    while not dive.is_over or carrier.unaccounted():
                         if running.failed.done():
                             running.failed.result()
                         now_s = time.monotonic()
                         carrier.drain(now_s)
                         dive.poke(now_s)
+                        if dive.is_over:
+                            ends_at_s = min(ends_at_s, now_s + ACCOUNT_LIMIT_S)
+                        if now_s >= ends_at_s:
+                            break
                         await asyncio.sleep(_PAUSE_S)
+                    dive.complaints += carrier.unaccounted()
         except ZacousticError as error:
             note(f"failed: {error}")
             return 1
     for complaint in dive.complaints:
         note(f"complaint: {complaint}")
+    if not dive.complaints:
+        note(f"all {sum(carrier.published.values())} samples, calls and goals have ended")
     note("the dive went as it should" if not dive.complaints else "the dive failed")
     return 1 if dive.complaints else 0

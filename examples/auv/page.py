@@ -1,23 +1,66 @@
 """The console as a web page; NiceGUI brings everything that the browser needs, nothing is loaded.
 
-Keys: arrows turn and tilt, `+` and `-` thrust, space stops.
+Keys: arrows turn and tilt, `+` and `-` thrust, `0` puts all to zero, space stops. All pages show
+the same desk: what one moves the others see.
 """
 
 import base64
+import math
+from collections.abc import Callable
 from typing import Final
 
+import msgspec
 from nicegui import ui
-from nicegui.events import KeyEventArguments
+from nicegui.events import GenericEventArguments
 
+from examples.auv import look, readout
 from examples.auv.desk import Desk
-from examples.auv.drawing import attitude_of, map_of, profile_of
-from examples.auv.hydrodynamics import FIN_LIMIT_RAD
+from examples.auv.drawing import (
+    MAP_PX,
+    PROFILE_PX,
+    Size,
+    attitude_of,
+    map_of,
+    profile_of,
+    view_of,
+)
+from examples.auv.ladder import LADDER_PX, ladder_of
 from examples.auv.messages import ELEVATOR, RUDDER, THRUST, Waypoint
 
 REFRESH_S: Final = 0.5
-_MOST_THRUST_N: Final = 31.0
-_RUDDER_STEP_RAD: Final = 0.02
-_THRUST_STEP_N: Final = 2.0
+_CLOSE_ENOUGH: Final = 1e-6
+
+
+class Joint(msgspec.Struct, frozen=True):
+    """A slider: what it is called here, and what the joint is told."""
+
+    name: str
+    topic: str
+    unit: str
+    most: float
+    """Either way, in that unit."""
+    step: float
+    factor: float
+    """What the joint is told for one unit; its signs are Gazebo's, forward is positive here."""
+    ends: tuple[str, str]
+
+
+_DEGREE: Final = math.radians(1.0)
+JOINTS: Final = (
+    Joint("thrust", THRUST, "N", 31.0, 1.0, -1.0, ("astern", "ahead")),
+    Joint("rudder", RUDDER, "°", 15.0, 1.0, _DEGREE, ("port", "starboard")),
+    Joint("elevator", ELEVATOR, "°", 15.0, 1.0, _DEGREE, ("bow up", "bow down")),
+)
+_KEYS: Final = {
+    "ArrowLeft": (RUDDER, -1.0),
+    "ArrowRight": (RUDDER, 1.0),
+    "ArrowUp": (ELEVATOR, -1.0),
+    "ArrowDown": (ELEVATOR, 1.0),
+    "+": (THRUST, 2.0),
+    "=": (THRUST, 2.0),
+    "-": (THRUST, -2.0),
+}
+"""By how much a key moves which slider."""
 
 
 class Page:
@@ -29,126 +72,255 @@ class Page:
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
-        self._shown_photos = 0
-        self._resets = desk.setpoints.resets
-        self._is_resetting = False
+        self._photo_at_s = -math.inf
+        self._sizes: dict[str, Size] = {}
+        self._sliders: dict[str, ui.slider] = {}
+        self._fates: dict[str, ui.label] = {}
         ui.page_title("auv1")
-        ui.keyboard(on_key=self._key)
-        with ui.row().classes("w-full items-start no-wrap"):
-            with ui.column():
-                self._map = ui.html(sanitize=False).mark("map")
-                self._profile = ui.html(sanitize=False).mark("profile")
-                self._photo = ui.image().classes("w-64").mark("photo")
-            with ui.column().classes("w-full"):
-                self._trouble = ui.label().classes("text-red text-bold")
-                with ui.row().classes("items-center"):
-                    self._attitude = ui.html(sanitize=False).mark("attitude")
-                    with ui.column().classes("gap-0"):
-                        self._mode = ui.label().classes("text-h6").mark("mode")
-                        self._vehicle = ui.label().style("white-space: pre-line").mark("vehicle")
-                        self._status = ui.label().mark("status")
-                self._sliders()
-                self._missions()
-                ui.label("Orders").classes("text-bold")
-                self._orders = ui.label().style("white-space: pre-line").mark("orders")
-                ui.label("Link").classes("text-bold")
-                self._link = ui.label().style("white-space: pre-line").mark("link")
+        ui.add_css(look.CSS)
+        ui.add_body_html(f"<script>{look.KEYS_JS}</script>")
+        ui.on("auv-key", self._key)
+        with ui.element("div").classes("console"):
+            self._head()
+            self._sea()
+            self._craft()
+            self._hands()
+            self._water()
         ui.timer(REFRESH_S, self.refresh)
         self.refresh()
 
     def refresh(self) -> None:
         """Show what is known now."""
         desk = self._desk
-        estimate = desk.shore.estimate(desk.now_s)
-        self._map.set_content(map_of(desk.shore, estimate, desk.waypoints))
-        self._profile.set_content(profile_of(desk.shore, desk.now_s))
-        self._attitude.set_content(attitude_of(desk.shore.nav))
-        self._trouble.set_text(desk.trouble)
-        self._mode.set_text(f"auv1: {desk.mode()}")
-        self._vehicle.set_text("\n".join(desk.vehicle_lines()))
-        self._status.set_text(desk.status_line())
-        self._orders.set_text("\n".join(desk.order_lines()))
-        self._link.set_text("\n".join(desk.link_lines()))
-        if self._resets != desk.setpoints.resets:
-            self._resets = desk.setpoints.resets
-            self._centre()
-        if len(desk.shore.photos) != self._shown_photos:
-            self._shown_photos = len(desk.shore.photos)
-            picture = base64.b64encode(desk.shore.photos[-1]).decode()
-            self._photo.set_source(f"data:image/png;base64,{picture}")
+        now_s, shore = desk.now_s, desk.shore
+        estimate = shore.estimate(now_s)
+        self._show_head()
+        self._map.set_content(
+            map_of(shore, estimate, desk.waypoints, self._target(), self._sizes["map"])
+        )
+        self._profile.set_content(
+            profile_of(shore, now_s, desk.wanted_depth, self._sizes["profile"])
+        )
+        self._attitude.set_content(attitude_of(shore.nav))
+        self._values.set_content(look.values_table(readout.values(desk)))
+        self._show_photo()
+        self._orders.set_content(look.orders_table(readout.order_lines(desk)))
+        watch, unix_s = desk.watch, desk.unix_s
+        self._ladder.set_content(
+            ladder_of(watch.frames(unix_s), watch.propagation_s, unix_s, self._sizes["ladder"])
+        )
+        water = look.lines_table(readout.water_lines(desk), "nothing waits, nothing is on its way")
+        self._queue.set_content(water)
+        self._link.set_content(look.lines_table(readout.link_lines(desk), ""))
+        self._hint.set_text(readout.steering_hint(desk))
+        for joint in JOINTS:
+            wanted = desk.setpoints.wanted.get(joint.topic, 0.0) / joint.factor
+            self._sliders[joint.topic].value = round(wanted, 3) + 0.0
+            self._fates[joint.topic].set_text(readout.setpoint_line(desk, joint.topic))
 
-    def _sliders(self) -> None:
-        """Set-points; forward is positive here, and has Gazebo's sign on the way."""
+    # Panels
 
-        def slider(name: str, topic: str, most: float, step: float) -> ui.slider:
-            sign = -1.0 if topic == THRUST else 1.0
-            with ui.row().classes("w-96 items-center no-wrap"):
-                ui.label(name).classes("w-32")
-                found = ui.slider(
-                    min=-most,
-                    max=most,
-                    step=step,
-                    value=0,
-                    on_change=lambda event: self._moved(topic, sign * event.value),
-                )
-                ui.label().bind_text_from(found, "value", backward="{:g}".format)
-            return found.mark(name)
+    def _head(self) -> None:
+        with ui.element("div").classes("head"):
+            ui.label("auv1").classes("name")
+            self._mode = ui.label().classes("chip mode").mark("mode")
+            self._age = ui.label().classes("chip").mark("age")
+            self._heard = ui.label().classes("chip").mark("heard")
+            self._trouble = ui.label().classes("trouble")
+            self._notice = ui.label().classes("hint").mark("notice")
+            ui.button("STOP", on_click=self._desk.stop, color="red").classes("stop text-h6")
 
-        self._thrust = slider("thrust N", THRUST, _MOST_THRUST_N, 0.5)
-        self._rudder = slider("rudder rad", RUDDER, FIN_LIMIT_RAD // 0.01 * 0.01, 0.01)
-        self._elevator = slider("elevator rad", ELEVATOR, FIN_LIMIT_RAD // 0.01 * 0.01, 0.01)
+    def _sea(self) -> None:
+        with ui.element("div").classes("panel sea"):
+            ui.label("Map, and depth of the last ten minutes").classes("caption")
+            self._map = self._drawing("map", MAP_PX)
+            self._map.on("click", self._clicked, js_handler=look.CLICK_JS)
+            self._profile = self._drawing("profile", PROFILE_PX)
 
-    def _moved(self, topic: str, value: float) -> None:
-        if not self._is_resetting:
-            self._desk.setpoints.set(topic, value)
+    def _craft(self) -> None:
+        with ui.element("div").classes("panel craft"):
+            ui.label("Attitude, and the newest photo").classes("caption")
+            with ui.element("div").classes("top"):
+                self._attitude = ui.html(sanitize=False).classes("attitude").mark("attitude")
+                self._picture = ui.html(sanitize=False).classes("picture").mark("photo")
+            self._bar = ui.html(sanitize=False)
+            with ui.element("div").classes("photo-lines"):
+                self._photo_line = ui.label().mark("photo-line")
+                self._photo_progress = ui.label().mark("photo-progress")
+            ui.label("Vehicle").classes("caption")
+            self._values = ui.html(sanitize=False).mark("values")
 
-    def _centre(self) -> None:
-        """Others steer now: what the sliders have said does not hold any more."""
-        self._is_resetting = True
-        for slider in (self._thrust, self._rudder, self._elevator):
-            slider.value = 0
-        self._is_resetting = False
+    def _hands(self) -> None:
+        with ui.element("div").classes("hands"):
+            with ui.element("div").classes("panel"):
+                with ui.element("div").classes("strip"):
+                    ui.label("By hand").classes("caption")
+                    self._hint = ui.label().classes("hint")
+                for joint in JOINTS:
+                    self._slider(joint)
+                ui.html(look.KEYS_HINT, sanitize=False).classes("keys")
+            with ui.element("div").classes("panel"):
+                self._missions()
+            with ui.element("div").classes("panel orders"):
+                ui.label("Orders").classes("caption")
+                self._orders = ui.html(sanitize=False).mark("orders")
+
+    def _water(self) -> None:
+        with ui.element("div").classes("panel water"):
+            with ui.element("div"):
+                with ui.element("div").classes("strip"):
+                    ui.label("Water").classes("caption")
+                    ui.html(look.LEGEND, sanitize=False).classes("kinds")
+                self._ladder = self._drawing("ladder", LADDER_PX)
+            with ui.element("div"):
+                ui.label("In the water and in the queue").classes("caption")
+                self._queue = ui.html(sanitize=False).mark("queue")
+            with ui.element("div"):
+                ui.label("Link").classes("caption")
+                self._link = ui.html(sanitize=False).mark("link")
+
+    def _drawing(self, name: str, size: Size) -> ui.html:
+        """Make room for a drawing that is drawn in the size which the window has for it."""
+        self._sizes[name] = size
+
+        def resized(event: GenericEventArguments) -> None:
+            width, height = event.args["width"], event.args["height"]
+            if width > 1 and height > 1:
+                self._sizes[name] = round(width), round(height)
+                self.refresh()
+
+        with ui.element("div").classes(f"drawing {name}"):
+            found = ui.html(sanitize=False).mark(name)
+            ui.element("q-resize-observer").on("resize", resized)
+        return found
+
+    def _slider(self, joint: Joint) -> None:
+        with ui.element("div").classes("joint"):
+            ui.label(joint.name)
+            slider = ui.slider(
+                min=-joint.most,
+                max=joint.most,
+                step=joint.step,
+                value=0,
+                on_change=lambda event: self._moved(joint, event.value),
+            )
+            slider.props(f'dense aria-label="{joint.name}"').mark(joint.name)
+            ui.label().classes("value").bind_text_from(
+                slider, "value", backward=lambda value: f"{value:+g} {joint.unit}" if value else "0"
+            )
+            fate = ui.label().classes("fate").mark(f"fate {joint.name}")
+        self._sliders[joint.topic], self._fates[joint.topic] = slider, fate
 
     def _missions(self) -> None:
         desk = self._desk
-        ui.button("STOP", on_click=desk.stop, color="red").classes("w-96 text-h6")
-        with ui.row():
-            ui.button("arm", on_click=lambda: desk.arm(True))
-            ui.button("disarm", on_click=lambda: desk.arm(False))
-            ui.button("by hand", on_click=desk.by_hand)
-            ui.button("photo", on_click=desk.photo)
-            ui.button("cancel way-point", on_click=desk.cancel_goal)
-        with ui.row().classes("items-center"):
-            depth = ui.number("depth m", value=10, min=0, max=70).classes("w-20")
-            speed = ui.number("speed m/s", value=1.5, min=0, max=2.2).classes("w-20")
-            heading = ui.number("heading °", value=90, min=0, max=360).classes("w-20")
-            ui.button("hold", on_click=lambda: desk.hold(depth.value, heading.value, speed.value))
-            north = ui.number("north m", value=60, min=-2000, max=2000).classes("w-20")
-            east = ui.number("east m", value=160, min=-2000, max=2000).classes("w-20")
-            ui.button(
-                "go to",
-                on_click=lambda: desk.goto(
-                    Waypoint(north.value, east.value, depth.value, speed.value)
-                ),
-            )
+        ui.label("Mission; a click on the map fills in north and east").classes("caption")
+        with ui.element("div").classes("fields"):
+            self._depth = _field("depth m", 10, 0, 70)
+            self._speed = _field("speed m/s", 1.5, 0, 2.2)
+            self._heading = _field("heading °", 90, 0, 360)
+            self._north = _field("north m", 60, -2000, 2000)
+            self._east = _field("east m", 160, -2000, 2000)
+        with ui.element("div").classes("strip").style("margin-top: 8px"):
+            _button("arm", lambda: desk.arm(True))
+            _button("disarm", lambda: desk.arm(False))
+            _button("by hand", desk.by_hand)
+            _button("photo", desk.photo)
+        with ui.element("div").classes("strip").style("margin-top: 6px"):
+            _button("hold", self._hold)
+            _button("go to", self._goto)
+            _button("cancel", desk.cancel_goal)
 
-    def _key(self, event: KeyEventArguments) -> None:
-        if not event.action.keydown:
+    # What is shown
+
+    def _show_head(self) -> None:
+        desk = self._desk
+        self._mode.set_text(readout.mode(desk))
+        age_s = readout.report_age_s(desk)
+        self._age.set_text("no report yet" if age_s is None else f"report {readout.ago(age_s)} old")
+        is_old = readout.is_report_old(desk)
+        self._age.classes(add="bad" if is_old else "good", remove="good" if is_old else "bad")
+        heard_at = desk.watch.heard_at_unix_s
+        link = desk.watch.documents.get("link", {}).get("state", "not heard yet")
+        heard = (
+            "" if heard_at is None else f", vehicle heard {readout.ago(desk.unix_s - heard_at)} ago"
+        )
+        self._heard.set_text(f"modem {link}{heard}")
+        is_lost = desk.watch.lost_since_unix_s is not None or link != "up"
+        self._heard.classes(add="bad" if is_lost else "good", remove="good" if is_lost else "bad")
+        self._trouble.set_text(desk.trouble)
+        is_starting = desk.carrier is None and not desk.trouble
+        self._notice.set_text("modems, gateways and vehicle start" if is_starting else "")
+
+    def _show_photo(self) -> None:
+        desk = self._desk
+        self._photo_line.set_text(readout.photo_line(desk))
+        self._photo_progress.set_text(readout.photo_progress(desk))
+        share = readout.photo_share(desk)
+        bar = (
+            "" if share is None else f'<div class="bar"><div style="width:{share:.0%}"></div></div>'
+        )
+        self._bar.set_content(bar)
+        if not desk.shore.photos:
+            self._picture.set_content("no photo yet")
+        elif desk.shore.photo_came_at_s != self._photo_at_s:
+            self._photo_at_s = desk.shore.photo_came_at_s
+            coded = base64.b64encode(desk.shore.photos[-1]).decode()
+            self._picture.set_content(f'<img alt="photo" src="data:image/png;base64,{coded}">')
+
+    # What is done
+
+    def _moved(self, joint: Joint, value: float) -> None:
+        told = value * joint.factor
+        setpoints = self._desk.setpoints
+        # A slider that follows what others have done has nothing to say.
+        if abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH:
+            setpoints.set(joint.topic, told)
+
+    def _key(self, event: GenericEventArguments) -> None:
+        key = event.args
+        if key == " ":
+            self._desk.stop()
+        elif key == "0":
+            for slider in self._sliders.values():
+                slider.value = 0
+        elif key in _KEYS:
+            topic, by = _KEYS[key]
+            joint = next(each for each in JOINTS if each.topic == topic)
+            slider = self._sliders[topic]
+            slider.value = max(-joint.most, min(joint.most, slider.value + by))
+
+    def _clicked(self, event: GenericEventArguments) -> None:
+        desk = self._desk
+        x, y = event.args
+        estimate = desk.shore.estimate(desk.now_s)
+        view = view_of(desk.shore, estimate, desk.waypoints, self._sizes["map"])
+        north, east = view.where(x, y)
+        self._north.value, self._east.value = round(north), round(east)
+        self.refresh()
+
+    def _target(self) -> tuple[float, float] | None:
+        north, east = self._north.value, self._east.value
+        return None if north is None or east is None else (north, east)
+
+    def _hold(self) -> None:
+        depth, heading, speed = self._depth.value, self._heading.value, self._speed.value
+        if None in (depth, heading, speed):
+            ui.notify("hold needs depth, heading and speed", type="warning")
             return
-        match event.key.name:
-            case "ArrowLeft":
-                self._rudder.value -= _RUDDER_STEP_RAD
-            case "ArrowRight":
-                self._rudder.value += _RUDDER_STEP_RAD
-            case "ArrowUp":
-                self._elevator.value -= _RUDDER_STEP_RAD
-            case "ArrowDown":
-                self._elevator.value += _RUDDER_STEP_RAD
-            case "+":
-                self._thrust.value += _THRUST_STEP_N
-            case "-":
-                self._thrust.value -= _THRUST_STEP_N
-            case " ":
-                self._desk.stop()
-            case _:
-                pass
+        self._desk.hold(depth, heading, speed)
+
+    def _goto(self) -> None:
+        target, depth, speed = self._target(), self._depth.value, self._speed.value
+        if target is None or depth is None or speed is None:
+            ui.notify("go to needs north, east, depth and speed", type="warning")
+            return
+        self._desk.goto(Waypoint(*target, depth, speed))
+
+
+def _button(text: str, act: Callable[[], object]) -> None:
+    ui.button(text, on_click=act, color="blue-grey-9").props("dense unelevated no-caps")
+
+
+def _field(label: str, value: float, least: float, most: float) -> ui.number:
+    field = ui.number(label, value=value, min=least, max=most)
+    return field.props("dense outlined hide-bottom-space")

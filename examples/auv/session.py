@@ -10,9 +10,15 @@ import zenoh
 CBOR: Final = "application/cbor"
 
 
-def open_session(endpoint: str) -> zenoh.Session:
-    """Open a session as a client of the router at an endpoint."""
+def open_session(endpoint: str, *, stamps: bool = False) -> zenoh.Session:
+    """Open a session as a client of the router at an endpoint.
+
+    Args:
+        endpoint: Of the router.
+        stamps: It stamps its samples, as nodes of ROS do.
+    """
     settings = {
+        "timestamping": {"enabled": stamps},
         "mode": "client",
         "connect": {"endpoints": [endpoint], "timeout_ms": 20000},
         "scouting": {"multicast": {"enabled": False}},

@@ -16,8 +16,6 @@ class Setpoints:
     def __init__(self) -> None:
         self.wanted: dict[str, float] = {}
         """By topic; what holds."""
-        self.resets = 0
-        """How often `reset` was called: whoever shows sliders puts them back to the middle."""
         self._told: dict[str, float] = {}
         self._told_at_s = float("-inf")
 
@@ -27,7 +25,6 @@ class Setpoints:
 
     def reset(self) -> None:
         """Nothing is wanted, and what was told does not hold any more: others steer."""
-        self.resets += 1
         self.wanted.clear()
         self._told.clear()
 
@@ -38,10 +35,14 @@ class Setpoints:
             topic: value for topic, value in self.wanted.items() if self._told.get(topic) != value
         }
 
+    def due_in_s(self, now_s: float) -> float:
+        """Return how long what waits has to wait, s."""
+        return max(0.0, self._told_at_s + LEAST_PERIOD_S - now_s)
+
     def poll(self, now_s: float) -> dict[str, float]:
         """Return what is to be told now."""
         waiting = self.waiting
-        if not waiting or now_s - self._told_at_s < LEAST_PERIOD_S:
+        if not waiting or self.due_in_s(now_s) > 0:
             return {}
         self._told |= waiting
         self._told_at_s = now_s

@@ -2,7 +2,8 @@
 
 Nothing here has a clock: whoever carries the words says when they came. Between two reports the
 vehicle is predicted: on a circle of its speed and its rate of turn, with an uncertainty that grows
-with the age of what is known.
+with the age of what is known. How fast it grows was measured: over hours of dives with orders in
+between, the vehicle is within two standard deviations as often as that promises, at any age.
 """
 
 import math
@@ -26,10 +27,21 @@ from examples.auv.messages import (
 TRACK_MOST: Final = 2000
 """Reports that are kept."""
 PHOTOS_MOST: Final = 8
-GROWTH_M_S: Final = 0.3
-"""By how much the uncertainty grows, m each second: current, and turns that nobody knows of."""
+DRIFT_M_S: Final = 0.15
+"""By how much the uncertainty of a prediction grows, m each second: the current."""
+STEERING_M_S2: Final = 0.016
+"""And by how much, m each second squared: turns and speeds that nobody knows of here."""
+RUNAWAY_M_S: Final = 1.5
+"""But not faster than that: in the end it may be anywhere in the circle of its speed."""
+DIVING_M_S2: Final = 0.015
+"""The same of the depth, m each second squared."""
+SINKING_M_S: Final = 0.25
+"""The same of the depth, m each second at most."""
+GAUGE_M: Final = 0.1
+"""Standard deviation of a reported depth, m."""
 SOUND_S: Final = 1.5
-"""How much older a report is than its stamp says: airtime and way of the frame, s."""
+"""How much older a report is than its stamp says, where nobody has measured it: airtime and way of
+the frame, s."""
 
 
 class Answer:
@@ -95,6 +107,8 @@ class Estimate(msgspec.Struct, frozen=True):
     heading: float
     sigma: float
     """Standard deviation of the position, m, in each direction."""
+    depth_sigma: float
+    """Standard deviation of the depth, m."""
     age_s: float
     """Of the report that it follows from."""
 
@@ -111,9 +125,15 @@ class Shore:
         self.track: list[tuple[float, Nav]] = []
         """Reports with the instants at which they were made, oldest first."""
         self.photos: list[bytes] = []
+        self.photo_came_at_s = -math.inf
 
     def hear(
-        self, topic: str, value: Nav | Status | bytes, now_s: float, age_s: float = 0.0
+        self,
+        topic: str,
+        value: Nav | Status | bytes,
+        now_s: float,
+        age_s: float = 0.0,
+        way_s: float = SOUND_S,
     ) -> None:
         """Take what came from the vehicle.
 
@@ -122,8 +142,9 @@ class Shore:
             value: The sample.
             now_s: The instant.
             age_s: How old it was when its frame was composed.
+            way_s: How long the frame took from then on.
         """
-        made_at_s = now_s - age_s - SOUND_S
+        made_at_s = now_s - age_s - way_s
         if topic == NAV and isinstance(value, Nav):
             if made_at_s > self.nav_made_at_s:
                 self.nav, self.nav_made_at_s = value, made_at_s
@@ -132,6 +153,7 @@ class Shore:
             self.status, self.status_made_at_s = value, made_at_s
         elif topic == PHOTO and isinstance(value, bytes):
             self.photos = [*self.photos[1 - PHOTOS_MOST :], value]
+            self.photo_came_at_s = now_s
 
     def estimate(self, now_s: float) -> Estimate | None:
         """Predict where the vehicle is now; None before the first report."""
@@ -154,6 +176,11 @@ class Shore:
             # An autopilot levels out sooner than a straight line would: half a length of memory.
             depth=max(0.0, nav.depth + sinking_m_s * min(age_s, 5.0)),
             heading=(nav.heading + nav.turn * age_s) % 360.0,
-            sigma=nav.sigma + GROWTH_M_S * age_s,
+            sigma=math.hypot(
+                nav.sigma,
+                DRIFT_M_S * age_s,
+                min(STEERING_M_S2 * age_s**2, RUNAWAY_M_S * age_s),
+            ),
+            depth_sigma=math.hypot(GAUGE_M, min(DIVING_M_S2 * age_s**2, SINKING_M_S * age_s)),
             age_s=age_s,
         )

@@ -1,19 +1,21 @@
-"""The vehicle as a Zenoh client; it knows nothing of sound.
+"""The vehicle as a Zenoh client, or as a node of ROS 2 on rmw_zenoh; it knows nothing of sound.
 
 Zenoh calls on threads of its own: they put what came into a queue, and one thread does everything.
 It advances the `Craft` ten times a second, reports, and answers. On standard output it tells what
 happens, one JSON object in a line; it ends when its standard input does::
 
     python -m examples.auv.vehicle tcp/127.0.0.1:7448
+    python -m examples.auv.vehicle tcp/127.0.0.1:7448 --ros
 """
 
+import argparse
 import json
 import queue
 import sys
 import threading
 import time
-from collections.abc import Callable
-from typing import Any, Final
+from functools import partial
+from typing import Final
 
 import msgspec
 import zenoh
@@ -35,15 +37,14 @@ from examples.auv.messages import (
     Setpoint,
     Waypoint,
 )
-from examples.auv.session import CBOR, from_cbor, open_session, to_cbor
-from examples.auv.start import NAV_PERIOD_S, START, STATUS_PERIOD_S
+from examples.auv.session import open_session
+from examples.auv.speech import Act, Later, Question, Said, Speech, ZenohSpeech, said_of
+from examples.auv.start import NAV_PERIOD_S, PLACE_PERIOD_S, START, STATUS_PERIOD_S, VEHICLE
 
 TICK_S: Final = 0.1
 PROGRESS_PERIOD_S: Final = 15.0
 _SHORE_LOST: Final = "@acoustic/2/peer/1/lost"
 _SHORTEST_PAUSE_S: Final = 0.001
-
-Act = Callable[[], None]
 
 
 def tell(event: str, **said: object) -> None:
@@ -52,31 +53,40 @@ def tell(event: str, **said: object) -> None:
 
 
 class Vehicle:
-    """Carries words between a craft and Zenoh.
+    """Carries words between a craft and its island.
 
     Args:
         session: Zenoh's.
         craft: The vehicle.
+        ros: Speak as a node of ROS 2.
     """
 
-    def __init__(self, session: zenoh.Session, craft: Craft) -> None:
-        self._session = session
+    def __init__(self, session: zenoh.Session, craft: Craft, *, ros: bool = False) -> None:
         self._craft = craft
         self._acts: queue.SimpleQueue[Act | None] = queue.SimpleQueue()
-        self._goal_id: Any = None
-        self._ended: dict[Any, dict[str, Any]] = {}
-        self._waiting: dict[Any, list[zenoh.Query]] = {}
-        for topic in (STOP, *JOINTS, _SHORE_LOST):
-            session.declare_subscriber(topic, self._later(self._hear))
+        self._goal_id: object = None
+        self._ended: dict[object, Said] = {}
+        self._waiting: dict[object, list[Question]] = {}
+        self._speech = _speech(session, self._acts.put, ros=ros)
+        for topic in (STOP, *JOINTS):
+            self._speech.subscribe(topic, partial(self._hear, topic))
         for service in (ARM, HOLD, TAKE_PHOTO):
-            session.declare_queryable(service, self._later(self._serve))
-        session.declare_queryable(f"{GOTO}/_action/*", self._later(self._pursue))
+            self._speech.serve(service, partial(self._serve, service))
+        for part in ("send_goal", "cancel_goal", "get_result"):
+            self._speech.serve(f"{GOTO}/_action/{part}", partial(self._pursue, part))
+        session.declare_subscriber(_SHORE_LOST, self._hear_lost)
 
     def run(self) -> None:
         """Live until `end`."""
         begun = time.monotonic()
-        due = {self._report: 1.0, self._status: 2.0, self._progress: PROGRESS_PERIOD_S}
+        due = {
+            self._tell_place: PLACE_PERIOD_S,
+            self._report: 1.0,
+            self._status: 2.0,
+            self._progress: PROGRESS_PERIOD_S,
+        }
         periods = {
+            self._tell_place: PLACE_PERIOD_S,
             self._report: NAV_PERIOD_S,
             self._status: STATUS_PERIOD_S,
             self._progress: PROGRESS_PERIOD_S,
@@ -107,101 +117,108 @@ class Vehicle:
         """Let `run` return; from any thread."""
         self._acts.put(None)
 
-    def _later(self, act: Callable[[Any], None]) -> Callable[[Any], None]:
-        return lambda given: self._acts.put(lambda: act(given))
+    def _hear_lost(self, sample: zenoh.Sample) -> None:
+        lost = json.loads(sample.payload.to_string())["lost"]
 
-    def _hear(self, sample: zenoh.Sample) -> None:
-        topic = str(sample.key_expr)
-        if topic == _SHORE_LOST:
-            lost = json.loads(sample.payload.to_string())["lost"]
+        def act() -> None:
             (self._craft.shore_lost if lost else self._craft.shore_found)()
             tell("shore", lost=lost)
-        elif topic == STOP:
+
+        self._acts.put(act)
+
+    def _hear(self, topic: str, said: Said) -> None:
+        if topic == STOP:
             self._craft.stop()
             tell("stopped")
         else:
-            value = msgspec.convert(from_cbor(sample.payload), Setpoint).data
+            value = msgspec.convert(said, Setpoint).data
             self._craft.set_joint(topic, value)
             tell("set-point", topic=topic, value=value)
 
-    def _serve(self, query: zenoh.Query) -> None:
-        with query:
-            key, request = str(query.key_expr), from_cbor(query.payload)
-            picture = b""
-            if key == ARM:
-                done = self._craft.arm(msgspec.convert(request, Arm).armed)
-            elif key == HOLD:
-                done = self._craft.hold(msgspec.convert(request, Hold))
-            else:
-                picture, done = self._craft.take_photo(), Done(True)
-            tell("served", service=key, accepted=done.accepted, reason=done.reason)
-            query.reply(key, to_cbor(done), encoding=CBOR)
+    def _serve(self, service: str, question: Question) -> None:
+        picture = b""
+        if service == ARM:
+            done = self._craft.arm(msgspec.convert(question.asked, Arm).armed)
+        elif service == HOLD:
+            done = self._craft.hold(msgspec.convert(question.asked, Hold))
+        else:
+            picture, done = self._craft.take_photo(), Done(True)
+        tell("served", service=service, accepted=done.accepted, reason=done.reason)
+        question.answer(said_of(done))
         if picture:
-            self._session.put(PHOTO, picture)
+            self._speech.publish(PHOTO, picture)
 
-    def _pursue(self, query: zenoh.Query) -> None:
+    def _pursue(self, part: str, question: Question) -> None:
         """One of the three questions of an action."""
-        asked = from_cbor(query.payload)
-        goal_id = asked["goal_id"]
-        match str(query.key_expr).rpartition("/")[2]:
+        goal_id = question.asked["goal_id"]
+        match part:
             case "send_goal":
-                refusal = self._craft.goto(msgspec.convert(asked["goal"], Waypoint))
+                refusal = self._craft.goto(msgspec.convert(question.asked["goal"], Waypoint))
                 if not refusal:
                     # What was pursued before has been given up by that.
                     while (given_up := self._craft.poll_goal()) is not None:
                         self._finish("aborted", given_up.result, given_up.text)
                     self._goal_id = goal_id
-                self._reply(query, {"accepted": not refusal, "text": refusal})
+                question.answer({"accepted": not refusal, "text": refusal})
             case "cancel_goal":
                 is_mine = goal_id == self._goal_id
                 if is_mine:
                     self._craft.cancel_goto()
                     while (given_up := self._craft.poll_goal()) is not None:
                         self._finish("canceled", given_up.result, given_up.text)
-                self._reply(query, {"accepted": is_mine, "text": ""})
-            case "get_result":
+                question.answer({"accepted": is_mine, "text": ""})
+            case _:
                 if goal_id in self._ended:
-                    self._reply(query, self._ended[goal_id])
+                    question.answer(self._ended[goal_id])
                 else:
-                    self._waiting.setdefault(goal_id, []).append(query)
-            case other:
-                with query:
-                    query.reply_err(f"{other} is not asked here")
+                    self._waiting.setdefault(goal_id, []).append(question)
 
-    def _finish(self, status: str, result: object, text: str) -> None:
+    def _finish(self, status: str, result: msgspec.Struct, text: str) -> None:
         goal_id, self._goal_id = self._goal_id, None
         if goal_id is None:
             return
-        answer = {"status": status, "result": msgspec.to_builtins(result), "text": text}
+        answer = {"status": status, "result": said_of(result), "text": text}
         self._ended = {**self._ended, goal_id: answer}
-        for query in self._waiting.pop(goal_id, []):
-            self._reply(query, answer)
-
-    def _reply(self, query: zenoh.Query, answer: object) -> None:
-        with query:
-            query.reply(query.key_expr, to_cbor(answer), encoding=CBOR)
+        for question in self._waiting.pop(goal_id, []):
+            question.answer(answer)
 
     def _report(self) -> None:
-        nav = self._craft.nav()
-        self._session.put(NAV, to_cbor(nav), encoding=CBOR)
+        self._speech.publish(NAV, said_of(self._craft.nav()))
+
+    def _tell_place(self) -> None:
+        """Tell where it truly is; not what it reports."""
         place = self._craft.motion
         tell("place", north_m=place.north_m, east_m=place.east_m, depth_m=place.depth_m,
-             mode=nav.mode.value)  # fmt: skip
+             mode=self._craft.mode.value)  # fmt: skip
 
     def _status(self) -> None:
-        self._session.put(STATUS, to_cbor(self._craft.status()), encoding=CBOR)
+        self._speech.publish(STATUS, said_of(self._craft.status()))
 
     def _progress(self) -> None:
         progress = self._craft.progress
         if progress is not None and self._goal_id is not None:
-            said = {"goal_id": self._goal_id, "feedback": msgspec.to_builtins(progress)}
-            self._session.put(f"{GOTO}/_action/feedback", to_cbor(said), encoding=CBOR)
+            said = {"goal_id": self._goal_id, "feedback": said_of(progress)}
+            self._speech.publish(f"{GOTO}/_action/feedback", said)
 
 
-def main(endpoint: str) -> None:
+def _speech(session: zenoh.Session, later: Later, *, ros: bool) -> Speech:
+    if not ros:
+        return ZenohSpeech(session, later)
+    from examples.auv.rosspeech import RosSpeech  # needs the extra `ros`
+
+    speech = RosSpeech(session, later, VEHICLE)
+    speech.advertise(NAV, STATUS, PHOTO, f"{GOTO}/_action/feedback", f"{GOTO}/_action/status")
+    return speech
+
+
+def main() -> None:
     """Open a session, live, and end with the input."""
-    with open_session(endpoint) as session:
-        vehicle = Vehicle(session, Craft(START))
+    parser = argparse.ArgumentParser(prog="python -m examples.auv.vehicle", description=__doc__)
+    parser.add_argument("endpoint", help="of the island's router")
+    parser.add_argument("--ros", action="store_true", help="speak as a node of ROS 2")
+    given = parser.parse_args()
+    with open_session(given.endpoint, stamps=given.ros) as session:
+        vehicle = Vehicle(session, Craft(START), ros=given.ros)
 
         def wait_for_end() -> None:
             sys.stdin.read()
@@ -213,4 +230,4 @@ def main(endpoint: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main()

@@ -33,7 +33,14 @@ from examples.auv.messages import (
     Waypoint,
 )
 from examples.auv.shore import Answer, Carrier, Shore
-from examples.auv.start import NAV_PERIOD_S, SHORE, START, STATUS_PERIOD_S, VEHICLE
+from examples.auv.start import (
+    NAV_PERIOD_S,
+    SHORE,
+    START,
+    STATUS_PERIOD_S,
+    VEHICLE,
+    modem_at,
+)
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import config_from_mapping
 from zacoustic.core.actions.news import (
@@ -192,6 +199,8 @@ class VirtualDive(Carrier):
 
     def _tick(self) -> None:
         self.craft.advance(self.now_s)
+        place = self.craft.motion
+        self.network.move(VEHICLE, modem_at(place.north_m, place.east_m, place.depth_m))
         while (ended := self.craft.poll_goal()) is not None:
             if self._served is None:
                 continue

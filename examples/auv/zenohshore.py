@@ -1,18 +1,21 @@
 """The shore's side on Zenoh: an ordinary client that hears the vehicle and gives orders.
 
 Zenoh calls on threads of its own; what came waits in a queue until `drain`, so that the shore's
-state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and ranges.
+state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and water.
 """
 
 import json
 import os
 import queue
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, Final
 
 import msgspec
 import zenoh
 
+from examples.auv.account import unaccounted
+from examples.auv.linkwatch import LinkWatch
 from examples.auv.messages import (
     GOTO,
     NAV,
@@ -25,14 +28,18 @@ from examples.auv.messages import (
     Status,
     Waypoint,
 )
+from examples.auv.roswords import from_ros, name_in_ros, to_ros
 from examples.auv.session import CBOR, from_cbor, to_cbor
 from examples.auv.shore import Answer, Carrier, Shore
+from examples.auv.start import SHORE
 from zacoustic.gateway import read_marker
 
 CALL_LIMIT_S: Final = 100.0
+_ANSWERS_KEPT: Final = 256
 RESULT_LIMIT_S: Final = 3600.0
 Take = Callable[[dict[str, Any]], None]
 _ACTION: Final = f"{GOTO}/_action"
+_HEALTH: Final = f"@acoustic/{SHORE}/"
 
 
 class ZenohShore(Carrier):
@@ -41,19 +48,35 @@ class ZenohShore(Carrier):
     Args:
         session: Zenoh's.
         shore: What is known of the vehicle.
+        watch: Keeps what the gateway tells.
+        ros: The table is that of `fleet_ros.json5`.
     """
 
-    def __init__(self, session: zenoh.Session, shore: Shore) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        shore: Shore,
+        watch: LinkWatch | None = None,
+        *,
+        ros: bool = False,
+    ) -> None:
         self._session = session
+        self._ros = ros
         self._shore = shore
+        self._watch = LinkWatch() if watch is None else watch
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
+        self.published: Counter[str] = Counter()
+        """Samples that were put, by stream."""
+        self.answers: deque[Answer] = deque(maxlen=_ANSWERS_KEPT)
+        """Of the newest calls and goals."""
         self.goal_id: bytes | None = None
         """Of the goal that was sent last."""
-        self.health: dict[str, Any] = {}
-        """Documents of the gateway by the rest of their keys."""
         for topic in (NAV, STATUS, PHOTO, f"{_ACTION}/feedback"):
             session.declare_subscriber(topic, self._hear)
-        session.declare_subscriber("@acoustic/1/**", self._hear_health)
+        session.declare_subscriber(f"{_HEALTH}**", self._hear_health)
+        # What has not changed since is not put again.
+        handler = zenoh.handlers.Callback(self._hear_answer, lambda: None)
+        session.get(f"{_HEALTH}**", handler)
 
     def drain(self, now_s: float) -> None:
         """Take in all that came; `now_s` is the instant."""
@@ -62,11 +85,15 @@ class ZenohShore(Carrier):
 
     def put(self, topic: str, value: msgspec.Struct) -> None:
         """Publish."""
-        self._session.put(topic, to_cbor(value), encoding=CBOR)
+        name, said = topic, msgspec.to_builtins(value)
+        if self._ros:
+            name, said = name_in_ros(topic), to_ros(topic, said)
+        self.published[name] += 1
+        self._session.put(name, to_cbor(said), encoding=CBOR)
 
     def call(self, service: str, value: msgspec.Struct) -> Answer:
         """Call a service of the vehicle."""
-        answer = Answer()
+        answer = self._new_answer()
 
         def answered(said: dict[str, Any]) -> None:
             answer.answered(msgspec.convert(said, Done))
@@ -76,7 +103,7 @@ class ZenohShore(Carrier):
 
     def send_goal(self, waypoint: Waypoint) -> Answer:
         """Send a way-point to the vehicle."""
-        answer = Answer()
+        answer = self._new_answer()
         goal_id = self.goal_id = os.urandom(16)
 
         def accepted(said: dict[str, Any]) -> None:
@@ -97,11 +124,28 @@ class ZenohShore(Carrier):
         self._ask(f"{_ACTION}/send_goal", question, CALL_LIMIT_S, accepted, answer)
         return answer
 
-    def cancel_goal(self) -> None:
-        """Ask for the end of the goal that was sent last."""
-        if self.goal_id is not None:
-            question = {"goal_id": self.goal_id}
-            self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, lambda said: None, Answer())
+    def cancel_goal(self) -> Answer | None:
+        """Ask for the end of the goal that was sent last; None: there is none."""
+        if self.goal_id is None:
+            return None
+        answer = Answer()
+
+        def answered(said: dict[str, Any]) -> None:
+            refusal = said.get("text") or "it was over"
+            answer.answered(Done(said["accepted"], "" if said["accepted"] else refusal))
+
+        question = {"goal_id": self.goal_id}
+        self._ask(f"{_ACTION}/cancel_goal", question, CALL_LIMIT_S, answered, answer)
+        return answer
+
+    def unaccounted(self) -> list[str]:
+        """Say what of the shore's orders has not ended; nothing: all has."""
+        return unaccounted(self.published, self.answers, self._watch.documents.get("streams"))
+
+    def _new_answer(self) -> Answer:
+        answer = Answer()
+        self.answers.append(answer)
+        return answer
 
     def _ask(
         self,
@@ -131,22 +175,33 @@ class ZenohShore(Carrier):
         age_s = 0.0 if marker is None or marker.age_s is None else marker.age_s
 
         def take(now_s: float) -> None:
+            shore, way_s = self._shore, self._watch.way_s
+            said: Any = payload.to_bytes()
+            if self._ros or topic != PHOTO:
+                said = from_cbor(payload)
+            if self._ros:
+                said = from_ros(topic, said)
             if topic == PHOTO:
-                self._shore.hear(topic, payload.to_bytes(), now_s)
+                shore.hear(topic, said, now_s)
             elif topic == NAV:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Nav), now_s, age_s)
+                shore.hear(topic, msgspec.convert(said, Nav), now_s, age_s, way_s)
             elif topic == STATUS:
-                self._shore.hear(topic, msgspec.convert(from_cbor(payload), Status), now_s)
+                shore.hear(topic, msgspec.convert(said, Status), now_s, age_s, way_s)
             else:
-                said = from_cbor(payload)["feedback"]
-                self._shore.progress = msgspec.convert(said, Progress)
+                shore.progress = msgspec.convert(said["feedback"], Progress)
 
         self._came.put(take)
 
-    def _hear_health(self, sample: zenoh.Sample) -> None:
-        name, text = str(sample.key_expr).partition("@acoustic/1/")[2], sample.payload.to_string()
+    def _hear_health(self, sample: zenoh.Sample, *, is_answer: bool = False) -> None:
+        name, text = str(sample.key_expr).removeprefix(_HEALTH), sample.payload.to_string()
 
-        def take(_: float) -> None:
-            self.health[name] = json.loads(text)
+        def take(now_s: float) -> None:
+            # An answer may be older than what was put meanwhile.
+            if not (is_answer and name in self._watch.documents):
+                self._watch.take(name, json.loads(text), now_s)
 
         self._came.put(take)
+
+    def _hear_answer(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._hear_health(reply.ok, is_answer=True)

@@ -18,7 +18,8 @@ What can be known about the other side:
 
 import asyncio
 import time
-from typing import Final, Self
+from collections.abc import Mapping
+from typing import Any, Final, Self
 
 from zacoustic.bytestream import ByteStream
 from zacoustic.core.clock import Clock, ns_to_seconds
@@ -31,12 +32,18 @@ from zacoustic.core.linktypes import (
 )
 from zacoustic.core.rmw_desert.packets import PacketDecoder, encode_packet
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
-from zacoustic.link import Link, LinkConfig, LinkReceiver
+from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.pacing import Pacer
 
 LAST_DELAY_S: Final = 2.0
 """Longest pause between two attempts to connect, s: DESERT needs five to start."""
+LEAST_CUT_PIECES: Final = 4
+"""So many packets that hold less than a frame are more than an accident."""
+LEAST_CUT_SHARE: Final = 0.1
+"""And that share of all."""
+DELIMITER: Final = b"\0"
+"""What the core puts before and behind each frame."""
 SUSPECT_FRAMES: Final = 20
 """Frames sent on a connection without hearing anything, after which it may be a deaf one."""
 
@@ -85,11 +92,16 @@ class DesertLink(Link):
         self._state = LinkState.OPENING
         self._detail = ""
         self._timer: asyncio.TimerHandle | None = None
+        self._stream_reason = "no answer"
         self._frames_sent = 0
         # Frames written on this connection before anything was heard on it.
         self._unheard = 0
         self._is_heard = False
         self._discarded_before = 0
+        # A piece is what arrives at once: a packet of DESERT's, on a local network.
+        self._pieces = 0
+        self._cut_pieces = 0
+        self._cut_after_bytes = 0
 
     @classmethod
     def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
@@ -151,6 +163,9 @@ class DesertLink(Link):
         """Counts, the state, and what it waits for."""
         readings: dict[str, int | float | str] = {
             "frames_sent": self._frames_sent,
+            "pieces": self._pieces,
+            "pieces_cut": self._cut_pieces,
+            "cut_after_bytes": self._cut_after_bytes,
             "frames_unheard": 0 if self._is_heard else self._unheard,
             "bytes_read": self._stream.bytes_read,
             "bytes_written": self._stream.bytes_written,
@@ -161,6 +176,39 @@ class DesertLink(Link):
         if self._decoder is not None:
             readings["bytes_discarded"] = self._discarded_before + self._decoder.discarded_bytes
         return readings
+
+    async def examine(self, patience_s: float) -> list[Finding]:
+        """See whether DESERT listens; nothing is written. More it does not tell of itself."""
+        found = await super().examine(patience_s)
+        if not found:
+            return []
+        return [
+            Finding(
+                what=f"DESERT does not answer at {self._address}: {self._stream_reason}",
+                why="the gateway waits for it, for ever, and nothing crosses meanwhile",
+                cure="start it; it listens some five seconds later; compare Socket_Port_ in its "
+                "script, and see that it has setSocketProtocol TCP",
+            )
+        ]
+
+    def assess(self, health: Mapping[str, Any]) -> list[Finding]:
+        """See whether frames come in pieces."""
+        readings = health.get("link", {}).get("diagnostics", {})
+        pieces, cut = readings.get("pieces", 0), readings.get("pieces_cut", 0)
+        if cut < LEAST_CUT_PIECES or cut < pieces * LEAST_CUT_SHARE:
+            return []
+        read_bytes = readings.get("cut_after_bytes")
+        return [
+            Finding(
+                what=f"frames come in pieces: {cut} of {pieces} packets hold a part of one; "
+                f"max_read_length of the link is {self._config.max_read_length}, and they are cut "
+                f"after {read_bytes} bytes",
+                why="DESERT reads less at once than the frames have: each goes as two packets, and "
+                "is lost with either",
+                cure=f"max_read_length={read_bytes} in the locators of both ends, or the same "
+                "max_read_length in DESERT's script",
+            )
+        ]
 
     def stream_opened(self) -> None:
         """DESERT, or its kernel, has accepted; called by the stream."""
@@ -175,6 +223,7 @@ class DesertLink(Link):
     def bytes_received(self, data: bytes, received_at: int) -> None:
         """Pass on what has arrived; called by the stream."""
         self._is_heard = True
+        self._count_piece(data)
         if self._state is LinkState.UP:
             self._change_state(LinkState.UP, self._connected())
         if self._decoder is None:
@@ -186,9 +235,19 @@ class DesertLink(Link):
         self._flush_at = received_at + self._patience_ns if self._decoder.is_waiting else None
         self._arm()
 
+    def _count_piece(self, data: bytes) -> None:
+        """Count what came at once, and whether it was less than a frame."""
+        self._pieces += 1
+        # The core's delimiters show where a frame begins and ends; others have none.
+        if self._decoder is None and (data[:1] == DELIMITER) != (data[-1:] == DELIMITER):
+            self._cut_pieces += 1
+            if data[:1] == DELIMITER:
+                # Pieces may come together: the shortest beginning is what is read at once.
+                self._cut_after_bytes = min(self._cut_after_bytes or len(data), len(data))
+
     def stream_lost(self, reason: str) -> None:
         """DESERT is gone, or was not reached; called by the stream."""
-        reason = reason.removeprefix(f"{self._stream.address}: ")
+        reason = self._stream_reason = reason.removeprefix(f"{self._stream.address}: ")
         if self._state is LinkState.UP:
             self._go_down(reason)
             self._service()

@@ -2,13 +2,14 @@
 
 import asyncio
 import time
-from typing import Self, assert_never
+from collections.abc import Mapping
+from typing import Any, Self, assert_never
 
 from zacoustic.bytestream import ByteStream
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.linktypes import LinkState, Transmission
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
-from zacoustic.link import Link, LinkConfig, LinkReceiver
+from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.events import (
@@ -21,6 +22,7 @@ from zacoustic_evologics.driver.events import (
     OpeningHopeless,
     TransmissionEnded,
 )
+from zacoustic_evologics.examination import assess, examine
 
 
 class EvologicsLink(Link):
@@ -46,6 +48,7 @@ class EvologicsLink(Link):
         self._stream = stream
         self._config = config or EvologicsConfig()
         self._clock = clock
+        self._node_address = node_address
         self._now = 0
         is_serial = stream.address.startswith("serial:")
         self._dialogue = AtDialogue(self._config, node_address=node_address, is_serial=is_serial)
@@ -133,6 +136,14 @@ class EvologicsLink(Link):
             "bytes_written": stream.bytes_written,
             "connections": stream.connections,
         }
+
+    async def examine(self, patience_s: float) -> list[Finding]:
+        """Ask the modem, without a change to it; a serial port at other baud rates, too."""
+        return await examine(self._stream.address, self._config, self._node_address, patience_s)
+
+    def assess(self, health: Mapping[str, Any]) -> list[Finding]:
+        """Judge what the modem has told a gateway that runs."""
+        return assess(health, self._config)
 
     # What the stream calls
 

@@ -1,147 +1,39 @@
-"""The console: the desk by itself, and its page in this process, without a browser."""
+"""The page of the console in this process, without a browser; and its command."""
 
 import asyncio
+import math
+import socket
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
+from examples.auv.__main__ import main
 from examples.auv.desk import Desk
-from examples.auv.drawing import attitude_of, map_of, profile_of
+from examples.auv.fates import Fate
 from examples.auv.messages import (
     ARM,
+    GOTO,
     HOLD,
     NAV,
     RUDDER,
     STOP,
     THRUST,
-    Done,
-    Mode,
-    Nav,
     Setpoint,
-    Waypoint,
 )
-from examples.auv.setpoints import LEAST_PERIOD_S, Setpoints
-from examples.auv.shore import Answer, Carrier, Shore
+from examples.auv.shore import Shore
+from tests.auv.desks import Clock, desk_at, nav, topics
 
-
-class Clock:
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
-class Recorder(Carrier):
-    """Keeps what is ordered."""
-
-    def __init__(self) -> None:
-        self.said: list[tuple[str, msgspec.Struct]] = []
-        self.answers: list[Answer] = []
-
-    def put(self, topic: str, value: msgspec.Struct) -> None:
-        self.said.append((topic, value))
-
-    def call(self, service: str, value: msgspec.Struct) -> Answer:
-        self.said.append((service, value))
-        self.answers.append(Answer())
-        return self.answers[-1]
-
-    def send_goal(self, waypoint: Waypoint) -> Answer:
-        return self.call("goto", waypoint)
-
-
-def desk_at(clock: Clock) -> tuple[Desk, Recorder]:
-    desk, carrier = Desk(Shore(), clock), Recorder()
-    desk.carrier = carrier
-    return desk, carrier
-
-
-def nav(east: float = 30.0) -> Nav:
-    return Nav(
-        north=10.0, east=east, depth=12.34, heading=90.0, pitch=-3.0, roll=1.0, speed=1.5,
-        turn=0.0, sigma=0.5, mode=Mode.GOTO,
-    )  # fmt: skip
-
-
-def test_set_points_go_at_once_then_seldom_and_the_last_one_wins() -> None:
-    setpoints = Setpoints()
-    sent: list[tuple[float, dict[str, float]]] = []
-    for tick in range(100):  # a slider that moves for ten seconds
-        now_s = tick / 10
-        setpoints.set(RUDDER, tick / 1000)
-        if said := setpoints.poll(now_s):
-            sent.append((now_s, said))
-    assert sent[0] == (0.0, {RUDDER: 0.0})
-    assert len(sent) == 4
-    assert setpoints.waiting
-    assert setpoints.poll(9.9 + LEAST_PERIOD_S) == {RUDDER: 0.099}
-    assert not setpoints.waiting
-    assert setpoints.poll(100.0) == {}  # it holds: nothing is repeated
-
-
-def test_what_moves_together_goes_together() -> None:
-    setpoints = Setpoints()
-    setpoints.set(RUDDER, 0.1)
-    setpoints.set(THRUST, -15.0)
-    assert setpoints.poll(0.0) == {RUDDER: 0.1, THRUST: -15.0}
-
-
-def test_desk_says_how_old_everything_is() -> None:
-    clock = Clock()
-    desk, _ = desk_at(clock)
-    assert desk.vehicle_lines() == ["not heard yet"]
-    desk.shore.hear(NAV, nav(), clock.now_s, age_s=0.5)
-    assert desk.vehicle_lines()[0] == "reported 2 s ago"
-    clock.now_s += 30
-    assert desk.vehicle_lines()[0] == "reported 32 s ago — OLD"
-    assert "± 10 m" in desk.vehicle_lines()[3]
-
-
-def test_an_order_is_done_when_the_vehicle_says_so() -> None:
-    clock = Clock()
-    desk, carrier = desk_at(clock)
-    desk.arm(True)
-    assert desk.order_lines() == ["   0 s ago: arm: not answered yet"]
-    carrier.answers[0].answered(Done(True))
-    clock.now_s += 4
-    assert desk.order_lines() == ["   4 s ago: arm: done"]
-    desk.hold(10.0, 90.0, 1.5)
-    carrier.answers[1].answered(Done(False, "not armed"))
-    assert desk.order_lines()[0].endswith("not armed")
-
-
-def test_stop_forgets_the_set_points_that_wait() -> None:
-    clock = Clock()
-    desk, carrier = desk_at(clock)
-    desk.setpoints.set(THRUST, -15.0)
-    desk.stop()
-    clock.now_s += 60
-    desk.tick()
-    assert [topic for topic, _ in carrier.said] == [STOP]
-
-
-def test_drawings_show_track_uncertainty_and_depth() -> None:
-    shore = Shore()
-    assert "<svg" in map_of(shore, None)
-    for second in range(0, 60, 5):
-        shore.hear(NAV, nav(float(second)), float(second))
-    near, far = shore.estimate(60.0), shore.estimate(120.0)
-    assert near is not None
-    assert far is not None
-    drawn = map_of(shore, near, [Waypoint(50.0, 50.0, 12.0)])
-    assert drawn.count("<circle") == 3
-    assert "12 m" in drawn
-    assert map_of(shore, near) != map_of(shore, far)
-    assert profile_of(shore, 60.0) != profile_of(shore, 90.0)
-    assert "rotate(-1 60 60)" in attitude_of(nav())
+ROOT = Path(__file__).parents[2]
 
 
 def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
     pytest.importorskip("nicegui")
     from nicegui import ui
+    from nicegui.events import GenericEventArguments
     from nicegui.testing.user_simulation import user_simulation
 
     from examples.auv.page import Page
@@ -160,28 +52,148 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
             await user.should_see("not heard yet")
             user.find("arm").click()
             assert await until(lambda: ARM in topics(carrier))
-            slider: Any = next(iter(user.find(marker="thrust N", kind=ui.slider).elements))
+            slider: Any = next(iter(user.find(marker="thrust", kind=ui.slider).elements))
+            rudder: Any = next(iter(user.find(marker="rudder", kind=ui.slider).elements))
             slider.value = 15.0
             desk.tick()
             assert (THRUST, Setpoint(-15.0)) in carrier.said
+            await user.should_see(Fate.GIVEN.value)
+
+            def press(key: str) -> None:
+                layout = slider.client.layout
+                pages[0]._key(GenericEventArguments(sender=layout, client=slider.client, args=key))
+
+            for key in ("+", "ArrowRight", "ArrowRight", "ArrowLeft", "x"):
+                press(key)
+            assert (slider.value, rudder.value) == (17.0, 1.0)
+            assert desk.setpoints.wanted[RUDDER] == pytest.approx(math.radians(1.0))
+            press("0")
+            assert (slider.value, rudder.value) == (0.0, 0.0)
+            press("-")
+            assert desk.setpoints.wanted[THRUST] == 2.0
             user.find("hold").click()
             assert await until(lambda: HOLD in topics(carrier))
             desk.shore.hear(NAV, nav(), clock.now_s)
             pages[0].refresh()
             assert slider.value == 0  # the autopilot steers: what it showed does not hold
             assert not desk.setpoints.wanted
-            await user.should_see("auv1: goto")
-            await user.should_see("depth 12.3 m")
+            await user.should_see("the autopilot steers")
+            await user.should_see("goto")
+            await user.should_see("12.3 m")
+            north: Any = next(iter(user.find("north m").elements))
+            north.value = None
+            user.find("go to").click()
+            await user.should_see("go to needs north")
+            assert GOTO not in topics(carrier)
+            press(" ")
+            assert topics(carrier).count(STOP) == 1
             user.find("STOP").click()
-            assert await until(lambda: STOP in topics(carrier))
+            assert await until(lambda: topics(carrier).count(STOP) == 2)
             pages[0].refresh()
-            await user.should_see("STOP: sent")
+            await user.should_see("STOP")
 
     asyncio.run(visit())
 
 
-def topics(carrier: Recorder) -> list[str]:
-    return [topic for topic, _ in carrier.said]
+def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
+    pytest.importorskip("nicegui")
+    from nicegui.testing.user_simulation import user_simulation
+
+    from examples.auv.page import Page
+
+    desk = Desk(Shore(), Clock())
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        def root() -> None:
+            pages.append(Page(desk))
+
+        async with user_simulation(root) as user:
+            await user.open("/")
+            await user.should_see("vehicle start")
+            user.find("STOP").click()  # there is nothing to be stopped, and nothing fails
+            desk.trouble = "gateway 1 ended with code 1"
+            pages[0].refresh()
+            await user.should_see("gateway 1 ended")
+            await user.should_not_see("vehicle start")
+
+    asyncio.run(visit())
+
+
+def test_what_one_page_moves_the_other_shows() -> None:
+    pytest.importorskip("nicegui")
+    from nicegui.testing.user_simulation import user_simulation
+
+    from examples.auv.page import Page
+
+    desk, _ = desk_at(Clock())
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        def root() -> None:
+            pages.append(Page(desk))
+
+        async with user_simulation(root) as user:
+            await user.open("/")
+            await user.open("/")
+            here, there = (page._sliders[THRUST] for page in pages[-2:])
+            here.value = 9.0
+            pages[-1].refresh()
+            assert there.value == 9.0
+            assert desk.setpoints.wanted == {THRUST: -9.0}
+            desk.setpoints.reset()
+            for page in pages[-2:]:
+                page.refresh()
+            assert (here.value, there.value) == (0.0, 0.0)
+            assert desk.setpoints.wanted == {}  # following is not moving
+
+    asyncio.run(visit())
+
+
+def test_a_port_that_is_taken_is_one_line() -> None:
+    pytest.importorskip("nicegui")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        process = run_command("--port", str(port))
+    assert process.returncode == 1
+    assert process.stdout == ""
+    assert process.stderr.count("\n") == 1
+    assert f"--port {port}: Address already in use" in process.stderr
+
+
+@pytest.mark.parametrize("arguments", ["--port 0", "--port 70000", "--port web", "--loss 1"])
+def test_an_argument_that_makes_no_sense_is_refused(
+    arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["auv", *arguments.split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert arguments.split()[1] in capsys.readouterr().err
+
+
+def test_without_nicegui_there_is_one_line_that_says_what_to_install(tmp_path: Path) -> None:
+    (tmp_path / "nicegui.py").write_text("raise ModuleNotFoundError(name='nicegui')\n")
+    process = run_command(search_first=tmp_path)
+    assert process.returncode == 2
+    assert process.stderr == (
+        "nicegui is missing: pip install 'zacoustic[console]', or --headless\n"
+    )
+
+
+def run_command(
+    *arguments: str, search_first: Path | None = None
+) -> subprocess.CompletedProcess[str]:
+    begin = "" if search_first is None else f"sys.path.insert(0, {str(search_first)!r}); "
+    code = f"import runpy, sys; {begin}runpy.run_module('examples.auv', run_name='__main__')"
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 async def until(condition: Callable[[], bool]) -> bool:

@@ -72,3 +72,33 @@ def test_nodes_at_one_place_have_no_range_rate() -> None:
     )
     path = path_between(here, moving, 0, sound_speed_m_s=1500.0)
     assert (path.propagation_s, path.range_rate_m_s) == (0.0, 0.0)
+
+
+def test_who_is_steered_is_where_it_was_told_last() -> None:
+    motion = Motion.fixed((100.0, 0.0, 10.0))
+    motion.move((100.0, 2.0, 10.0), 50.0)
+    motion.move((100.0, 4.0, 11.0), 51.0)
+    assert not motion.is_fixed
+    assert motion.position(51.0) == motion.position(60.0) == (100.0, 4.0, 11.0)
+    assert motion.position(50.5) == pytest.approx((100.0, 3.0, 10.5))
+    assert motion.velocity_m_s(50.5) == pytest.approx((0.0, 2.0, 1.0))
+
+
+def test_what_was_to_come_of_a_track_is_over_when_a_node_is_moved() -> None:
+    motion = Motion(
+        [Waypoint(t=10.0, position=(0.0, 0.0, 0.0)), Waypoint(t=20.0, position=(10.0, 0.0, 0.0))]
+    )
+    motion.move((1.0, 1.0, 1.0), 15.0)
+    assert motion.position(30.0) == (1.0, 1.0, 1.0)
+    before = Motion([Waypoint(t=10.0, position=(0.0, 0.0, 0.0))])
+    before.move((1.0, 1.0, 1.0), 5.0)
+    assert before.position(0.0) == (0.0, 0.0, 0.0)
+    assert before.position(9.0) == before.position(11.0) == (1.0, 1.0, 1.0)
+
+
+def test_a_node_that_is_steered_for_days_takes_no_more_memory() -> None:
+    motion = Motion.fixed((0.0, 0.0, 0.0))
+    for second in range(1, 5000):
+        motion.move((float(second), 0.0, 0.0), float(second))
+    assert len(motion.places) < 100
+    assert motion.position(4990.5) == pytest.approx((4990.5, 0.0, 0.0))

@@ -157,8 +157,8 @@ def test_what_is_no_recording_is_refused(
     fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = {
-        "a.mcap": (b"\x89MCAP0\r\n", "MCAP is not available yet; allowed: JSON lines"),
-        "b.jsonl": (b"\x89MCAP0\r\n", "MCAP is not available yet"),
+        "a.mcap": (b"\x89MCAP0\r\n", "no samples of any dense topic"),
+        "b.mcap": (b"{}", "b.mcap: no MCAP file"),
         "c.jsonl.gz": (b"\x1f\x8b\x08\x00damaged", "c.jsonl.gz: damaged: "),
         "d.jsonl": (b'{"t": 1, "s": "sonar", "v": 1}', "no samples of any dense topic of the"),
         "e.jsonl": (b"", "no samples of any dense topic"),

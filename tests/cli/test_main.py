@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from zacoustic import cli, registry
-from zacoustic.cli import BUILT_IN, main
+from zacoustic.cli import BUILT_IN, complete_parser, main
 from zacoustic.command import Command
 from zacoustic.errors import (
     CallTimeoutError,
@@ -142,6 +142,33 @@ def test_the_help_of_every_verb_has_an_example(
     assert f"zacoustic {verb}" in helped.partition("example")[2]
 
 
+def test_every_verb_that_prints_results_has_json() -> None:
+    def lacking(parser: argparse.ArgumentParser) -> list[str]:
+        below = [each for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
+        if below:
+            return [name for each in below[0].choices.values() for name in lacking(each)]
+        has_json = any("--json" in each.option_strings for each in parser._actions)
+        return [] if has_json else [parser.prog]
+
+    assert lacking(complete_parser()) == ["zacoustic completion"]
+
+
+@pytest.mark.parametrize(
+    ("module", "extra"),
+    [("rich", "'zacoustic[terminal]'"), ("nicegui.ui", "'zacoustic[console]'"), ("x", "x")],
+)
+def test_absent_library_names_what_brings_it(
+    module: str,
+    extra: str,
+    raising: Callable[[BaseException], int],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert raising(ModuleNotFoundError("absent", name=module)) == 1
+    assert capsys.readouterr().err == (
+        f"zacoustic links: needs {module}, which is not installed (pip install {extra})\n"
+    )
+
+
 class Echo(Command):
     """Says what it was called with."""
 
@@ -222,7 +249,7 @@ def test_the_help_of_a_shared_verb_lists_its_sub_verbs_the_broken_one_too(
     [
         (["emulate"], 2, "zacoustic emulate: the following arguments are required: VERB"),
         (["emulate", "aa"], 2, "zacoustic emulate aa: no such verb; there are: a, b, c"),
-        (["emulate", "a", "--bogus"], 2, "zacoustic: unrecognized arguments: --bogus"),
+        (["emulate", "a", "--bogus"], 2, "zacoustic emulate a: unrecognized arguments: --bogus"),
         (["emulate", "c", "--port", "7"], 1, "zacoustic emulate c: command 'emulate.c' needs"),
         (["emulate.a"], 2, "zacoustic emulate.a: no such verb"),
     ],

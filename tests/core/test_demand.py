@@ -212,6 +212,19 @@ def test_subscriber_that_restarts_and_wants_still_goes_on() -> None:
     assert len(water[2].got(SubscribersChanged)) == 1
 
 
+def test_answer_to_a_former_life_is_not_one_to_what_has_not_been_sent() -> None:
+    water = acquainted()
+    want(water, 1, 10, 2)
+    answer = b"\xbc" + Subscribe(1, 1, 0b100, is_answer=True).body
+    water[1].hear(answer, water.now, source=2, destination=1)
+    assert letters(water.run(1))
+    assert subscribers(water, 2, 10) == {1}
+    water.restart(2, fleet())
+    water.publish(2, 12, b"")
+    water.run(100)
+    assert subscribers(water, 2, 10) == {1}
+
+
 def test_answer_waits_for_the_journal() -> None:
     water = rig()
     water[2].commits = False

@@ -4,7 +4,7 @@ import pytest
 
 from tests.core.rig import Rig, link
 from zacoustic.core.events import PeerSeen, SampleReceived, StreamsDiffer
-from zacoustic.core.frame import WIRE_VERSION, Confirm, Hello, TableRow, Tag
+from zacoustic.core.frame import ASSURED, WIRE_VERSION, Confirm, Hello, TableRow, Tag
 from zacoustic.core.linktypes import Transmission
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable
@@ -75,7 +75,8 @@ def test_confirmation_goes_behind_a_frame_of_its_peer_not_when_one_may_be_on_its
     rig.publish(2, 11, b"too soon to carry a confirmation")
     assert len(rig.run(9 * unit_s)) == 1
     rig.publish(1, 10, b"second")
-    assert rig.run(2.1 * unit_s)[1:] == [Confirm(1, 1).encode()]
+    # Node 1 has confirmed node 2 with its second frame.
+    assert rig.run(2.1 * unit_s)[1:] == [Confirm(ASSURED, 1).encode()]
 
 
 def test_late_frame_of_a_former_life_is_not_decoded_by_the_new_table() -> None:

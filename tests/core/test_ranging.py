@@ -34,6 +34,12 @@ def table(*, nodes: tuple[int, ...] = (1, 2, 3)) -> StreamTable:
             TopicSpec(stream_id=1, name="all", qos=Qos(depth=9)),
             TopicSpec(stream_id=2, name="urgent", qos=Qos(depth=9, priority=Priority.REAL_TIME)),
             TopicSpec(stream_id=3, name="to2", subscribers=(2,), qos=Qos(depth=9)),
+            TopicSpec(
+                stream_id=4,
+                name="order",
+                subscribers=(2,),
+                qos=Qos(depth=9, priority=Priority.INTERACTIVE_HIGH),
+            ),
         ],
         nodes={address: f"n{address}" for address in nodes},
     )
@@ -342,3 +348,25 @@ def test_measurements_of_nobody_are_dropped_and_readings_of_the_modem_kept() -> 
     end.settle()
     assert end.got(ModemRead) == [ModemRead(read_at=1, battery_v=24.0)]
     assert end.engine.measurements.modem == ModemRead(read_at=1, battery_v=24.0)
+
+
+def test_a_range_gives_way_to_what_presses_but_not_for_more_than_a_period() -> None:
+    sea = rig()
+    end = sea.ends[1]
+    end.engine.ranging.repeat(2, 30.0, end.now)
+    pass_time(end, 8.0)
+    first = at(end)
+    assert first.acknowledge
+    end.report(first, DELIVERED)
+    measure(end, 2)
+    pass_time(end, 28.0)  # the next one is due in two seconds
+    orders = 0
+    for _ in range(12):  # one every four seconds
+        orders += 1
+        end.engine.publish(4, b"go", end.now)
+        order = at(end)
+        end.report(order)
+        if order.acknowledge or end.poll(end.now) is not None:
+            break
+        pass_time(end, 4.0)
+    assert 8 <= orders <= 10, "a period behind, and not for ever"

@@ -14,12 +14,14 @@ from typing import Any, Final, TypeVar
 import cbor2
 import msgspec
 import zenoh
+import zenoh.ext
 
 from zacoustic.channel.medium import Emission
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.encoding import JSON
 from zacoustic.gateway import Gateway, Notice
+from zacoustic.journal import Journal
 from zacoustic_sim.medium import Observation, SimMedium
 
 T = TypeVar("T")
@@ -140,6 +142,12 @@ def zenoh_router() -> Iterator[int]:
         yield port
 
 
+def counts(streams: bytes, name: str) -> dict[str, int]:
+    """Return how often a stream was published, received and transmitted, of a health document."""
+    (entry,) = [each for each in json.loads(streams)["streams"] if each["name"] == name]
+    return {what: entry[what] for what in ("published", "received", "transmitted")}
+
+
 class Water:
     """Simulated water with nodes 1, 2 and 3, and what was sent in it."""
 
@@ -193,6 +201,7 @@ async def island(
     *,
     section: dict[str, Any] | None = None,
     join: int | None = None,
+    journal: Journal | None = None,
 ) -> AsyncIterator[Island]:
     """Run a gateway: as a router of its own, or as a client of the one at port `join`."""
     found = Island(join or free_port())
@@ -200,19 +209,36 @@ async def island(
         zenoh_config("client", connect=join) if join else zenoh_config("router", listen=found.port)
     )
     config = config_of(address, settings, section)
-    async with Gateway(config, link=water.medium.link(address), notify=found.notify):
+    link = water.medium.link(address)
+    async with Gateway(config, link=link, journal=journal, notify=found.notify):
         yield found
 
 
 class Heard:
-    """Samples of one subscriber, waited for on the loop."""
+    """Samples of one subscriber, waited for on the loop.
 
-    def __init__(self, session: zenoh.Session, expression: str) -> None:
+    Args:
+        session: The session.
+        expression: Its keys.
+        history: How many samples of each key from before it wants.
+    """
+
+    def __init__(self, session: zenoh.Session, expression: str, history: int = 0) -> None:
         self.samples: list[zenoh.Sample] = []
         self._queue: asyncio.Queue[zenoh.Sample] = asyncio.Queue()
         loop = asyncio.get_running_loop()
-        session.declare_subscriber(
-            expression, lambda sample: loop.call_soon_threadsafe(self._keep, sample)
+
+        def take(sample: zenoh.Sample) -> None:
+            loop.call_soon_threadsafe(self._keep, sample)
+
+        if not history:
+            session.declare_subscriber(expression, take)
+            return
+        self._advanced = zenoh.ext.declare_advanced_subscriber(
+            session,
+            expression,
+            zenoh.handlers.Callback(take),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=history),
         )
 
     def _keep(self, sample: zenoh.Sample) -> None:

@@ -94,11 +94,14 @@ def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> 
         async with AsyncExitStack() as stack:
             link = await open_water(stack, tmp_path)
             processes, clients = [], []
+            file = write_file(tmp_path / "fleet.json5", listen=1)  # where nobody may listen
             for address in (1, 2):
                 port = free_port()
-                file = write_file(tmp_path / f"{address}.json5", listen=port)
+                listen = ("--listen", f"tcp/127.0.0.1:{port}")
                 process = await stack.enter_async_context(
-                    running("gateway", file, "--address", address, "--link", link, "--json")
+                    running(
+                        "gateway", file, "--address", address, "--link", link, *listen, "--json"
+                    )
                 )
                 started = await notice(process, "started")
                 assert (started["address"], started["link"]) == (address, link)

@@ -16,6 +16,7 @@ from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.actions.wire import (
+    REMINDER,
     UNKNOWN_RESULT,
     Operation,
     Refusal,
@@ -35,7 +36,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.events import CallFailure, CallKey, RequestReceived
-from zacoustic.core.frame import Ask, Confirm, Control, DenseAck, Hello, TableRow, Tag
+from zacoustic.core.frame import ASSURED, Ask, Confirm, Control, DenseAck, Hello, TableRow, Tag
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
@@ -133,6 +134,9 @@ def _controls() -> Iterator[Vector]:
     yield _vector("hello", hello, "HELLO: version 1, epoch 1234, digest a1b2c3d4")
     yield _vector("tag", Tag(0x1234).encode(), "TAG: epoch 1234")
     yield _vector("confirm", Confirm(2, 0x1234).encode(), "CONFIRM: epoch 1234 of node 2")
+    assured = Confirm(ASSURED, 0x1234).encode()
+    meaning = "CONFIRM: epoch 1234 of the destination, which has confirmed the sender"
+    yield _vector("confirm_assured", assured, meaning)
     yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
     yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
     row = TableRow(0x1234, 10, digest).encode()
@@ -378,6 +382,13 @@ def _goals() -> Iterator[Vector]:
     result = pair.frame(2, lambda engine, now: engine.actions.finish(key, status, b"up", now))
     yield _vector("goal_result", result, "RESULT of goal 0: canceled, with up")
     confirm = bytes.fromhex(pair.frames[1][-1])
+    second = pair.network.apply(1, lambda engine, now: engine.actions.send_goal(40, NAV_VALUE, now))
+    pair.network.run(until_s=pair.network.now / NS_PER_S + _STEP_S)
+    pair.network.apply(2, lambda engine, now: engine.actions.accept(second, now))
+    pair.network.run(until_s=pair.network.now / NS_PER_S + _STEP_S)
+    status = GoalStatus.SUCCEEDED
+    result = pair.frame(2, lambda engine, now: engine.actions.finish(second, status, b"up", now))
+    yield _vector("goal_succeeded", result, "SUCCEEDED: RESULT of goal 1: succeeded, with up")
     yield _vector("goal_confirm", confirm, "from the client: it has the result of goal 0")
     for name, operation, epoch, payload, meaning in (
         (
@@ -416,6 +427,7 @@ def _goals() -> Iterator[Vector]:
             "RESULT of goal 5: aborted, without a result",
         ),
         ("goal_unknown", Operation.RESULT, None, UNKNOWN_RESULT, "RESULT of goal 5: unknown"),
+        ("goal_reminder", Operation.RESULT, None, REMINDER, "has RESULT of goal 5 arrived?"),
         (
             "goal_claim",
             Operation.CLAIM,
@@ -429,6 +441,13 @@ def _goals() -> Iterator[Vector]:
             0x1234,
             encode_result(GoalStatus.SUCCEEDED, b"up"),
             "FORMER: RESULT of goal 5 of epoch 1234: succeeded, with up",
+        ),
+        (
+            "goal_former_succeeded",
+            Operation.SUCCEEDED,
+            0x1234,
+            b"up",
+            "FORMER: the same in a byte less: SUCCEEDED",
         ),
     ):
         yield _vector(name, b"\x28" + encode_head(operation, 5, epoch) + payload, meaning)

@@ -78,6 +78,20 @@ def test_progress_is_told_at_both_ends() -> None:
     run(main())
 
 
+def test_flush_ends_with_the_last_answer_though_nothing_is_transmitted_after_it() -> None:
+    async def main() -> None:
+        with water(S2C) as medium:
+            shore = Node(1, config=config(), link=medium.link(1))
+            auv = Node(2, config=config(2), link=medium.link(2))
+            async with shore, auv:
+                delivery = shore.create_publisher(bytes, "photo").publish(PHOTO[:3000])
+                await shore.flush(timeout_s=20)
+                assert delivery is not None
+                assert delivery.outcome is DeliveryOutcome.DELIVERED
+
+    run(main())
+
+
 def test_a_publisher_gives_it_up() -> None:
     async def main() -> None:
         with water(S2C) as medium:

@@ -29,11 +29,13 @@ from zacoustic import (
     CallContext,
     CallTimeoutError,
     DeliveryError,
+    Durability,
     LinkClosedError,
     LocalError,
     Node,
     OutcomeUnknownError,
     PayloadInvalidError,
+    Qos,
     ServiceError,
     UnknownStreamError,
 )
@@ -106,6 +108,22 @@ def test_json_where_the_stream_says_so_and_any_encoding_that_can_be_read() -> No
             assert (await subscription.receive()).value.mode == "abort"
             plain.put("json", json.dumps(value))  # no encoding: the stream's
             assert (await subscription.receive()).value.mode == "abort"
+
+    run_on_zenoh(main())
+
+
+def test_a_late_subscription_to_a_latched_topic_has_the_last_samples_at_once() -> None:
+    latched = Qos(durability=Durability.TRANSIENT_LOCAL, depth=2)
+
+    async def main() -> None:
+        async with two_nodes(with_config=False) as (shore, auv, _):
+            publisher = auv.create_publisher(bytes, "map", latched)
+            for payload in (b"1", b"2", b"3"):
+                publisher.publish(payload)
+            late = shore.subscribe(bytes, "map", latched)
+            assert [(await late.receive()).value for _ in range(2)] == [b"2", b"3"]
+            publisher.publish(b"4")
+            assert (await late.receive()).value == b"4"
 
     run_on_zenoh(main())
 

@@ -13,6 +13,7 @@ from tests.node.fleet import Nav, config, water
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Bounds,
+    Durability,
     LinkClosedError,
     LocalError,
     Node,
@@ -46,6 +47,29 @@ def test_a_struct_crosses_and_arrives_as_its_class() -> None:
                 assert sample.received_at <= time.monotonic_ns()
                 assert sample.metrics.snr_db is not None
                 assert (shore.name, shore.address, auv.address) == ("shore", 1, 2)
+
+    run(main())
+
+
+def test_a_late_subscription_to_a_latched_topic_has_the_last_samples_at_once() -> None:
+    latched = Qos(durability=Durability.TRANSIENT_LOCAL, depth=2)
+
+    async def main() -> None:
+        with water() as medium:
+            auv = Node(2, link=medium.link(2))
+            async with Node("shore", address=1, link=medium.link(1)) as shore, auv:
+                early = shore.subscribe(bytes, "map", latched, stream_id=10)
+                publisher = auv.create_publisher(bytes, "map", latched, stream_id=10)
+                for payload in (b"1", b"2", b"3"):
+                    publisher.publish(payload)
+                    assert (await early.receive()).value == payload
+                late = shore.subscribe(bytes, "map")
+                assert [(await late.receive()).value for _ in range(2)] == [b"2", b"3"]
+                publisher.delete()
+                assert (await late.receive()).deleted
+                after = shore.subscribe(bytes, "map")
+                publisher.publish(b"4")
+                assert (await after.receive()).value == b"4"
 
     run(main())
 

@@ -66,7 +66,6 @@ def test_what_a_stream_is_in_ros_follows_from_its_table() -> None:
     assert config.ros is not None
     chat, fix, arm, fibonacci = (config.ros.streams[number] for number in (1, 2, 3, 4))
     assert isinstance(chat, RosTopic)
-    assert chat.is_latched
     assert (chat.qos.reliability, chat.qos.durability, chat.qos.depth) == (
         RosReliability.RELIABLE,
         RosDurability.TRANSIENT_LOCAL,
@@ -101,7 +100,10 @@ def test_ros_does_not_change_what_crosses() -> None:
             r'ros\.stamp: "drop"; allowed: exact: std_msgs/msg/String has no header',
         ),
         (topic(topic="/a/*"), r"topic: \"/a/\*\"; allowed: a ROS name"),
-        (topic(durability="for_ever"), 'durability: "for_ever"; allowed: volatile'),
+        (
+            topic(durability="for_ever"),
+            'durability: "for_ever"; allowed: volatile, transient_local',
+        ),
         (
             topic(topic="/a/{b}", wildcards=[{"name": "b", "values": ["c"]}]),
             r"wildcards: with ros; allowed: \{node\} alone",
@@ -130,3 +132,24 @@ def test_what_cannot_be_is_one_line(stream: dict[str, Any], expected: str) -> No
     stream = {key: value for key, value in stream.items() if value is not None}
     with pytest.raises(ConfigError, match=expected):
         read(stream)
+
+
+def test_of_an_action_only_what_crosses_is_a_type_of_the_config() -> None:
+    streams = [
+        {"id": 3, "service": "/arm", "type": "std_srvs/srv/SetBool", "server": 2, "ros": {}},
+        {
+            "id": 4,
+            "action": "/fibonacci",
+            "type": "example_interfaces/action/Fibonacci",
+            "server": 2,
+            "ros": {},
+        },
+    ]
+    section = {"address": 1, "streams": streams}
+    assert [spec.name for spec in config_from_mapping(section, source="test").types] == [
+        "std_srvs/srv/SetBool_Request",
+        "std_srvs/srv/SetBool_Response",
+        "example_interfaces/action/Fibonacci_Goal",
+        "example_interfaces/action/Fibonacci_Feedback",
+        "example_interfaces/action/Fibonacci_Result",
+    ]

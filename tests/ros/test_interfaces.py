@@ -95,7 +95,7 @@ def test_own_packages_are_read_from_a_folder(tmp_path: Path) -> None:
         ("my_msgs/msg/Leg.msg", "float64 1x", "no definition"),
         ("my_msgs/srv/Dive.srv", "bool ok", "0 lines of ---; allowed: 1 in a .srv file"),
         ("my_msgs/Leg.msg", "bool ok", "stands elsewhere; allowed: PACKAGE/msg/Name.msg"),
-        ("my_msgs/readme.txt", "", "has no .msg, .srv or .action file"),
+        ("my_msgs/readme.txt", "", "has no .msg, .srv, .action or .idl file"),
     ],
 )
 def test_what_is_no_definition_is_named(
@@ -108,6 +108,96 @@ def test_what_is_no_definition_is_named(
         Interfaces("jazzy", tmp_path)
     assert expected in str(caught.value)
     assert str(tmp_path) in str(caught.value)
+
+
+IDL_PACKAGE: Final = {
+    "example_msgs/msg/Twin.idl": """
+        // generated from rosidl_adapter/resource/msg.idl.em
+        #include "geometry_msgs/msg/Vector3.idl"
+        module example_msgs { module msg {
+            module Twin_Constants { const int32 MOST = 5; };
+            @verbatim (language="comment", text="a twist of another name")
+            struct Twin {
+                geometry_msgs::msg::Vector3 linear;
+                @unit (value="rad/s") geometry_msgs::msg::Vector3 angular;
+                sequence<float, 4> weights;
+                string<10> label;
+            };
+        }; };""",
+    "example_msgs/srv/Arm.idl": """
+        module example_msgs { module srv {
+            struct Arm_Request { uint8 structure_needs_at_least_one_member; };
+            struct Arm_Response { boolean ok; string text; };
+        }; };""",
+    "example_msgs/action/Dive.idl": """
+        module example_msgs { module action {
+            struct Dive_Goal { double depth; };
+            struct Dive_Result { double depth; };
+            struct Dive_Feedback { double left; };
+        }; };""",
+}
+SAME_PACKAGE: Final = {
+    "example_msgs/msg/Twin.msg": "int32 MOST=5\ngeometry_msgs/Vector3 linear\n"
+    "geometry_msgs/Vector3 angular\nfloat32[<=4] weights\nstring<=10 label\n",
+    "example_msgs/srv/Arm.srv": "---\nbool ok\nstring text\n",
+    "example_msgs/action/Dive.action": "float64 depth\n---\nfloat64 depth\n---\nfloat64 left\n",
+}
+
+
+def wide_idl(kind: str) -> str:
+    return f"module m_msgs {{ module msg {{ struct Wide {{ {kind} c; }}; }}; }};"
+
+
+def packages(folder: Path, files: dict[str, str]) -> Interfaces:
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return Interfaces("jazzy", folder)
+
+
+def test_idl_files_define_the_same_as_those_they_are_made_of(tmp_path: Path) -> None:
+    old, new = packages(tmp_path / "old", SAME_PACKAGE), packages(tmp_path / "new", IDL_PACKAGE)
+    for name in ("msg/Twin", "srv/Arm", "action/Dive_SendGoal", "action/Dive_GetResult"):
+        assert new.hash_of(f"example_msgs/{name}") == old.hash_of(f"example_msgs/{name}"), name
+    assert new.members("example_msgs/srv/Arm_Request") == old.members(
+        "example_msgs/srv/Arm_Request"
+    )
+    new.store("example_msgs/action/Dive_Goal")
+
+
+def test_idl_files_that_ros_has_made_of_others_are_passed_over(tmp_path: Path) -> None:
+    made = {"example_msgs/msg/Twin.idl": "not read", "example_msgs/srv/Arm.idl": "not read"}
+    both = packages(tmp_path, SAME_PACKAGE | made)
+    assert "example_msgs/msg/Twin" in both
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "kind"),
+    [
+        ("msg/Wide.msg", "int32 a\nwstring text\n", "wstring"),
+        ("msg/Wide.msg", "wstring<=5 text\n", "wstring"),
+        ("msg/Wide.msg", "wstring[] texts\n", "wstring"),
+        ("msg/Wide.idl", wide_idl("char"), "char"),
+        ("msg/Wide.idl", wide_idl("wstring"), "wstring"),
+    ],
+)
+def test_who_uses_a_type_that_cannot_cross_is_told(
+    tmp_path: Path, file: str, text: str, kind: str
+) -> None:
+    found = packages(tmp_path, {f"m_msgs/{file}": text, "m_msgs/msg/Fine.msg": "char c\n"})
+    # A package may have them, as long as nobody uses them.
+    found.hash_of("m_msgs/msg/Fine")
+    with pytest.raises(ConfigError, match=f"m_msgs: a member is a {kind}, which cannot cross"):
+        found.hash_of("m_msgs/msg/Wide")
+
+
+def test_an_idl_file_of_something_else_is_named(tmp_path: Path) -> None:
+    text = "module m_msgs { module msg { struct Other { double x; }; }; };"
+    with pytest.raises(ConfigError, match=r"Wide\.idl: m_msgs/msg/Wide: the file has no struct"):
+        packages(tmp_path, {"m_msgs/msg/Wide.idl": text})
+    with pytest.raises(ConfigError, match=r"Wide\.idl: m_msgs/msg/Wide: no definition"):
+        packages(tmp_path, {"m_msgs/msg/Wide.idl": "struct {"})
 
 
 def test_an_unknown_interface_is_an_error_with_a_hint() -> None:

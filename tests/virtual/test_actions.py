@@ -26,9 +26,11 @@ from zacoustic.core.actions.news import (
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
+from zacoustic.core.frame import Control
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, TopicSpec
+from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Disturb, VirtualNetwork
 
@@ -56,6 +58,7 @@ class Desk:
         tables: dict[int, StreamTable] | None = None,
         disturb: Disturb | None = None,
         accepts: bool = True,
+        trace: bool = False,
         faults: dict[str, Any] | None = None,
         **settings: Any,
     ) -> None:
@@ -64,8 +67,14 @@ class Desk:
         self._accepts = accepts
         positions = (400.0 * number for number in range(nodes))
         water = line(*positions, channel="none", seed=seed, faults=faults or {})
+        self.frames: list[tuple[int, bytes]] = []
+        """``(node, frame)``: what was transmitted, where it is traced."""
         self.water = VirtualNetwork(
-            water, tables or fleet(nodes, **settings), deliver=self._take, disturb=disturb
+            water,
+            tables or fleet(nodes, **settings),
+            deliver=self._take,
+            disturb=disturb,
+            trace=self._note if trace else None,
         )
 
     @property
@@ -121,6 +130,10 @@ class Desk:
 
     def run(self, until_s: float) -> None:
         self.water.run(until_s=until_s)
+
+    def _note(self, record: TraceRecord) -> None:
+        if record.what == "transmit":
+            self.frames.append((record.node, bytes.fromhex(record.frame)))
 
     def _take(self, node: int, event: Event) -> None:
         if not isinstance(event, ActionEvent):
@@ -281,6 +294,70 @@ def test_attempts_go_round_after_two_hundred_and_fifty_six() -> None:
         desk.run(40 + 20 * number)
     assert [event.text for event in desk.of(CancelAnswered)] == [str(each) for each in range(300)]
     assert len(desk.of(CancelRequested)) == 300
+
+
+def test_goal_runs_where_hello_of_the_server_was_heard_after_its_confirmation() -> None:
+    # A first HELLO is that of a new life, as far as the client knows: it is not confirmed any more.
+    # The server took it for confirmed, and said in short what was dropped.
+    desk: Desk | None = None
+
+    def disturb(source: int, node: int, now: int) -> tuple[float, ...]:
+        assert desk is not None
+        confirms = Control.CONFIRM in desk.frames[-1][1][:9]
+        return () if source == 1 and confirms and now > 60 * NS_PER_S else (0.0,)
+
+    desk = Desk(disturb=disturb, trace=True, timeout_s=60)
+    for number in range(5):
+        desk.water.at(10 * number, partial(desk.water.publish, 2, 1, b"x"))
+    desk.run(60)
+    # The server has said nothing but its confirmation.
+    assert [frame for node, frame in desk.frames if node == 1] == [b"\xb5\2\0\1"]
+    goal = desk.send()
+    desk.run(80)
+    assert desk.of(GoalAnswered) == [GoalAnswered(goal=goal, accepted=True)]
+    desk.finish(goal)
+    desk.run(300)
+    assert [event.goal for event in desk.of(ResultReceived)] == [goal]
+    assert len(desk.of(GoalReceived)) == 1
+    frames = desk.water.engine(1).stats.frames_transmitted
+    desk.run(3000)
+    assert desk.water.engine(1).stats.frames_transmitted == frames
+
+
+def test_confirm_of_the_client_ends_the_long_form_of_what_the_server_says() -> None:
+    desk = Desk(trace=True)
+    goal = desk.send()
+    for number in range(4):
+        desk.run(30 * number + 3)
+        desk.feed(goal, b"%d" % number)
+    desk.run(200)
+    said = [frame.hex() for node, frame in desk.frames if node == 1 and frame[-1:].isdigit()]
+    # With the epoch of its goal, 1, as long as the server does not know that it is known.
+    assert said[0].endswith("1ee00001a030")
+    assert said[2:] == ["1ea032", "1ea033"]
+    # Confirms, and not a record of the client: it has said nothing but its goal.
+    assert {frame[-2:] for node, frame in desk.frames if node == 2} == {b"re", b"\0\1"}
+
+
+def test_result_that_did_not_get_through_three_times_is_asked_for() -> None:
+    lost = [0]
+    result = b"a result of some length"
+
+    def disturb(source: int, node: int, now: int) -> tuple[float, ...]:
+        lost[0] -= source == 1
+        return () if source == 1 and lost[0] >= 0 else (0.0,)
+
+    desk = Desk(disturb=disturb, trace=True)
+    goal = desk.send()
+    desk.run(60)
+    lost[0] = 3
+    desk.finish(goal, value=result)
+    desk.run(120)
+    assert [event.value for event in desk.of(ResultReceived)] == [result]
+    whole = [frame for node, frame in desk.frames if node == 1 and frame.endswith(result)]
+    assert len(whole) == 4
+    claims = [frame for node, frame in desk.frames if node == 2 and frame[1:] == b"\x20"]
+    assert len(claims) == 1
 
 
 def test_goal_that_was_not_sent_yet_is_cancelled_without_a_frame() -> None:

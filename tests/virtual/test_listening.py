@@ -4,6 +4,7 @@ import random
 from collections.abc import Callable
 from functools import partial
 
+import msgspec
 import pytest
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
@@ -11,21 +12,29 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
 from zacoustic.core.access.spec import AccessSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.qos import Priority, Qos, Reliability
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
-TALK, EMERGENCY = 1, 2
+TALK, EMERGENCY, STOP, COMMAND, PHOTO = 1, 2, 3, 4, 5
 FRAME_S = profile_named(DEFAULT_PROFILE).airtime_s(64)
 
 
 class Sea:
-    """Node 1 has a thousand messages to send; node 2 is so many metres away."""
+    """Node 1 has a thousand messages to send, or a photo; node 2 is so many metres away."""
 
-    def __init__(self, distance_m: float, seed: int, access: AccessSpec | None = None) -> None:
+    def __init__(
+        self,
+        distance_m: float,
+        seed: int,
+        access: AccessSpec | None = None,
+        *,
+        loss: float = 0.0,
+        photo: bool = False,
+    ) -> None:
         scenario = scenario_from_mapping(
             {
                 "nodes": [
@@ -34,9 +43,12 @@ class Sea:
                 ],
                 "seed": seed,
                 "channel": "none",
+                "loss": {"frame": loss},
             },
             source="test",
         )
+        reliable = Qos(reliability=Reliability.RELIABLE, priority=Priority.REAL_TIME)
+        command = msgspec.structs.replace(reliable, priority=Priority.INTERACTIVE_HIGH)
         table = StreamTable(
             [
                 TopicSpec(stream_id=TALK, name="talk", qos=Qos(depth=1000)),
@@ -44,6 +56,19 @@ class Sea:
                     stream_id=EMERGENCY,
                     name="{node}/emergency",
                     qos=Qos(priority=Priority.REAL_TIME, depth=4),
+                ),
+                TopicSpec(
+                    stream_id=STOP, name="stop", qos=reliable, publishers=(2,), subscribers=(1,)
+                ),
+                TopicSpec(
+                    stream_id=COMMAND, name="do", qos=command, publishers=(2,), subscribers=(1,)
+                ),
+                TopicSpec(
+                    stream_id=PHOTO,
+                    name="photo",
+                    qos=msgspec.structs.replace(reliable, priority=Priority.BACKGROUND),
+                    publishers=(1,),
+                    subscribers=(2,),
                 ),
             ],
             nodes={1: "a", 2: "b"},
@@ -58,13 +83,16 @@ class Sea:
         )
         for at_s, node in ((0, 1), (10, 2), (20, 1), (30, 2)):  # they know each other
             self.water.at(at_s, partial(self.water.publish, node, TALK, b""))
-        self.water.at(60, self._talk)
+        self.water.at(60, self._send_photo if photo else self._talk)
         self.water.run(until_s=60)
 
     def _talk(self) -> None:
         rng = random.Random(self.water.scenario.seed)
         for _ in range(1000):
             self.water.publish(1, TALK, rng.randbytes(rng.randint(8, 40)))
+
+    def _send_photo(self) -> None:
+        self.water.publish(1, PHOTO, random.Random(1).randbytes(20_000))
 
     def _trace(self, record: TraceRecord) -> None:
         if record.what == "transmit":
@@ -85,6 +113,28 @@ def test_emergency_reaches_a_node_that_talks(
         assert heard, seed
         # The next window, the way, a short frame.
         assert heard[0] - at_s <= 4.6 + distance_m / 1500 + 0.4, seed
+
+
+@pytest.mark.parametrize(
+    ("stream_id", "loss", "least"), [(STOP, 0.4, 0.85), (COMMAND, 0.2, 0.93), (COMMAND, 0.4, 0.75)]
+)
+def test_what_presses_is_understood_in_the_next_pause_though_frames_are_lost(
+    stream_id: int, loss: float, least: float, count: Callable[[int], int]
+) -> None:
+    """Of single frames 60 % arrive at 40 % loss, and the next pause is four seconds later."""
+    seeds, in_time = range(count(2000)), 0
+    for seed in seeds:
+        sea = Sea(1500.0, seed, CarrierSenseSpec(), loss=loss, photo=True)
+        at_s = 75 + random.Random(seed).uniform(0, 60)
+        for early_s in (62, 68):  # the count is known
+            sea.water.at(early_s, partial(sea.water.publish, 2, stream_id, b"before"))
+        sea.water.at(at_s, partial(sea.water.publish, 2, stream_id, b"now"))
+        sea.water.run(until_s=at_s + 60)
+        heard = [each for each in sea.water.samples(1, stream_id) if each.value == b"now"]
+        assert len(heard) == 1, seed
+        # The next window, the way, four short frames.
+        in_time += heard[0].received_at / NS_PER_S - at_s <= 4.6 + 1.0 + 4 * 0.35
+    assert in_time >= least * len(seeds)
 
 
 @pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])

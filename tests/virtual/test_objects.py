@@ -73,6 +73,28 @@ def test_a_photo_arrives(loss: float) -> None:
     assert network.engine(1).is_idle
 
 
+def test_sender_tells_what_was_on_the_air_before_the_receiver_says_what_it_has(count: Any) -> None:
+    for seed in range(count(100)):
+        water = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)
+        network = VirtualNetwork(water, table())
+        network.at(1, partial(network.publish, 2, PHOTO, payload(4000)))
+        network.run(until_s=2000)
+        told = [
+            event
+            for _, event in network.events
+            if isinstance(event, ObjectProgress) and event.object_id is not None
+        ]
+        sent = [event.sent_bytes for event in told]
+        assert sent == sorted(sent, key=lambda sent_bytes: sent_bytes or 0), seed
+        assert (sent[0], sent[-1]) == (0, 4000), seed
+        assert len(set(sent)) > 20, seed  # it is told again and again, not at the end
+        assert all(event.done_bytes <= (event.sent_bytes or 0) for event in told), seed
+        arrived = [event.done_bytes for _, event in network.events
+                   if isinstance(event, ObjectProgress) and event.object_id is None
+                   and event.sent_bytes is None]  # fmt: skip
+        assert arrived[-1] == 4000, seed
+
+
 def test_a_photo_to_several(count: Any) -> None:
     for seed in range(count(200)):
         water = line(0, 500, 1000, channel="none", loss={"frame": 0.2}, seed=seed)

@@ -4,11 +4,16 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.virtual.fleet import line
 from tests.virtual.orderstory import OrderStory
+from zacoustic.core.events import ResponseReceived
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.orders import orders
 from zacoustic.core.orders.ledger import Ledger, Standing
+from zacoustic.core.orders.words import Order, OrderKind
 from zacoustic.core.silence import Silence
+from zacoustic.core.streams import StreamTable
+from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(4)
 
@@ -70,3 +75,14 @@ def test_stories_find_what_is_wrong(
         if any(expected in line for line in OrderStory(seed).run()):
             return
     raise AssertionError(f'no story complains that something "{expected}"')
+
+
+def test_who_orders_is_silent_until_the_answer_could_be_there() -> None:
+    """A silent node answers once: copies of the order would deafen the one that waits for it."""
+    table = StreamTable(nodes={1: "shore", 2: "auv1"})
+    water = VirtualNetwork(line(0.0, 1000.0, channel="none", seed=7), table)
+    silence = Order(kind=OrderKind.SILENCE, for_s=1800.0)
+    water.apply(1, lambda engine, now: engine.orders.send(2, silence, now, timeout_s=60.0))
+    water.run(until_s=10.0)
+    answered = [event for at, event in water.events if isinstance(event, ResponseReceived)]
+    assert len(answered) == 1

@@ -63,7 +63,6 @@ class Hop:
         self._sound_speed_m_s = sound_speed_m_s
         self._gain_db = gain_db
         self._fixed_s = propagation_s
-        self._is_fixed = sender.is_fixed and receiver.is_fixed
         self._water_rng = direction_random(seed, source, node, "water")
         self._fading: FadingProcess | None = None
         if channel.fading is not None:
@@ -79,6 +78,11 @@ class Hop:
         dark = [each for each in faults.blackouts if each.concerns(source, node)]
         self._darkness = Darkness(dark, faults.until_s) if dark else None
         self._measure(0)
+
+    @property
+    def _is_fixed(self) -> bool:
+        """Nobody moves; that may change."""
+        return self._sender.is_fixed and self._receiver.is_fixed
 
     def path(self, now: int) -> Path:
         """Return the path of sound that leaves at an instant, ns."""

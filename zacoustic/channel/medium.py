@@ -20,7 +20,7 @@ from zacoustic.channel.hop import Hop
 from zacoustic.channel.position import Motion, Path, Position
 from zacoustic.channel.profiles import ModemProfile, profile_named
 from zacoustic.channel.receiver import Receiver
-from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.channel.scenario import NodeSpec, Scenario, check_position
 from zacoustic.channel.sea import ChannelModel, create_channel
 
 # Drivers need the medium and its records together.
@@ -76,6 +76,15 @@ class Medium:
             ValueError: No such node.
         """
         return self._site(address).motion.position(now / _NS_PER_S)
+
+    def move(self, address: int, position: Position, now: int) -> None:
+        """Tell where a node is from now on: x east, y north, z down, m.
+
+        Raises:
+            ValueError: No such node, or a coordinate that is no number of reach.
+        """
+        check_position("position", position)
+        self._site(address).motion.move(position, now / _NS_PER_S)
 
     def path(self, source: int, node: int, now: int) -> Path:
         """Return distance, delay and range rate of sound from `source` to `node` at an instant.

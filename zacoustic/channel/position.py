@@ -3,7 +3,8 @@
 Positions are x east, y north, z down, in metres, in one flat frame; at the ranges of acoustic
 modems the earth is flat. A track is a list of way-points with times, and the node moves on straight
 lines between them; before the first and after the last it stands still. The times of a track count
-from instant 0 of the scenario.
+from instant 0 of the scenario. A track may also come about while it is needed: whoever steers a
+node tells where it is now and then (`Motion.move`), and sound goes where it was told last.
 
 Between nodes that move, the delay is not distance / c: the receiver moves on while the sound is
 under way. The delay solves ``|receiver(t + τ) − sender(t)| = c τ``, here by fixed-point steps, each
@@ -11,7 +12,7 @@ of which shrinks the error by v/c (0.1 % at 1.5 m/s).
 """
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
@@ -21,6 +22,8 @@ Position: TypeAlias = tuple[float, float, float]
 """x east, y north, z down, m."""
 
 _NS_PER_S: Final = 1_000_000_000
+_TOLD_MOST: Final = 64
+"""Places that are kept of a node that is steered: more than sound is under way."""
 _DELAY_STEPS: Final = 3  # (v/c)³ of the delay: below a nanosecond at 2 m/s and 10 km
 
 
@@ -60,6 +63,22 @@ class Motion:
     def fixed(cls, position: Position) -> "Motion":
         """Return the motion of a node that stays at this place."""
         return cls([Waypoint(t=0.0, position=position)])
+
+    def move(self, position: Position, at_s: float) -> None:
+        """Tell where the node is from now on; what was said of later is over.
+
+        Args:
+            position: x east, y north, z down, m.
+            at_s: The time, s since the start of the scenario.
+        """
+        before = self.position(at_s)
+        kept = bisect_left(self._times_s, at_s)
+        self._times_s[kept:], self._positions[kept:] = [at_s], [position]
+        if kept == 0:
+            # It stood, or was still to begin: it has not been on its way since then.
+            self._times_s.insert(0, at_s - 1.0)
+            self._positions.insert(0, before)
+        del self._times_s[:-_TOLD_MOST], self._positions[:-_TOLD_MOST]
 
     @property
     def places(self) -> Sequence[Position]:

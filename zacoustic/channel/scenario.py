@@ -109,7 +109,7 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         if self.position is not None and self.track is not None:
             raise ValueError("track is given beside position; allowed: exactly one of the two")
         if self.position is not None:
-            _check_position("position", self.position)
+            check_position("position", self.position)
         if self.track is not None:
             _check_track(self.track)
         if self.profile is not None:
@@ -288,7 +288,12 @@ _CHOICES: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
-def _check_position(key: str, position: Position) -> None:
+def check_position(key: str, position: Position) -> None:
+    """Refuse a place that is none.
+
+    Raises:
+        ValueError: A coordinate is no number, or too far away.
+    """
     for index, coordinate in enumerate(position):
         check_range(f"{key}[{index}]", coordinate, -_MAX_COORDINATE_M, _MAX_COORDINATE_M)
 
@@ -297,7 +302,7 @@ def _check_track(track: tuple[Waypoint, ...]) -> None:
     if not track:
         raise ValueError("track is []; allowed: at least one way-point")
     for index, waypoint in enumerate(track):
-        _check_position(f"track[{index}].position", waypoint.position)
+        check_position(f"track[{index}].position", waypoint.position)
         check_range(f"track[{index}].t", waypoint.t, -_MAX_TIME_S, _MAX_TIME_S)
         if index and not waypoint.t > track[index - 1].t:
             raise ValueError(

@@ -28,6 +28,7 @@ from typing import Final, NoReturn
 
 from zacoustic.command import (
     EXIT_FAILED,
+    EXIT_INTERRUPTED,
     EXIT_TIMED_OUT,
     EXIT_USAGE,
     Command,
@@ -36,14 +37,19 @@ from zacoustic.command import (
 )
 from zacoustic.errors import ConfigError, ZacousticError
 
-EXIT_INTERRUPTED: Final = 130
-"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
-
 BUILT_IN: Final = (
-    "demo", "gateway", "check", "links", "pub", "sub", "call", "silence", "resume", "stream",
-    "decode", "sim", "init", "fit", "bench",
+    "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record",
+    "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
+
+_EXTRAS: Final = {
+    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
+    "prometheus_client": "metrics", "rich": "terminal", "rosbags": "ros", "shtab": "completion",
+    "xxhash": "ros",
+}  # fmt: skip
+"""Which extra brings a module that may be absent."""
 
 _EXAMPLE: Final = """example:
   zacoustic demo                     two islands joined through simulated water
@@ -62,11 +68,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    words = [word for word in arguments if not word.startswith("-")]
-    path = _path(words)
+    path = _path(arguments)
     program = " ".join(["zacoustic", *path])
     try:
-        code = _run(arguments, path)
+        verb, parsed = parse(arguments)
+        _start_logging(verbose=parsed.verbose)
+        code = verb.run(parsed)
         sys.stdout.flush()
     except SystemExit as end:  # argparse, after it has printed help, version or complaint
         return end.code if isinstance(end.code, int) else EXIT_USAGE
@@ -78,8 +85,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "zacoustic").startswith("zacoustic"):
             raise
-        hint = "pip install 'zacoustic[terminal]' brings what the live views need"
-        return _complain(program, f"needs {error.name}, which is not installed ({hint})")
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        what = error.name if extra is None else f"'zacoustic[{extra}]'"
+        absent = f"needs {error.name}, which is not installed (pip install {what})"
+        return _complain(program, absent)
     except ConfigError as error:
         return _complain(program, error, EXIT_USAGE)
     except TimeoutError as error:
@@ -87,6 +96,46 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ZacousticError as error:
         return _complain(program, error)
     return code
+
+
+def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
+    """Find the verb that is called, and read its arguments.
+
+    Args:
+        arguments: Those of the process, without the name of the program.
+
+    Raises:
+        SystemExit: Argparse has printed help, the version, or a complaint.
+        ConfigError: There is no such verb, or it has no such argument.
+        ZacousticError: It is there and cannot be imported.
+    """
+    path = _path(arguments)
+    verbs = _verbs(path)
+    # Argparse would complain about what is left over in the name of the whole program.
+    parsed, strangers = _parser(verbs).parse_known_args(arguments)
+    if strangers:
+        program = " ".join(["zacoustic", *path])
+        raise ConfigError(
+            f"unrecognized arguments: {' '.join(strangers)}", hint=f"see {program} --help"
+        )
+    return verbs[parsed.verb], parsed
+
+
+def complete_parser() -> argparse.ArgumentParser:
+    """Return a parser with all verbs and all sub-verbs; those that cannot be imported stay out."""
+    from zacoustic import registry
+
+    verbs: dict[str, Command] = {name: _built_in(name) for name in BUILT_IN}
+    usable = {
+        name: command
+        for name, command in registry.commands().items()
+        if not isinstance(command, registry.UnavailableCommand)
+    }
+    for name in sorted({name.partition(".")[0] for name in usable}):
+        below = _sub_verbs(name, usable)
+        members = {sub_verb: usable[full] for sub_verb, full in below.items()}
+        verbs[name] = CommandGroup(name, members, tuple(below)) if below else usable[name]
+    return _parser(verbs)
 
 
 class Parser(argparse.ArgumentParser):
@@ -107,16 +156,9 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _run(arguments: Sequence[str], path: Sequence[str]) -> int:
-    verbs = _verbs(path)
-    parser = _parser(verbs)
-    parsed = parser.parse_args(arguments)
-    _start_logging(verbose=parsed.verbose)
-    return verbs[parsed.verb].run(parsed)
-
-
-def _path(words: Sequence[str]) -> Sequence[str]:
+def _path(arguments: Sequence[str]) -> Sequence[str]:
     """The words that name what is called: a verb, a verb and its sub-verb, or none for the list."""
+    words = [word for word in arguments if not word.startswith("-")]
     if not words or words[0] in BUILT_IN:
         return words[:1]
     from zacoustic import registry

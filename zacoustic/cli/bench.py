@@ -29,7 +29,7 @@ class TelemetryBench(Command):
         """Declare recordings, configuration, losses and form of the output."""
         parser.add_argument(
             "recordings", metavar="FILE", nargs="+",
-            help='JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
+            help='MCAP, or JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
         )  # fmt: skip
         parser.add_argument(
             "--config", metavar="FILE", required=True,

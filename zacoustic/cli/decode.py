@@ -4,9 +4,12 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+
+if TYPE_CHECKING:
+    from zacoustic.core.streams import StreamTable
 
 _BROADCAST: Final = 255
 _MOST_FRAMES: Final = 256
@@ -21,10 +24,10 @@ class DecodeCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare frames, table and source."""
         parser.add_argument(
-            "frames", metavar="HEX", nargs="*",
-            help="one frame each, in hexadecimal, in the order in which they were sent; without "
-            "any, frames are read from standard input, one in a line: hexadecimal, or an object of "
-            "a trace, which says who has sent the frame",
+            "frames", metavar="HEX|FILE", nargs="*",
+            help="one frame each, in hexadecimal, in the order in which they were sent, or a "
+            "recording (MCAP); without any, frames are read from standard input, one in a line: "
+            "hexadecimal, or an object of a trace, which says who has sent the frame",
         )  # fmt: skip
         parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
         parser.add_argument(
@@ -38,6 +41,7 @@ class DecodeCommand(Command):
         parser.epilog = (
             "example:\n"
             "  zacoustic decode b00100017d1f3a09b10001\n"
+            "  zacoustic decode trial.mcap\n"
             "  zacoustic sim water.json5 --trace trace.jsonl && "
             "zacoustic decode --config fleet.json5 < trace.jsonl"
         )
@@ -51,6 +55,7 @@ class DecodeCommand(Command):
         import msgspec
 
         from zacoustic.core.wireprofile import WireProfile
+        from zacoustic.recording.reading import is_recording
         from zacoustic.tools.decode import FrameDecoder
 
         table = None
@@ -59,6 +64,8 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
+        if len(arguments.frames) == 1 and is_recording(arguments.frames[0]):
+            return _decode_recording(arguments, table)
         wire = None if arguments.wire is None else WireProfile(arguments.wire)
         decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
         written = [_Written(text) for text in arguments.frames]
@@ -79,6 +86,27 @@ class DecodeCommand(Command):
                 print(f"{len(frame)} bytes: {frame.hex()}")
                 print("".join(f"  {item.text}\n" for item in items), end="")
         return code
+
+
+def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None") -> int:
+    """Print the frames of a recording."""
+    import msgspec
+
+    from zacoustic.core.wireprofile import WireProfile
+    from zacoustic.tools.recordings.frames import decode_recording, line_of
+
+    wire = None if arguments.wire is None else WireProfile(arguments.wire)
+    began_ns: int | None = None
+    for frame in decode_recording(arguments.frames[0], table, wire=wire):
+        if arguments.source not in (0, frame.source):
+            continue
+        began_ns = frame.utc_ns if began_ns is None else began_ns
+        if arguments.json:
+            print(json.dumps(msgspec.to_builtins(frame), ensure_ascii=False))
+        else:
+            print(line_of(frame, began_ns) + (f": {frame.fault}" if frame.fault else ""))
+            print("".join(f"  {item.text}\n" for item in frame.items), end="")
+    return EXIT_OK
 
 
 class _Written(NamedTuple):

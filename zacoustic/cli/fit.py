@@ -22,7 +22,7 @@ class FitCommand(Command):
         """Declare recordings, configuration, model and form of the output."""
         parser.add_argument(
             "recordings", metavar="RECORDING", nargs="+",
-            help='JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
+            help='MCAP, or JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
         )  # fmt: skip
         parser.add_argument(
             "--config", metavar="FILE", required=True, help="file with the streams and types"

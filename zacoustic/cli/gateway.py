@@ -2,14 +2,17 @@
 
 import argparse
 import asyncio
+import logging
 from typing import TYPE_CHECKING
 
-from zacoustic.command import EXIT_OK, Command
-from zacoustic.errors import ZacousticError
+from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
+from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.serving import stopped_by_signals
 
 if TYPE_CHECKING:
     from zacoustic.gateway import Gateway, Notice
+
+_logger = logging.getLogger("zacoustic.gateway")
 
 
 class GatewayCommand(Command):
@@ -28,9 +31,31 @@ class GatewayCommand(Command):
             "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
         )
         parser.add_argument(
+            "--listen",
+            action="append",
+            default=[],
+            metavar="ENDPOINT",
+            help="where the router or peer listens, instead of the file's; may be repeated",
+        )
+        parser.add_argument(
             "--journal", metavar="FOLDER", help="where to keep the journal, instead of the file's"
         )
+        parser.add_argument(
+            "--record", metavar="FILE", help="record everything that crosses, as MCAP"
+        )
         parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        parser.add_argument(
+            "--log",
+            choices=("text", "json"),
+            default="text",
+            help="form of the log on standard error; json: what happens as well, and nothing on "
+            "standard output without --json (default: %(default)s)",
+        )
+        parser.add_argument(
+            "--metrics", metavar="PLACE",
+            help="answer to Prometheus at PORT of this computer, or HOST:PORT, instead of the "
+            "file's",
+        )  # fmt: skip
         parser.epilog = (
             "the file's mode decides what it is: a router of its own, a peer, or a client of a\n"
             "router that is there; its health is under @acoustic/ADDRESS/** on that network\n\n"
@@ -46,20 +71,35 @@ class GatewayCommand(Command):
             SessionError: A port is in use, no router is reached, or the address is taken.
             LinkError: The modem cannot be used.
         """
-        asyncio.run(_run(arguments))
+        if arguments.log == "text":
+            asyncio.run(_run(arguments))
+            return EXIT_OK
+        from zacoustic.tools.jsonlog import log_as_json
+
+        log_as_json({})
+        try:
+            asyncio.run(_run(arguments))
+        except ZacousticError as error:  # the last line is JSON as well
+            _logger.error("%s", error)
+            return EXIT_USAGE if isinstance(error, ConfigError) else EXIT_FAILED
         return EXIT_OK
 
 
 async def _run(arguments: argparse.Namespace) -> None:
+    from zacoustic.config.metrics import metrics_argument
     from zacoustic.gateway import Gateway
+    from zacoustic.tools.jsonlog import log_as_json
 
     stop = asyncio.Event()
 
     def notify(notice: "Notice") -> None:
-        try:
-            _print(notice, as_json=arguments.json)
-        except BrokenPipeError:
-            stop.set()
+        if arguments.log == "json":
+            _log(notice)
+        if arguments.log == "text" or arguments.json:
+            try:
+                _print(notice, as_json=arguments.json)
+            except BrokenPipeError:
+                stop.set()
 
     with stopped_by_signals(stop):
         gateway = Gateway.from_file(
@@ -67,8 +107,13 @@ async def _run(arguments: argparse.Namespace) -> None:
             address=arguments.address,
             locator=arguments.link,
             journal=arguments.journal,
+            listen=arguments.listen,
+            record=arguments.record,
             notify=notify,
+            metrics=metrics_argument(arguments.metrics),
         )
+        if arguments.log == "json":
+            log_as_json({"node": gateway.config.address})
         try:
             await _until(stop, asyncio.create_task(gateway.start()))
             if not stop.is_set():
@@ -99,6 +144,17 @@ async def _until(stop: asyncio.Event, task: "asyncio.Task[None]") -> None:
         for each in (task, interrupted):
             each.cancel()
         await asyncio.gather(task, interrupted, return_exceptions=True)
+
+
+def _log(notice: "Notice") -> None:
+    """Log a notice, with its fields."""
+    import msgspec
+
+    from zacoustic.tools.jsonlog import FIELDS
+
+    level = logging.WARNING if notice.is_trouble else logging.INFO
+    text = ", ".join(" ".join(line.split()) for line in notice.lines())
+    _logger.log(level, "%s", text, extra={FIELDS: msgspec.to_builtins(notice)})
 
 
 def _print(notice: "Notice", *, as_json: bool) -> None:

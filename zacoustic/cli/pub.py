@@ -7,17 +7,22 @@ import json
 import sys
 import time
 from collections.abc import AsyncIterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.command import EXIT_OK, EXIT_TIMED_OUT, Command
-from zacoustic.errors import ConfigError
+from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT, Command
+from zacoustic.errors import ConfigError, DeliveryError
 
 if TYPE_CHECKING:
-    from zacoustic.node import Node
+    from zacoustic.cli.progress import ProgressLine
+    from zacoustic.core.streams import Stream
+    from zacoustic.node import Delivery, Node
+    from zacoustic.tools.following import End, GatewayFollower
 
 _EXAMPLE = """examples:
   zacoustic pub auv1/cmd '{ mode: "survey" }' --connect tcp/127.0.0.1:7447
   zacoustic pub auv1/cmd '{ mode: "survey" }' --link sim/127.0.0.1:7000 --config fleet.json5
+  zacoustic pub auv1/map --file map.png --wait --timeout 3600 --connect tcp/127.0.0.1:7447
 """
 
 
@@ -32,49 +37,141 @@ class PubCommand(Command):
         parser.epilog = _EXAMPLE
         parser.add_argument("key", metavar="KEY", help="topic of the config, or key expression")
         parser.add_argument(
-            "value", metavar="VALUE", help="JSON5 for a typed topic, otherwise a text"
+            "value", metavar="VALUE", nargs="?",
+            help="JSON5 for a typed topic, otherwise a text",
+        )  # fmt: skip
+        parser.add_argument(
+            "--file", metavar="FILE", help="instead of VALUE: its bytes, for a topic without a type"
         )
         add_node_arguments(parser)
+        parser.add_argument(
+            "--wait", action="store_true",
+            help="wait until the last one has arrived everywhere (reliable topics), and show how "
+            "far it is; exit code 1 when it ended otherwise",
+        )  # fmt: skip
         parser.add_argument(
             "--rate", type=float, metavar="HZ", help="publish so often; until --count or Ctrl-C"
         )
         parser.add_argument("--count", type=int, metavar="N", help="publish so many times")
         parser.add_argument(
             "--timeout", type=float, default=60.0, metavar="S",
-            help="how long the last one may take to leave, s (default: %(default)g)",
+            help="how long the last one may take to leave, or with --wait to arrive, s "
+            "(default: %(default)g)",
         )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Publish; on a link, wait until the last value has left."""
+        """Publish; on a link, wait until the last value has left.
+
+        Raises:
+            ConfigError: An argument is wrong.
+            DeliveryError: With --wait, nobody tells whether it has arrived.
+        """
         check_positive(arguments, "rate", "count", "timeout")
+        if (arguments.value is None) == (arguments.file is None):
+            raise ConfigError("VALUE or --file FILE; allowed: one of the two")
         with contextlib.suppress(KeyboardInterrupt):
             return asyncio.run(_publish(arguments))
         return EXIT_OK
 
 
 async def _publish(arguments: argparse.Namespace) -> int:
-    from zacoustic.node.text import line_of, read_text, read_untyped, shown_value
+    from zacoustic.cli.progress import ProgressLine
+    from zacoustic.node.text import line_of, shown_value
+    from zacoustic.tools.following import shown as followed
 
-    async with make_node(arguments) as node:
-        encoding: str | None = None
+    async with make_node(arguments) as node, _follower(node, arguments) as follower:
         stream = node.find_stream(arguments.key)
         sample_type: Any = bytes if stream is None or stream.type is None else stream.type.name
-        if stream is None:
-            value, encoding = read_untyped(arguments.value, source="VALUE")
-        else:
-            value = read_text(arguments.value, stream.type, source="VALUE")
+        value, encoding = _read_value(arguments, stream)
         publisher = node.create_publisher(sample_type, arguments.key)
         shown = shown_value(value, encoding or "")
+        if arguments.file is not None:
+            shown = {"file": arguments.file, "bytes": len(value)}
+        delivery: Delivery | None = None
         async for _ in _beats(arguments.rate, arguments.count):
-            publisher.publish(value, encoding=encoding)
+            delivery = publisher.publish(value, encoding=encoding)
             record = {"key": publisher.key, **shown, "unix_s": time.time()}
             print_line(record, f"{publisher.key}: {line_of(shown)}", as_json=arguments.json)
         try:
-            await node.flush(timeout_s=arguments.timeout)
+            with ProgressLine(publisher.key, as_json=arguments.json) as line:
+                async with asyncio.timeout(arguments.timeout), followed(delivery, line.show):
+                    await node.flush()
+                    end = await _end(delivery, follower, line) if arguments.wait else None
         except TimeoutError:
-            print(f"zacoustic pub: not sent within {arguments.timeout:g} s", file=sys.stderr)
+            what = "arrived" if arguments.wait else "sent"
+            text = f"not {what} within {arguments.timeout:g} s"
+            print(f"zacoustic pub: {text}", file=sys.stderr)
             return EXIT_TIMED_OUT
-    return EXIT_OK
+    if end is None:
+        return EXIT_OK
+    missing = f", missing at {', '.join(map(str, end.missing))}" if end.missing else ""
+    detail = f" ({end.detail})" if end.detail else ""
+    ending = {"event": "ended", "outcome": end.outcome, "detail": end.detail}
+    record = {"key": publisher.key, **ending, "missing": end.missing}
+    text = f"{publisher.key}: {end.outcome}{missing}{detail}"
+    print_line(record, text, as_json=arguments.json)
+    return EXIT_OK if end.outcome == "delivered" else EXIT_FAILED
+
+
+def _read_value(arguments: argparse.Namespace, stream: "Stream | None") -> tuple[Any, str | None]:
+    """Return what is published, and its encoding where that is not the stream's.
+
+    Raises:
+        ConfigError: The value or the file is wrong.
+    """
+    from zacoustic.node.text import read_text, read_untyped
+
+    if arguments.file is not None:
+        if stream is not None and stream.type is not None:
+            raise ConfigError(
+                f"--file {arguments.file}: {arguments.key} has the type {stream.type.name}",
+                hint="give a VALUE",
+            )
+        try:
+            return Path(arguments.file).read_bytes(), None
+        except OSError as error:
+            raise ConfigError(f"--file {arguments.file}: {error.strerror}") from error
+    if stream is None:
+        return read_untyped(arguments.value, source="VALUE")
+    return read_text(arguments.value, stream.type, source="VALUE"), None
+
+
+@contextlib.asynccontextmanager
+async def _follower(
+    node: "Node", arguments: argparse.Namespace
+) -> "AsyncIterator[GatewayFollower | None]":
+    """Watch the gateway that forwards a topic, where it is to be waited for on Zenoh."""
+    if not arguments.wait or arguments.link is not None:
+        yield None
+        return
+    from zacoustic.config import read_config
+    from zacoustic.tools.following import GatewayFollower
+    from zacoustic.tools.watch.watching import Watch
+
+    config = None if arguments.config is None else read_config(arguments.config)
+    stream = node.find_stream(arguments.key)
+    async with Watch(config, arguments.connect) as watch:
+        yield GatewayFollower(watch, arguments.key if stream is None else stream.name)
+
+
+async def _end(
+    delivery: "Delivery | None", follower: "GatewayFollower | None", line: "ProgressLine"
+) -> "End":
+    """Wait for the end of a sample.
+
+    Raises:
+        DeliveryError: Nobody will tell it.
+    """
+    from zacoustic.tools.following import end_of
+
+    if follower is not None:
+        return await follower.end(line.show)
+    if delivery is None:
+        raise DeliveryError(
+            "it is not reliable: nobody learns whether it has arrived",
+            hint='reliability: "reliable" in its stream',
+        )
+    return await end_of(delivery)
 
 
 async def _beats(rate_hz: float | None, count: int | None) -> AsyncIterator[None]:

@@ -40,6 +40,9 @@ class SimCommand(Command):
         parser.add_argument(
             "--trace", type=Path, metavar="FILE", help="write what every engine did, as JSON lines"
         )
+        parser.add_argument(
+            "--record", type=Path, metavar="FILE", help="record every engine, as MCAP"
+        )
         parser.add_argument("--json", action="store_true", help="one JSON object")
         parser.epilog = (
             "the scenario says who is where (nodes), which streams there are (config: FILE, or\n"
@@ -48,6 +51,7 @@ class SimCommand(Command):
             "example:\n"
             "  zacoustic sim water.json5 --until 86400 --trace trace.jsonl\n"
             "  zacoustic decode --config fleet.json5 < trace.jsonl\n"
+            "  zacoustic sim water.json5 --record trial.mcap && zacoustic report trial.mcap\n"
             "  zacoustic sim --story 1234     exits with 1 if something is lost, altered or doubled"
         )
 
@@ -60,13 +64,20 @@ class SimCommand(Command):
         if arguments.story is not None:
             return _tell(arguments)
         from zacoustic.tools.simulation import DEFAULT_UNTIL_S, simulate
+        from zacoustic.tools.simulationrecord import recorded_to
         from zacoustic.tools.simulationtext import as_text
 
         until_s = DEFAULT_UNTIL_S if arguments.until is None else arguments.until
         if not 0 < until_s < math.inf:
             raise ConfigError(f"--until {until_s:g}; allowed: seconds, above 0")
-        with _written_to(arguments.trace) as trace:
-            result = simulate(arguments.scenario, seed=arguments.seed, until_s=until_s, trace=trace)
+        with _written_to(arguments.trace) as trace, recorded_to(arguments.record) as record:
+            result = simulate(
+                arguments.scenario,
+                seed=arguments.seed,
+                until_s=until_s,
+                trace=trace,
+                record=record,
+            )
         print(_json(result) if arguments.json else as_text(result))
         return EXIT_OK
 
@@ -77,14 +88,15 @@ def _tell(arguments: argparse.Namespace) -> int:
     Raises:
         ConfigError: An argument that a story does not have.
     """
+    from zacoustic.tools.simulationrecord import recorded_to
     from zacoustic.tools.simulationtext import story_as_text
     from zacoustic.tools.storytelling import tell_story
 
     for name in ("seed", "until"):
         if getattr(arguments, name) is not None:
             raise ConfigError(f"--{name} with --story; allowed: with a scenario")
-    with _written_to(arguments.trace) as trace:
-        result = tell_story(arguments.story, trace=trace)
+    with _written_to(arguments.trace) as trace, recorded_to(arguments.record) as record:
+        result = tell_story(arguments.story, trace=trace, record=record)
     print(_json(result) if arguments.json else story_as_text(result))
     return EXIT_FAILED if result.complaints else EXIT_OK
 

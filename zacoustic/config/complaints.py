@@ -127,6 +127,8 @@ def allowed_at(path: str) -> str:
         return FOLDER_ALLOWED
     if names == ["quiet", "to"]:
         return ALLOWED["from"]
+    if names[-2:] == ["access", "nodes"]:
+        return ALLOWED["slots"]
     return ALLOWED.get(names[-1], "")
 
 

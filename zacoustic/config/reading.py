@@ -13,6 +13,7 @@ from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
 from zacoustic.config.later import check_word
+from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.onrmwdesert import check_access as check_access_on_desert
@@ -87,6 +88,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """When, and how much, this node may transmit."""
     permit_log: Path | None = None
     """File to which each emission is appended, or None."""
+    metrics: tuple[str, int] | None = None
+    """Host and port at which a gateway answers to Prometheus; None: it does not."""
     zenoh_config: "zenoh.Config | None" = None
     """The whole file for `zenoh.open`; None when it did not come from a file."""
 
@@ -218,6 +221,7 @@ def config_from_mapping(
         ros=ros.config() if ros.streams else None,
         rules=_read_rules(place, written, fleet, own, objects, topics),
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
+        metrics=read_metrics(place.at("metrics"), written.metrics),
     )
 
 

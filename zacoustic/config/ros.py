@@ -132,13 +132,6 @@ class RosReader:
         written: dict[str, Any] = dict(place.written)
         name = written.get("type")
         is_ros = written.pop("ros", None) is not None
-        durability = written.get("durability")
-        if durability == _TRANSIENT_LOCAL and not is_ros:
-            place.at("durability").complain(
-                f'"{_TRANSIENT_LOCAL}" of a topic without ros',
-                allowed='"volatile"',
-                hint="a get on its key is answered from the last value in any case",
-            )
         if self._is_interface(name):
             written |= self._typed(place, kind, name)
         elif is_ros:
@@ -218,11 +211,13 @@ class RosReader:
 
     def _types_of(self, place: Place, key: str, name: str) -> list[TypeSpec]:
         """Return the types that cross of an interface which a stream names."""
-        if key == "type" and name.split("/")[1] != "msg":
+        kinds = {word: kind for kind, word in _KINDS.items()}
+        kind = kinds.get(name.split("/")[1], "topic")
+        if key == "type" and kind != "topic":
             return [
-                self._message(place.at(key), each, _EXACT).spec
-                for each in messages_of(name)
-                if each in self._load()
+                self._message(place.at(key), name + suffix, _EXACT).spec
+                for suffix in _PARTS[kind].values()
+                if name + suffix in self._load()
             ]
         stamp = self._stamp(place, name) if key == "type" else _EXACT
         return [self._message(place.at(key), name, stamp).spec]
@@ -293,8 +288,6 @@ class RosReader:
                 qos=_qos(place.written),
             )
             self.streams[identity] = topic
-            if topic.is_latched:
-                changed["durability"] = "volatile"  # late joiners are no matter of the water
             if stamp == Stamp.AGE.value:
                 changed["stamp"] = stamp
             return changed

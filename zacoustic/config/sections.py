@@ -58,6 +58,7 @@ ALLOWED: Final = {
     "max_airtime": "a share, above 0, at most 1",
     "orders_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
+    "metrics": 'a text, "PORT" or "HOST:PORT"',
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
     "goal": "a text, the name of a type",
@@ -82,7 +83,7 @@ ALLOWED: Final = {
     "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
     "model": "a file that `zacoustic fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
-    "durability": '"volatile", with ros "transient_local"',
+    "durability": '"volatile", "transient_local"',
     "codec": '"cbor", "packed", for topics "dense"',
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
@@ -360,6 +361,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """After how long without a sign of it a node counts as lost, s; none: never."""
     permit_log: str | None = None
     """File to which each emission is appended, relative to the file's; none: nowhere."""
+    metrics: str | None = None
+    """Where the gateway answers to Prometheus, PORT or HOST:PORT; none: nowhere."""
 
 
 RECORDS: Final[dict[str, type[msgspec.Struct]]] = {

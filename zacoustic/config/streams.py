@@ -14,7 +14,7 @@ from zacoustic.core.dense import Model
 from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
 from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
 from zacoustic.core.objects.limits import LARGEST_BYTES
-from zacoustic.core.qos import PRIORITY_NAMES, Forward, Qos, Reliability, Stamp
+from zacoustic.core.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import TypeTable
@@ -88,7 +88,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
     check_word(
         place.at("reliability"), entry.reliability, tuple(each.value for each in Reliability)
     )
-    check_word(place.at("durability"), entry.durability, ("volatile",))
+    check_word(place.at("durability"), entry.durability, tuple(each.value for each in Durability))
     check_word(place.at("forward"), entry.forward, tuple(forward.value for forward in Forward))
     check_word(place.at("stamp"), entry.stamp, tuple(stamp.value for stamp in Stamp))
     _check_type(place.at("type"), entry.type, fleet)
@@ -104,6 +104,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         lambda: Qos(
             priority=PRIORITY_NAMES[entry.priority],
             reliability=Reliability(entry.reliability),
+            durability=Durability(entry.durability),
             depth=entry.depth,
             lifespan_s=entry.lifespan_s,
             deadline_s=entry.deadline_s,

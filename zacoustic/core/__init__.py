@@ -23,6 +23,7 @@ Map, in reading order:
 `streams`, `keys`                   names ⇄ bytes, and the digest of the table
 `types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application
 `journal`, `stats`, `trace`         what is to be written down, counted, traced
+`tap`, `makeengine`                 every call of an engine, for whoever records it
 ==================================  ================================================================
 
 Rooms that are left for later versions: `arq` and `objects` beside `topics`, `actions` beside

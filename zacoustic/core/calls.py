@@ -22,7 +22,7 @@ Numbers come again, so both ends must agree when one is free. The client keeps t
 
 Numbers come again in the client's next life, too, and an answer tells no epoch: the server may
 still answer the former life. So a client takes an answer only if it has been told in this life
-that the server knows its epoch (`Handshake.knows_us`); then the server has given up the calls of
+that the server knows its epoch (`Peer.knows_us`); then the server has given up the calls of
 all other lives. Until it is told so its frames begin with HELLO or TAG, and from that the server
 knows it: to such a request it gives a *named* answer, which has the epoch in it.
 """

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 
 import msgspec
 
+from zacoustic.core.arq.copies import MOST_COPIES
 from zacoustic.core.contact import Contact
 from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Envelope
@@ -45,6 +46,8 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Its records, in their order, fragments excepted."""
     object_stream: int | None = None
     """Stream of the fragment that is in it, or None."""
+    is_pressing: bool = False
+    """It carries what may go again before anything can have come back."""
 
     @property
     def streams(self) -> tuple[int, ...]:
@@ -305,6 +308,7 @@ class Composer:
             destination=destination,
             frame_bytes=frame_bytes,
             records=items,
+            is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
         )
 
     def _concerning(

@@ -38,6 +38,9 @@ WIRE_VERSION: Final = 1
 """Version of this wire format, in every HELLO."""
 
 LAST_STREAM_ID: Final = 0xAF
+ASSURED: Final = 0
+"""Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
+sender."""
 DENSE_FROM: Final = 0xC0
 """A dense string begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
@@ -115,6 +118,7 @@ class Confirm(msgspec.Struct, frozen=True):
     """The sender knows and shares the table of a node's epoch."""
 
     address: int
+    """The node, or `ASSURED`."""
     epoch: int
 
     def encode(self) -> bytes:

@@ -49,6 +49,7 @@ from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
+    ASSURED,
     HELLO_BYTES,
     LAST_STREAM_ID,
     WIRE_VERSION,
@@ -114,10 +115,7 @@ class Handshake:
         self._digest = self._table.digest
         self._since_hello.clear()
         for peer in self._peers.values():
-            peer.confirmed_us = peer.knows_us = False
-            peer.owes_confirm = False
-            peer.rows.clear()
-            peer.told_differing.clear()
+            peer.doubt()
 
     # What this node says
 
@@ -144,7 +142,7 @@ class Handshake:
         fits = room_bytes >= HELLO_BYTES
         if asked:
             wanted = fits or not urgent
-        elif is_known and all(self._knows_difference(peer) for peer in silent):
+        elif is_known and all(peer.differs_from(self._digest) for peer in silent):
             wanted = False
         else:
             turn = self._since_hello.get(destination, 0) % HELLO_EVERY == 0
@@ -161,7 +159,7 @@ class Handshake:
 
     def introduce(self, address: int, stream_id: int) -> None:
         """Make a record in the next frame to a node readable, whatever the node has forgotten."""
-        peer = self._peer(address)
+        peer = self.peer(address)
         peer.owes_hello = True
         if peer.digest != self._digest:
             peer.owed_rows[stream_id] = None
@@ -170,7 +168,7 @@ class Handshake:
         """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
         if destination == BROADCAST:
             return any(peer.owes_hello for peer in self._peers.values())
-        return self._peer(destination).owes_hello
+        return self.peer(destination).owes_hello
 
     def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
         """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
@@ -179,7 +177,8 @@ class Handshake:
         for address in hearers:
             peer = self._peers.get(address)
             if peer is not None and peer.is_owed:
-                for cause, control in self._controls(address, peer, now):
+                unicast = destination != BROADCAST
+                for cause, control in self._controls(address, peer, now, unicast=unicast):
                     if len(control) > room_bytes:
                         break
                     room_bytes -= len(control)
@@ -214,9 +213,10 @@ class Handshake:
 
     # What this node hears
 
-    def heard_hello(self, source: int, hello: Hello, now: int) -> bool:
+    def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> bool:
         """A HELLO arrived: remember it, and answer if it is new; tells whether the epoch is."""
-        peer = self._peer(source)
+        peer = self.peer(source)
+        peer.is_assured &= not unicast
         # What another version calls a digest means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
         peer.questions.pop(_ASK_HELLO, None)
@@ -237,39 +237,57 @@ class Handshake:
             self._answer_introduction(peer, now)
         return is_new_epoch
 
-    def heard_tag(self, source: int, epoch: int, now: int) -> None:
+    def heard_tag(self, source: int, epoch: int, now: int, *, unicast: bool = False) -> None:
         """A TAG arrived: its sender does not know that we know it."""
-        peer = self._peer(source)
+        peer = self.peer(source)
+        peer.is_assured &= not unicast
         if peer.epoch != epoch:
             # What is known of it may be of a life that is over: better to know nothing.
             peer.forget()
             peer.epoch, peer.digest = None, b""
             self._ask(peer, _ASK_HELLO, now)
 
+    def heard_too_short(self, source: int, now: int) -> None:
+        """A record takes this node for assured, which it is not any more: tell its source so."""
+        self._introduce_soon(self.peer(source), now)
+
+    def heard_too_long(self, source: int, now: int) -> None:
+        """A record does not take this node for assured: if it is, tell its source so."""
+        peer = self.peer(source)
+        if peer.confirmed_us:
+            self._answer_introduction(peer, now)
+
     def heard_introduced(self, source: int, epoch: int, now: int) -> None:
         """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
-        peer = self._peer(source)
+        peer = self.peer(source)
         if peer.epoch == epoch:
             self._answer_introduction(peer, now)
 
-    def heard_confirm(self, source: int, confirm: Confirm, now: int) -> None:
+    def heard_confirm(
+        self, source: int, confirm: Confirm, now: int, *, unicast: bool = False
+    ) -> None:
         """A peer says that it knows and shares our table."""
-        if confirm.address != self._address:
+        is_assured = unicast and confirm.address == ASSURED
+        if confirm.address != self._address and not is_assured:
             return
-        peer = self._peer(source)
+        peer = self.peer(source)
         if confirm.epoch == self.epoch:
             peer.confirmed_us = peer.knows_us = True
+            if is_assured:
+                peer.is_assured |= now >= peer.settled_at
+            elif unicast and peer.epoch is not None and peer.digest == self._digest:
+                # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
+                peer.owes_confirm = True
         else:
             # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
             peer.confirmed_us = False
-            peer.owes_hello = True
-            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+            self._introduce_soon(peer, now)
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
         if ask.address != self._address:
             return False
-        peer = self._peer(source)
+        peer = self.peer(source)
         peer.confirmed_us = False
         if ask.stream_id == _ASK_HELLO:
             peer.owes_hello = True
@@ -281,7 +299,7 @@ class Handshake:
 
     def heard_row(self, source: int, row: TableRow, now: int) -> None:
         """A row of a peer's table arrived."""
-        peer = self._peer(source)
+        peer = self.peer(source)
         if not 1 <= row.stream_id <= LAST_STREAM_ID:
             return
         if peer.epoch != row.epoch:
@@ -309,9 +327,12 @@ class Handshake:
         Returns:
             None when it may, else the reason for the statistics: ``unconfirmed`` or ``differs``.
         """
-        peer = self._peer(source)
+        peer = self.peer(source)
         if peer.epoch is not None and peer.digest == self._digest:
-            if epoch == peer.epoch or (epoch is None and now >= peer.settled_at):
+            if epoch == peer.epoch:
+                return None
+            if epoch is None and now >= peer.settled_at:
+                peer.is_assured = True
                 return None
         elif peer.epoch is not None and epoch == peer.epoch:
             row = peer.rows.get(stream_id)
@@ -337,40 +358,29 @@ class Handshake:
 
         Args and returns as `verdict`.
         """
-        peer = self._peer(source)
-        if self._knows_difference(peer) and epoch == peer.epoch:
+        peer = self.peer(source)
+        if peer.differs_from(self._digest) and epoch == peer.epoch:
             return "differs"
         return self.verdict(source, epoch, _ASK_HELLO, now)
 
     def knows_difference(self, address: int) -> bool:
         """Tell whether a node is known to hold another table."""
         peer = self._peers.get(address)
-        return peer is not None and self._knows_difference(peer)
-
-    def epoch_of(self, address: int) -> int:
-        """Return the epoch of a peer whose record was just allowed."""
-        epoch = self._peer(address).epoch
-        assert epoch is not None
-        return epoch
-
-    def knows_us(self, address: int) -> bool:
-        """Tell whether a peer, in the life that is known of it, has confirmed this epoch once.
-
-        Unlike the confirmation this is not revoked by a question: an epoch that was known is known.
-        """
-        peer = self._peers.get(address)
-        return peer is not None and peer.knows_us
-
-    def last_epoch(self, address: int) -> int | None:
-        """Return the last epoch that a node has told, or None."""
-        return self._peer(address).epoch
+        return peer is not None and peer.differs_from(self._digest)
 
     def is_unconfirmed(self, destination: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
         audience = self._audience(destination)
         return not audience or any(
-            not peer.confirmed_us and not self._knows_difference(peer) for peer in audience
+            not peer.confirmed_us and not peer.differs_from(self._digest) for peer in audience
         )
+
+    def peer(self, address: int) -> Peer:
+        """Return what is known of a node, and what is owed to it."""
+        peer = self._peers.get(address)
+        if peer is None:
+            peer = self._peers[address] = Peer()
+        return peer
 
     def peers(self) -> dict[int, Peer]:
         """Return what is known of each node heard so far, by address."""
@@ -378,16 +388,10 @@ class Handshake:
 
     # Below the methods above
 
-    def _peer(self, address: int) -> Peer:
-        peer = self._peers.get(address)
-        if peer is None:
-            peer = self._peers[address] = Peer()
-        return peer
-
     def _audience(self, destination: int) -> list[Peer]:
         if destination != BROADCAST:
-            return [self._peer(destination)]
-        listed = [self._peer(address) for address in self._table.nodes if address != self._address]
+            return [self.peer(destination)]
+        listed = [self.peer(address) for address in self._table.nodes if address != self._address]
         # Whoever has introduced itself is in the water, listed or not.
         strangers = [
             peer
@@ -400,9 +404,6 @@ class Handshake:
         stream = self._table.get(stream_id)
         return stream.digest if stream else ABSENT_DIGEST
 
-    def _knows_difference(self, peer: Peer) -> bool:
-        return peer.epoch is not None and peer.digest != self._digest
-
     def _answer_introduction(self, peer: Peer, now: int) -> None:
         if peer.digest == self._digest:
             peer.owes_confirm = True
@@ -410,8 +411,11 @@ class Handshake:
             self._speak_soon(peer, earliest)
         elif not peer.answer_pause.is_longest:
             # It will never confirm us, so nothing tells that it has heard; a few times are enough.
-            peer.owes_hello = True
-            self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+            self._introduce_soon(peer, now)
+
+    def _introduce_soon(self, peer: Peer, now: int) -> None:
+        peer.owes_hello = True
+        self._speak_soon(peer, max(now, peer.answer_pause.not_before))
 
     def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
         peer.questions[stream_id] = None
@@ -423,10 +427,13 @@ class Handshake:
         if peer.speak_at is None or at < peer.speak_at:
             peer.speak_at = at
 
-    def _controls(self, address: int, peer: Peer, now: int) -> list[tuple[Cause, bytes]]:
+    def _controls(
+        self, address: int, peer: Peer, now: int, *, unicast: bool
+    ) -> list[tuple[Cause, bytes]]:
         controls: list[tuple[Cause, bytes]] = []
         if peer.owes_confirm and peer.epoch is not None and peer.confirm_at <= now:
-            controls.append((Cause.CONFIRM, Confirm(address, peer.epoch).encode()))
+            named = ASSURED if unicast and peer.confirmed_us else address
+            controls.append((Cause.CONFIRM, Confirm(named, peer.epoch).encode()))
         if peer.ask_pause.not_before <= now:
             controls += [
                 (Cause.ASK, Ask(address, stream_id).encode()) for stream_id in peer.questions

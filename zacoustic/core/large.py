@@ -305,7 +305,7 @@ class LargeSamples:
 
     def _is_open(self, source: int, stream_id: int) -> bool:
         """Tell whether both ends are known to define a stream in the same way."""
-        epoch = self._handshake.last_epoch(source)
+        epoch = self._handshake.peer(source).epoch
         return self._handshake.verdict(source, epoch, stream_id, self._now) is None
 
     def _may_take(self, stream: Stream, source: int) -> bool:

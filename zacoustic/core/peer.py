@@ -45,11 +45,17 @@ class Peer:
 
     def __init__(self) -> None:
         self.epoch: int | None = None
+        """The last epoch that it has told, or None."""
         self.digest = b""
         self.settled_at = 0
         self.rows: dict[int, bytes] = {}
         self.confirmed_us = False
+        """It needs no HELLO and no TAG."""
         self.knows_us = False
+        """In the life that is known of it, it has confirmed the present epoch of this node once.
+        Unlike `confirmed_us` a question does not revoke that: an epoch that was known is known."""
+        self.is_assured = False
+        """It knows that we have confirmed it."""
         self.told_differing: set[int] = set()
         self.owes_confirm = False
         self.owes_hello = False
@@ -58,6 +64,16 @@ class Peer:
         self.speak_at: int | None = None
         self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
         self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
+
+    @property
+    def present_epoch(self) -> int:
+        """Epoch of a node whose record was just allowed."""
+        assert self.epoch is not None
+        return self.epoch
+
+    def differs_from(self, digest: bytes) -> bool:
+        """Tell whether it is known to hold another table than that of a digest."""
+        return self.epoch is not None and self.digest != digest
 
     @property
     def is_owed(self) -> bool:
@@ -89,12 +105,16 @@ class Peer:
             if not self.questions:
                 self.ask_pause.use(now, unit_ns)
 
-    def forget(self) -> None:
-        """It has begun a new life: it knows nothing of us, and we nothing of its table."""
-        self.confirmed_us = self.knows_us = False
+    def doubt(self) -> None:
+        """Of its table and ours nothing is agreed any more."""
+        self.confirmed_us = self.knows_us = self.is_assured = False
         self.owes_confirm = False
         self.rows.clear()
         self.told_differing.clear()
+
+    def forget(self) -> None:
+        """It has begun a new life: it knows nothing of us, and we nothing of its table."""
+        self.doubt()
         self.owed_rows.clear()
         self.questions.clear()
         self.ask_pause.reset()

@@ -14,6 +14,8 @@ was last measured of that node holds, less and less certain, and without that ha
 
 import random
 
+import msgspec
+
 from zacoustic.core.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.access.controls import ANYBODY, AccessControl, Turn
 from zacoustic.core.access.spec import AccessSpec
@@ -87,10 +89,12 @@ class LinkPort:
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if self._listens:
             due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
-            invited_at = self.listening.invited_at(max(due_at, now), is_urgent=wanted.is_urgent)
+            follows = wanted.is_urgent or wanted.is_copy
+            invited_at = self.listening.invited_at(max(due_at, now), follows=follows)
             if invited_at is not None:
                 due_at, is_invited = invited_at, True
-        return self.access.ready_at(Wanted(due_at, wanted.is_urgent, is_invited), now)
+        wanted = msgspec.structs.replace(wanted, due_at=due_at, is_invited=is_invited)
+        return self.access.ready_at(wanted, now)
 
     def speak_at(self, now: int) -> int | None:
         """Return when the medium access wants a frame of its own, ns, or None."""

@@ -280,7 +280,8 @@ class Protocols:
         capabilities = port.capabilities
         self.handshake.use_link(capabilities)
         self.ranging.use_link(capabilities)
-        times, settling_ns = LinkTimes(capabilities), self.handshake.settling_ns
+        times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
+        settling_ns = self.handshake.settling_ns
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)

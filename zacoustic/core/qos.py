@@ -67,6 +67,15 @@ class Stamp(enum.Enum):
     """One byte, written when the frame is composed; see `zacoustic.core.age`."""
 
 
+class Durability(enum.Enum):
+    """What becomes of a sample for whoever subscribes on an island after it came."""
+
+    VOLATILE = "volatile"
+    """It has gone by."""
+    TRANSIENT_LOCAL = "transient_local"
+    """The gateway of the island keeps the last ones, `Qos.depth` of each key."""
+
+
 class Forward(enum.Enum):
     """When samples cross the water."""
 
@@ -83,6 +92,8 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """Zenoh's priority."""
     reliability: Reliability = Reliability.BEST_EFFORT
     """What becomes of a sample that is lost."""
+    durability: Durability = Durability.VOLATILE
+    """What late joiners get. An affair of each island: it changes nothing on the water."""
     depth: int = 1
     """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1;
     a newer one pushes out the oldest."""

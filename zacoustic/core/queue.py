@@ -63,12 +63,14 @@ class Waiting:
         "address",
         "cause",
         "code",
+        "copies",
         "delimits_itself",
         "dense_value",
         "destination",
         "expires_at",
         "for_one_node",
         "head",
+        "is_copy",
         "payload",
         "prefix",
         "queued_at",
@@ -114,6 +116,10 @@ class Waiting:
         self.cause = cause
         self.sync = b""
         """A prefix that may still change while the record waits."""
+        self.copies = 0
+        """How often it was sent in a row."""
+        self.is_copy = False
+        """It was just sent, and is to follow that at once, where it is heard out."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
     def head_at(self, now: int) -> bytes:
@@ -218,6 +224,12 @@ class TransmitQueue:
     def is_urgent(self) -> bool:
         """A REAL_TIME payload waits."""
         return any(lane.patience_ns == _BEFORE_ALL and lane.is_on for lane in self._busy.values())
+
+    @property
+    def has_copy(self) -> bool:
+        """Something waits that was just sent, and is to follow that at once."""
+        lanes = (lane for lane in self._busy.values() if lane.is_on)
+        return any(item.is_copy for lane in lanes for item in lane.items)
 
     def pending(self, stream_id: int) -> int:
         """Count what waits for one stream."""

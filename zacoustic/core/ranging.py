@@ -5,7 +5,9 @@ to be asked something. The idea: any unicast frame to the peer will do, if its m
 acknowledgement. So whoever wants a range waits for the next frame that goes to that peer anyway;
 if none does, the composer makes one with what is owed to the peer, or with one byte of padding, the
 smallest frame there is and no news to anybody: it introduces nobody, and calls forth no answer but
-that of the modem.
+that of the modem. A modem that waits for one sends nothing meanwhile: so what is sent several times
+in a row is asked for no range, and until it can have been answered, and repeated, none is asked
+for, unless a schedule is behind by a period.
 
 Which answer belongs to which question is decided by time alone: a measurement counts for all
 requests made before it, on whichever exchange it was made, and never for a later one. So two
@@ -230,13 +232,28 @@ class Ranging:
         ]
         return min(wanted, default=None)
 
-    def wants(self, address: int, now: int) -> bool:
-        """Tell whether a frame to that address is to be acknowledged by its modem."""
+    def wants(self, address: int, now: int, *, gives_way: bool = False) -> bool:
+        """Tell whether a frame to that address is to be acknowledged by its modem.
+
+        Args:
+            address: Its destination.
+            now: The instant.
+            gives_way: What the frame carries may have to go again before its modem has waited for
+                an acknowledgement: not unless a schedule is behind by a period.
+        """
         quest = self._quests.get(address)
         if quest is None or self._objection(address):
             return False
         at = quest.due_at(now)
-        return at is not None and at <= now
+        if at is None or (gives_way and quest.every_ns is None):
+            return False
+        return at + (quest.every_ns or 0) * gives_way <= now
+
+    def give_way(self, address: int, until: int) -> None:
+        """A schedule waits until an instant, ns, but not for more than a period."""
+        quest = self._quests.get(address)
+        if quest is not None and quest.every_ns is not None:
+            quest.gives_way_until = min(until, quest.scheduled_at + quest.every_ns)
 
     def next_deadline_at(self) -> int | None:
         """Return when `expire` is to be called, ns."""
@@ -318,6 +335,8 @@ class _Quest:
         self.requests: dict[int, _Request] = {}
         self.every_ns: int | None = None
         self.scheduled_at = 0
+        self.gives_way_until = 0
+        """The schedule is not kept before, ns."""
         self.pause = Pause(_LONGEST_PAUSE_UNITS)
         self.transmission_id: int | None = None
         """Of the exchange that is under way."""
@@ -332,7 +351,9 @@ class _Quest:
             return None
         if self.requests:
             return max(now, self.pause.not_before)
-        return None if self.every_ns is None else max(self.scheduled_at, self.pause.not_before)
+        if self.every_ns is None:
+            return None
+        return max(self.scheduled_at, self.pause.not_before, self.gives_way_until)
 
 
 def _words_of(report: TransmitReport) -> str:

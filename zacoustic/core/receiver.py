@@ -123,7 +123,8 @@ class Receiver:
         epoch: int | None = None
         streams: list[int] = []
         measure = partial(self._measure, source)
-        for item in parse_frame(opened.records, measure, unicast=opened.destination != BROADCAST):
+        unicast = opened.destination != BROADCAST
+        for item in parse_frame(opened.records, measure, unicast=unicast):
             if isinstance(item, Record):
                 streams.append(item.stream_id)
                 reason = self._handle_record(source, epoch, item, received, now)
@@ -138,7 +139,7 @@ class Receiver:
             elif isinstance(item, Stray):
                 self._stats.drop(item.reason)
             elif isinstance(item, Hello):
-                if self._handshake.heard_hello(source, item, now):
+                if self._handshake.heard_hello(source, item, now, unicast=unicast):
                     self._services.client_restarted(source, item.epoch, now)
                     self._actions.peer_restarted(source, now)
                     self._sending.lost_sync(source, now)
@@ -149,10 +150,10 @@ class Receiver:
                     break
                 epoch = item.epoch
             elif isinstance(item, Tag):
-                self._handshake.heard_tag(source, item.epoch, now)
+                self._handshake.heard_tag(source, item.epoch, now, unicast=unicast)
                 epoch = item.epoch
             elif isinstance(item, Fragment | Feedback):
-                streams.append(NO_STREAM)
+                streams.append(self._stream_of(source, item))
                 reason = self._handle_object(opened, item, received, now)
                 if reason is not None:
                     self._stats.drop(reason)
@@ -165,7 +166,7 @@ class Receiver:
                 if self.handle_access is not None:
                     self.handle_access(source, item, received, now)
             else:
-                self._handle_table_talk(source, item, now)
+                self._handle_table_talk(opened, item, now)
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
         self._sending.heard(source, now)
@@ -190,6 +191,12 @@ class Receiver:
             if reason is not None:
                 self._stats.drop(reason)
         return [stream_id for stream_id, _ in samples]
+
+    def _stream_of(self, source: int, item: Fragment | Feedback) -> int:
+        """Return the stream of what a frame has of an object, as far as it is known here."""
+        if isinstance(item, Feedback):
+            return NO_STREAM
+        return self._large.objects.stream_coming(source, item.transfer)
 
     def _handle_object(
         self, opened: Opened, item: Fragment | Feedback, received: ReceivedFrame, now: int
@@ -231,18 +238,18 @@ class Receiver:
         if stream is None:
             return "unknown_stream"
         if isinstance(stream.spec, ActionSpec):
-            return self._actions.receive(
-                source, stream, stream.spec, record.content, now, introduced=epoch is not None
-            )
+            return self._actions.receive(source, stream, stream.spec, record.content, now)
         if isinstance(stream.spec, ServiceSpec):
             return self._services.receive(
                 source, stream, stream.spec, record.content, now, introduced=epoch is not None
             )
         return self._topics.receive(source, stream, record, received, now)
 
-    def _handle_table_talk(self, source: int, item: Confirm | Ask | TableRow, now: int) -> None:
+    def _handle_table_talk(self, opened: Opened, item: Confirm | Ask | TableRow, now: int) -> None:
+        source = opened.source
         if isinstance(item, Confirm):
-            self._handshake.heard_confirm(source, item, now)
+            unicast = opened.destination != BROADCAST
+            self._handshake.heard_confirm(source, item, now, unicast=unicast)
         elif isinstance(item, Ask):
             if self._handshake.heard_ask(source, item, now):
                 self._sending.lost_sync(source, now)

@@ -198,7 +198,7 @@ class Services:
             return self._receive_answer(source, stream, content, now)
         if server != self._address:
             return "not_subscriber" if kind is CallKind.REQUEST else "not_publisher"
-        key = CallKey(source, self._handshake.epoch_of(source), stream.stream_id, number)
+        key = CallKey(source, self._handshake.peer(source).present_epoch, stream.stream_id, number)
         if kind is CallKind.CONFIRM:
             self._answering.confirmed(key, now)
             return None
@@ -256,7 +256,7 @@ class Services:
             if named is None or named is NAMED:
                 return "unexpected_answer"
             kind, payload = named, payload[NAME_BYTES:]
-        elif not self._handshake.knows_us(server):
+        elif not self._handshake.peer(server).knows_us:
             self._ask_again(server, stream.stream_id, number, now)
             return "unexpected_answer"
         call_id = self._clients.find(server, stream.stream_id, number)

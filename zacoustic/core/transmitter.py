@@ -13,6 +13,9 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.silence import Silence
 from zacoustic.core.stats import EngineStats
 
+_GIVE_WAY_PERIODS = 2
+"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
+
 
 class Transmitter:
     """Makes the transmissions of one engine.
@@ -100,9 +103,14 @@ class Transmitter:
             transmission_id=self._next_transmission_id,
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
-            acknowledge=self._protocols.ranging.wants(composed.destination, now),
+            acknowledge=self._protocols.ranging.wants(
+                composed.destination, now, gives_way=composed.is_pressing
+            ),
         )
         self._next_transmission_id += 1
+        if composed.is_pressing:
+            until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
+            protocols.ranging.give_way(composed.destination, until)
         port.transmit(transmission, now)
         self._protocols.transmitted(transmission, composed, now)
         self._stats.frames_transmitted += 1
@@ -143,7 +151,8 @@ class Transmitter:
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
-        return self._after_silence(self.port.free_at(Wanted(due_at, is_urgent), now), now)
+        wanted = Wanted(due_at, is_urgent, is_copy=self._protocols.queue.has_copy)
+        return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
         """Return when the frame goes that a silence grants to a lane."""

@@ -8,6 +8,7 @@ module for each noun:
 - `routes`, `jobs`: what is declared for each stream; `siblings`, `presence`: who does it when there
   are several gateways on one island;
 - `exchange`, `topics`, `services`, `actions`: samples, calls and goals, both ways; `lastvalues`;
+- `latched`, `kept`: what late joiners get, and what of it is kept over a restart;
 - `dialects`: what streams look like on the island, for Zenoh programs; `ros`: for nodes of ROS 2;
 - `health`, `soundings`, `complaints`, `notices`: what it says of itself and of the water.
 """

@@ -1,6 +1,7 @@
 """What is wrong with what an island gives to the gateway: counted always, said now and then."""
 
 import logging
+from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.clock import Clock, seconds_to_ns
@@ -18,12 +19,20 @@ class Complaints:
     Args:
         clock: Where instants come from.
         quiet_s: Time between two warnings about one stream, s.
+        tell: Takes each warning as well.
     """
 
-    def __init__(self, clock: Clock, quiet_s: float = QUIET_S) -> None:
+    def __init__(
+        self,
+        clock: Clock,
+        quiet_s: float = QUIET_S,
+        *,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
         self.counts: dict[str, dict[str, int]] = {}
         """How many, by stream and reason."""
         self._clock = clock
+        self._tell = tell
         self._quiet_ns = seconds_to_ns(quiet_s)
         self._silent_until: dict[str, int] = {}
         self._unsaid: dict[str, int] = {}
@@ -47,3 +56,4 @@ class Complaints:
         more = f" (and {unsaid} more since the last warning)" if unsaid else ""
         line = " ".join(text.removeprefix(f"{stream}: ").split())
         _logger.warning("%s: %s%s", stream, line, more)
+        self._tell(f"{stream}: {line}{more}")

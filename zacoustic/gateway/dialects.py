@@ -15,12 +15,15 @@ import msgspec
 import zenoh
 
 from zacoustic.core.events import CallKey, SampleReceived
+from zacoustic.core.qos import Durability
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.gateway.lastvalues import LastValue
+from zacoustic.gateway.latched import LatchedKeys
 from zacoustic.gateway.mailbox import Parcel
 from zacoustic.gateway.translation import from_island, to_island
 from zacoustic.island.goals import ActionForm, ActionKey, ActionMessages
+from zacoustic.island.latching import latched_subscriber
 from zacoustic.island.marker import Marker, is_marked
 from zacoustic.island.session import Island
 
@@ -66,6 +69,14 @@ class TopicDialect(ABC):
     def __init__(self, stream: Stream, island: Island) -> None:
         self.stream = stream
         self._island = island
+        self._latched: LatchedKeys | None = None
+        if stream.qos.durability is Durability.TRANSIENT_LOCAL:
+            self._latched = LatchedKeys(stream.qos.depth, island, stream.qos.priority)
+
+    @property
+    def is_latched(self) -> bool:
+        """Tell whether whoever subscribes late gets the last samples."""
+        return self._latched is not None
 
     def key(self, stream_key: str) -> str:
         """Return the key on the island of a key, or key expression, of the stream."""
@@ -99,8 +110,15 @@ class TopicDialect(ABC):
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
         """Return what goes beside a value that was kept."""
 
+    @abstractmethod
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return what goes beside a value of a former life that is put again."""
+
     def put(self, key: str, written: Written) -> None:
-        """Put a sample on the island."""
+        """Put a sample on the island; into a cache where the topic is latched."""
+        if self._latched is not None:
+            self._latched.put(key, written.payload, written.encoding, written.attachment)
+            return
         self._island.put(
             key,
             written.payload,
@@ -118,17 +136,23 @@ class TopicDialect(ABC):
     def subscribe(
         self, expression: str, take: Callable[[zenoh.Sample], None]
     ) -> Sequence[Declared]:
-        """Hear samples of the island; in the worker."""
-        subscriber = self._island.session.declare_subscriber(
-            zenoh.KeyExpr(expression),
-            self._island.callback(take),
-            allowed_origin=zenoh.Locality.REMOTE,
-        )
-        return [subscriber]
+        """Hear samples of the island, of a latched topic also those from before; in the worker."""
+        if self._latched is None:
+            subscriber = self._island.session.declare_subscriber(
+                zenoh.KeyExpr(expression),
+                self._island.callback(take),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+            return [subscriber]
+        depth = self.stream.qos.depth
+        return [latched_subscriber(self._island, expression, take, depth)]
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
         """Declare what is put here, by which nodes beyond the water; in the worker."""
-        return []
+        if self._latched is None:
+            return []
+        self._latched.declare()
+        return [self._latched]
 
 
 class PlainTopic(TopicDialect):
@@ -154,6 +178,10 @@ class PlainTopic(TopicDialect):
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
         """Return a mark with the age of now."""
         return Marker(acoustic=last.source, age_s=last.age_at(now)).encode()
+
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return a mark with the age that it has."""
+        return Marker(acoustic=last.source, age_s=last.age_s).encode()
 
 
 class ServiceDialect(ABC):

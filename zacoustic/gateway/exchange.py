@@ -47,6 +47,7 @@ from zacoustic.gateway.notices import (
 )
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.orders import OrderDesk
+from zacoustic.gateway.pings import PingDesk
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.topics import Topics
 
@@ -62,6 +63,7 @@ class Exchange:
         objects: Takes note of how far large samples are.
         health: Takes note of the rest.
         orders: Answers orders.
+        pings: Takes answers to pings.
         notify: Told what people want to know.
     """
 
@@ -75,6 +77,7 @@ class Exchange:
         objects: ObjectDesk,
         health: Health,
         orders: OrderDesk,
+        pings: PingDesk,
         notify: Notify,
     ) -> None:
         self._table = table
@@ -84,6 +87,7 @@ class Exchange:
         self._objects = objects
         self._health = health
         self._orders = orders
+        self._pings = pings
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
@@ -95,12 +99,17 @@ class Exchange:
         match event:
             case SampleReceived():
                 self._topics.deliver(event)
+                self._health.note_sample(event)
             case RequestReceived():
                 self._services.serve(event)
             case ResponseReceived() if self._orders.has_sent(event.call_id):
                 self._orders.respond(event)
             case CallFailed() if self._orders.has_sent(event.call_id):
                 self._orders.fail(event)
+            case ResponseReceived() | CallFailed() if self._pings.has_sent(event.call_id):
+                self._pings.answered(event)
+            case RangeMeasured() | RangeFailed() if self._pings.has_asked(event.range_id):
+                self._pings.ranged(event)
             case ResponseReceived():
                 self._services.respond(event)
             case CallFailed():

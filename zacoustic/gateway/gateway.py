@@ -13,30 +13,37 @@ Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
 """
 
 import asyncio
-import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import zenoh
 
 from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
+from zacoustic.core.engine import Engine
 from zacoustic.errors import ConfigError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
-from zacoustic.gateway.notices import Notice, Notify, Started, Stopped
-from zacoustic.island.session import Island, endpoints_of, mode_of
+from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.island.latching import stamp_samples
+from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
+
+if TYPE_CHECKING:
+    from zacoustic.gateway.metrics import MetricsServer
+    from zacoustic.recording.live import LiveRecording
 
 _logger = logging.getLogger(__name__)
 
@@ -51,7 +58,10 @@ class Gateway:
         link: The modem, not open yet; None: what the config's locator names.
         journal: What the node remembers across restarts, a store or the folder of its file; None:
             the folder that the config names, or nothing.
+        record: File into which everything is recorded; None: nothing is. Needs the extra
+            `recording`.
         notify: Told what people want to know, on the loop; None: logged.
+        metrics: Host and port at which it answers to Prometheus; None: what the config says.
         clock: Where instants come from; the same as the link's.
 
     Raises:
@@ -65,7 +75,9 @@ class Gateway:
         *,
         link: Link | None = None,
         journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
         clock: Clock = time.monotonic_ns,
     ) -> None:
         self.config = config
@@ -76,7 +88,11 @@ class Gateway:
             journal = journal_in(journal, config.address)
         self._journal: Journal = journal
         self._notify: Notify = notify or _log
+        self._metrics_place = metrics or config.metrics
+        self._metrics: MetricsServer | None = None
         self._clock = clock
+        self._record = record
+        self._recording: LiveRecording | None = None
         self._junction: Junction | None = None
         self._is_closing = False
         self._closed = asyncio.Event()
@@ -89,7 +105,10 @@ class Gateway:
         address: int | None = None,
         locator: str | None = None,
         journal: str | Path | None = None,
+        listen: Sequence[str] = (),
+        record: str | Path | None = None,
         notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
     ) -> Self:
         """Make the gateway of a file.
 
@@ -98,31 +117,39 @@ class Gateway:
             address: Acoustic address, instead of the file's.
             locator: Locator of the modem, instead of the file's.
             journal: Folder of the journal, instead of the file's.
+            listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
+            record: File into which everything is recorded; None: nothing is.
             notify: Told what people want to know, on the loop; None: logged.
+            metrics: Host and port at which it answers to Prometheus; None: what the file says.
 
         Raises:
             ConfigError: The file is wrong, or names no link.
             LinkUnavailableError: The link is not installed.
         """
         config = read_config(path, address=address, locator=locator)
-        return cls(config, journal=journal, notify=notify)
+        if listen:
+            listen_at(_zenoh_config(config), listen)
+        return cls(config, journal=journal, record=record, notify=notify, metrics=metrics)
 
     async def start(self) -> None:
         """Open the session and the link, and join them; nothing is left open if that fails.
 
         Raises:
             SessionError: Port in use, router unreachable, or the address is taken.
-            LinkOpenError: The link cannot be opened.
+            LinkOpenError: The link cannot be opened, or the metrics' port is in use.
             RangeUnavailableError: The file asks for ranges, and the link measures none.
-            ConfigError: The journal cannot be used.
+            ConfigError: The journal cannot be used, or the recording cannot be made.
         """
         try:
             state = await recover(self._journal)
+            if self._record is not None:
+                await self._open_recording(self._record)
             if self.config.ros is not None:
-                _stamp_samples(self._zenoh_config)
+                stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)
             await junction.open()
+            await self._serve_metrics(junction)
             self._notify(self._started(junction))
         except BaseException:
             await self.close()
@@ -135,11 +162,17 @@ class Gateway:
             return
         self._is_closing = True
         try:
+            async with AsyncExitStack() as last_first:  # each, whatever becomes of the others
+                if self._recording is not None:
+                    last_first.push_async_callback(self._recording.close)
+                if self._junction is not None:
+                    last_first.push_async_callback(self._junction.close)
+                else:
+                    last_first.push_async_callback(release, self._journal)
+                if self._metrics is not None:
+                    last_first.push_async_callback(self._metrics.close)
             if self._junction is not None:
-                await self._junction.close()
                 self._notify(Stopped())
-            else:
-                await release(self._journal)
         finally:
             self._closed.set()
 
@@ -176,13 +209,55 @@ class Gateway:
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
-            link=config.links[0].locator if config.links else type(self._link).__name__,
+            link=self._locator,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
             digest=table.digest.hex(),
             journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
             forgotten=self._forgotten(),
+            metrics=self._metrics.url if self._metrics is not None else "",
+            recording=str(self._recording.path) if self._recording is not None else "",
             siblings=tuple(each for each in junction.siblings.alive if each != config.address),
+        )
+
+    @property
+    def _locator(self) -> str:
+        links = self.config.links
+        return links[0].locator if links else type(self._link).__name__
+
+    def _about(self) -> dict[str, object]:
+        """Return what does not change, for the health report."""
+        config = self.config
+        return {
+            "address": config.address,
+            "name": config.name or "",
+            "version": metadata.version("zacoustic"),
+            "wire": config.table.wire.value,
+            "link": self._locator,
+        }
+
+    async def _serve_metrics(self, junction: Junction) -> None:
+        if self._metrics_place is None:
+            return
+        try:
+            from zacoustic.gateway.metrics import MetricsServer
+        except ModuleNotFoundError as error:
+            hint = "pip install 'zacoustic[metrics]'"
+            raise ConfigError(
+                f"metrics: needs {error.name}, which is not installed", hint=hint
+            ) from error
+        self._metrics = MetricsServer(*self._metrics_place, junction.documents)
+        await self._metrics.open()
+
+    async def _open_recording(self, path: str | Path) -> None:
+        from zacoustic.recording.live import open_recording
+
+        ros = self.config.ros
+        self._recording = await open_recording(
+            path,
+            clock=self._clock,
+            ros=ros.streams if ros is not None else None,
+            trouble=lambda text: self._notify(NotRecorded(detail=text)),
         )
 
     async def _join(self, island: Island, state: JournalState) -> Junction:
@@ -198,8 +273,10 @@ class Gateway:
                 rules=self.config.rules,
                 permit_log=open_permit_log(self.config.permit_log),
                 dialects=self._dialects,
+                about=self._about(),
                 notify=self._notify,
                 clock=self._clock,
+                make_engine=Engine if self._recording is None else self._recording.make,
             )
         except BaseException:
             await island.close()
@@ -227,13 +304,6 @@ def _zenoh_config(config: Config) -> zenoh.Config:
             f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
         )
     return config.zenoh_config
-
-
-def _stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file says something of it: caches need that."""
-    if json.loads(settings.get_json("timestamping/enabled")) is None:
-        everywhere = {"router": True, "peer": True, "client": True}
-        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
 
 
 def _locator(config: Config) -> str:

@@ -4,17 +4,23 @@ JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INT
 answered to a `get`:
 
 ============  =====================================================================================
+``node``      name, version, since when it runs, and how it is reached
 ``link``      state, what the device can do and reports, frames, bytes, airtime
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
-``peers``     nodes heard: epoch, table, when, and the newest of what the modem measured of each
-``streams``   digest of the table; for each stream counters, jobs, and the nodes that differ; for
+``peers``     nodes heard: epoch, table, when, what became of frames to each, and the newest of what
+              the modem measured of it
+``streams``   digest of the table; for each stream counters, jobs, when it crossed and how often,
+              and the nodes that differ; for
               each topic with a deadline how often it was missed; for each reliable topic how many
               samples ended in which way, and how many have not; for each topic that this node
               publishes whether it is on, least interval and priority; for each on-demand topic
               who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
+``water``     what is in the water: the frame that is being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, and why it cannot be written now
+``events``    the last things that were worth a line, errors among them
 ``dropped``   what came off the water, and what came from the island, and was of no use
+``clock``     what time it is here; answered to a `get` only
 ============  =====================================================================================
 
 and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
@@ -26,7 +32,7 @@ cross the water. The one timer is armed by a change and not re-armed: an idle ga
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import msgspec
@@ -34,15 +40,23 @@ import msgspec
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.encoding import JSON
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, PeerSeen, StreamsDiffer
-from zacoustic.core.linktypes import UNKNOWN_SOURCE
+from zacoustic.core.events import (
+    DeliveryEnded,
+    DeliveryOutcome,
+    PeerSeen,
+    SampleReceived,
+    StreamsDiffer,
+)
 from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.stats import LedgerEntry
 from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord
+from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
+from zacoustic.gateway.traffic import Traffic
+from zacoustic.gateway.water import FrameLog
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.island.session import Island
@@ -50,6 +64,12 @@ from zacoustic.runtime import LinkRunner
 
 INTERVAL_S: Final = 1.0
 """Least time between two puts of one document, s."""
+
+_KINDS: Final[dict[type[StreamSpec], str]] = {
+    TopicSpec: "topic",
+    ServiceSpec: "service",
+    ActionSpec: "action",
+}
 
 Counts = dict[str, dict[str, int]]
 """How many, by stream and reason."""
@@ -62,6 +82,8 @@ class Health:
         runner: Whose engine and link.
         island: Where it is put.
         objects: Knows how far large samples are.
+        chronicle: Keeps what was said.
+        about: What does not change: the document ``node``.
         jobs: What this gateway does: job and stream id.
         losses: What the island gave and was of no use.
         is_journal_kept: The journal outlives the process.
@@ -75,6 +97,8 @@ class Health:
         island: Island,
         *,
         objects: ObjectDesk,
+        chronicle: Chronicle,
+        about: Mapping[str, object],
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
         is_journal_kept: bool,
@@ -84,9 +108,12 @@ class Health:
         self._runner = runner
         self._island = island
         self._objects = objects
+        self._chronicle = chronicle
+        self._about = {**about, "started_at_unix_s": round(time.time(), 3)}
         self._jobs = jobs
         self._losses = losses
         self._is_journal_kept = is_journal_kept
+        self._clock = clock
         self._interval_s = interval_s
         self._loop = asyncio.get_running_loop()
         self._prefix = f"{PREFIX}/{runner.engine.address}"
@@ -95,8 +122,9 @@ class Health:
         self._last_at_s = float("-inf")
         self._published: dict[str, bytes] = {}
         self._seen: dict[int, PeerSeen] = {}
-        self._heard_at_unix_s: dict[int, float] = {}
+        self._traffic = Traffic()
         engine = runner.engine
+        self._frames = FrameLog(engine)
         self._soundings = Soundings(
             engine.measurements,
             engine.contact,
@@ -114,9 +142,13 @@ class Health:
 
     def trace(self, record: TraceRecord) -> None:
         """Take notice of whatever the engine does; its trace sink."""
-        if record.what == "receive" and record.peer != UNKNOWN_SOURCE:
-            self._heard_at_unix_s[record.peer] = time.time()
+        self._traffic.note(record)
+        self._frames.note(record)
         self.touch()
+
+    def note_sample(self, event: SampleReceived) -> None:
+        """Keep how old a sample was when it was sent."""
+        self._traffic.note_age(event.stream_id, event.age_s)
 
     def note_peer(self, event: PeerSeen) -> None:
         """Keep what a peer said; streams that differed may agree in its new life."""
@@ -142,10 +174,13 @@ class Health:
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
         asked = held.query.key_expr
+        # Never put: it tells whoever asks how far the clocks of people are apart.
+        clock = msgspec.json.encode({"now_unix_s": time.time()})
+        documents = {**self._encoded(), f"{self._prefix}/clock": clock}
         held.answer(
             [
                 Answer(key=key, payload=payload, encoding=JSON)
-                for key, payload in self._documents().items()
+                for key, payload in documents.items()
                 if asked.intersects(key)
             ]
         )
@@ -160,25 +195,31 @@ class Health:
     def _publish(self) -> None:
         self._timer = None
         self._last_at_s = self._loop.time()
-        for key, payload in self._documents().items():
+        for key, payload in self._encoded().items():
             if self._published.get(key) != payload:
                 self._published[key] = payload
                 self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
 
-    def _documents(self) -> dict[str, bytes]:
-        documents: dict[str, object] = {
+    def _encoded(self) -> dict[str, bytes]:
+        return {
+            f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
+            for name, document in self.documents().items()
+        }
+
+    def documents(self) -> dict[str, object]:
+        """Return all documents as they are now, by the end of their keys."""
+        return {
+            "node": self._about,
             "link": self._link(),
             "ledger": self._ledger(),
             "peers": self._peers(),
             "streams": self._streams(),
             "objects": self._objects.document(),
+            "water": self._frames.document(),
             "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
             "dropped": self._dropped(),
+            "events": self._chronicle.document(),
             **self._soundings.documents(),
-        }
-        return {
-            f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
-            for name, document in documents.items()
         }
 
     @property
@@ -190,6 +231,7 @@ class Health:
         return {
             "state": self._runner.link_state.value,
             "detail": self._runner.link_detail,
+            "silent": self._engine.silence.is_silent(self._clock()),
             "capabilities": self._engine.capabilities,
             "diagnostics": self._runner.link.diagnostics(),
             "frames_transmitted": stats.frames_transmitted,
@@ -222,10 +264,16 @@ class Health:
     def _peers(self) -> dict[str, object]:
         confirmed = self._engine.peers()
         measured = self._engine.measurements.addresses()
-        addresses = sorted({*confirmed, *self._seen, *self._heard_at_unix_s, *measured})
-        return {str(address): self._peer(address, confirmed) for address in addresses}
+        heard_at_unix_s = self._traffic.heard_at_unix_s()
+        addresses = sorted({*confirmed, *self._seen, *heard_at_unix_s, *measured})
+        return {
+            str(address): self._peer(address, confirmed, heard_at_unix_s.get(address))
+            for address in addresses
+        }
 
-    def _peer(self, address: int, confirmed: dict[int, bool]) -> dict[str, object]:
+    def _peer(
+        self, address: int, confirmed: dict[int, bool], heard_at_unix_s: float | None
+    ) -> dict[str, object]:
         seen = self._seen.get(address)
         return {
             "name": self._engine.table.nodes.get(address, ""),
@@ -233,7 +281,8 @@ class Health:
             "same_table": seen.same_table if seen else None,
             "wire_version": seen.wire_version if seen else None,
             "confirmed_us": confirmed.get(address, False),
-            "heard_at_unix_s": self._heard_at_unix_s.get(address),
+            "heard_at_unix_s": heard_at_unix_s,
+            **self._traffic.of_peer(address),
             "metrics": self._engine.measurements.metrics(address),
         }
 
@@ -246,11 +295,13 @@ class Health:
                 {
                     "id": stream.stream_id,
                     "name": stream.name,
+                    "kind": _KINDS[type(stream.spec)],
                     "jobs": sorted(job for job, of in jobs if of == stream.stream_id),
                     "published": stats.published.get(stream.stream_id, 0),
                     "transmitted": stats.transmitted.get(stream.stream_id, 0),
                     "received": stats.received.get(stream.stream_id, 0),
                     "waiting": engine.pending(stream.stream_id),
+                    **self._traffic.of_stream(stream.stream_id),
                     **self._missed(stream),
                     **self._deliveries(stream),
                     **self._tuning(stream),

@@ -19,19 +19,24 @@ import zenoh
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, PeerFound, PeerLost
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
+from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
+from zacoustic.gateway.framefeed import FrameFeed
 from zacoustic.gateway.health import Counts, Health
+from zacoustic.gateway.kept import KeptSamples
 from zacoustic.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.onlookers import Onlookers
 from zacoustic.gateway.orders import OrderDesk
+from zacoustic.gateway.pings import PingDesk
 from zacoustic.gateway.presence import Presence
 from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
@@ -74,8 +79,10 @@ class Junction:
         rules: When, and how much, this node may transmit.
         permit_log: Takes each emission, or None; closed with the junction.
         dialects: Makes what streams look like on the island.
+        about: What a monitor is told of it that does not change.
         notify: Told what people want to know.
         clock: Where instants come from.
+        make_engine: Makes the engine.
     """
 
     def __init__(
@@ -91,8 +98,10 @@ class Junction:
         rules: TransmitRules,
         permit_log: PermitLog | None,
         dialects: MakeDialects,
+        about: Mapping[str, object],
         notify: Notify,
         clock: Clock,
+        make_engine: MakeEngine = Engine,
     ) -> None:
         self.failure: Exception | None = None
         self.siblings = Siblings(address, clock)
@@ -107,7 +116,7 @@ class Junction:
         ring = self._doorbell.ring
         seed = random.SystemRandom().getrandbits(64)
         _logger.info("node %d: epoch %d, seed %d", address, state.boot_epoch, seed)
-        engine = Engine(
+        engine = make_engine(
             address=address,
             table=table,
             epoch=state.boot_epoch,
@@ -126,12 +135,19 @@ class Junction:
             clock_error_s=rules.clock_error_s,
             permit_log=permit_log,
         )
-        self._complaints = Complaints(clock)
+        self._chronicle = Chronicle()
+        self._complaints = Complaints(clock, tell=self._chronicle.complain)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
         self._dialects = dialects(island, self._complaints, ring)
         self._topics = Topics(
-            table, self.siblings, self._complaints, self._dialects, clock=clock, ring=ring
+            table,
+            self.siblings,
+            self._complaints,
+            self._dialects,
+            KeptSamples(self.runner.keep, clock=clock, wall_clock=time.time_ns),
+            clock=clock,
+            ring=ring,
         )
         self._services = Services(
             table, island, self._complaints, self._dialects, clock=clock, ring=ring
@@ -161,16 +177,20 @@ class Junction:
             runner=self.runner,
         )
         self._objects = ObjectDesk(table, self.runner)
+        self._feed = FrameFeed(self.runner, island)
         self._health = Health(
             self.runner,
             island,
             objects=self._objects,
+            chronicle=self._chronicle,
+            about=about,
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
             clock=clock,
         )
         self._orders = OrderDesk(table, self.runner, self.siblings, clock=clock)
+        self._pings = PingDesk(self.runner, self.siblings, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
             table,
@@ -180,6 +200,7 @@ class Junction:
             objects=self._objects,
             health=self._health,
             orders=self._orders,
+            pings=self._pings,
             notify=self._tell,
         )
 
@@ -197,6 +218,7 @@ class Junction:
             self.siblings.update(address, is_alive=True)
         await self._dialects.open()
         await self.runner.start()
+        self._topics.recover(self.runner.engine.stored)
         for address, every_s in self._ranges.items():
             self.runner.apply(partial(_repeat_range, address, every_s))
         self._routes.reconcile()
@@ -209,6 +231,7 @@ class Junction:
         self._is_closing = True
         self._desk.close()
         self._onlookers.close()
+        self._feed.close()
         self._services.close()
         self._actions.close()
         self._health.close()
@@ -238,6 +261,10 @@ class Junction:
         failure = self.failure or self.runner.failure
         if failure is not None:
             raise failure
+
+    def documents(self) -> dict[str, object]:
+        """Return the documents of the health report as they are now."""
+        return self._health.documents()
 
     def _attend(self) -> None:
         """Take in what Zenoh's threads have handed over; the answer to the doorbell."""
@@ -288,6 +315,7 @@ class Junction:
                 self._routes.reconcile()
 
     def _tell(self, notice: Notice) -> None:
+        self._chronicle.note(notice)
         if not self._is_closing:
             self._notify(notice)
 
@@ -303,6 +331,7 @@ class Junction:
         return found
 
     def _declare_own(self) -> None:
+        self._feed.declare()
         self._services.watch(self.runner.engine.address)
         for expression, serve, complete in (
             (self._health.expression, self._health.answer, True),
@@ -310,6 +339,7 @@ class Junction:
             *((key, self._orders.serve, True) for key in self._orders.own_keys),
             # Not complete: the gateway of a node that is on this island answers alone.
             *((key, self._orders.serve_beyond, False) for key in self._orders.keys_beyond),
+            (self._pings.key, self._pings.serve, False),
         ):
             queryable = self.island.session.declare_queryable(
                 zenoh.KeyExpr(expression),
@@ -323,6 +353,7 @@ class Junction:
         self._routes.undeclare()
         self._dialects.undeclare()
         self._presence.undeclare()
+        self._feed.undeclare()
         for queryable in self._own_queryables:
             queryable.undeclare()  # type: ignore[no-untyped-call]
 

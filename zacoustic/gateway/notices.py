@@ -8,6 +8,16 @@ import msgspec
 class Notice(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
     """A fact; in JSON `event` says which."""
 
+    @property
+    def event(self) -> str:
+        """Which fact: the word that JSON has."""
+        return str(self.__struct_config__.tag)
+
+    @property
+    def is_trouble(self) -> bool:
+        """Somebody should look at it."""
+        return False
+
     def lines(self) -> list[str]:
         """Return it as lines for people."""
         raise NotImplementedError
@@ -38,6 +48,10 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """File of the journal; empty: nothing survives a restart."""
     forgotten: str = ""
     """What a restart forgets for want of a journal, one line; empty: nothing that matters."""
+    metrics: str = ""
+    """Where it answers to Prometheus; empty: nowhere."""
+    recording: str = ""
+    """File into which everything is recorded; empty: nothing is."""
     siblings: tuple[int, ...] = ()
     """Addresses of the other gateways on this island."""
 
@@ -53,6 +67,10 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
         ]
         if self.journal or self.forgotten:
             lines.append(f"journal   {self.journal or self.forgotten}")
+        if self.metrics:
+            lines.append(f"metrics   {self.metrics}")
+        if self.recording:
+            lines.append(f"recording {self.recording}")
         return lines + [f"sibling   gateway {address}" for address in self.siblings]
 
 
@@ -63,6 +81,11 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
     """The new state."""
     detail: str = ""
     """What it waits for."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Nothing crosses."""
+        return self.state != "up"
 
     def lines(self) -> list[str]:
         """One line."""
@@ -114,6 +137,11 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
     failure: str
     """Why it cannot be written; empty: it can."""
 
+    @property
+    def is_trouble(self) -> bool:
+        """What is reliable waits."""
+        return bool(self.failure)
+
     def lines(self) -> list[str]:
         """One line."""
         if self.failure:
@@ -135,6 +163,11 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     wire_version: int
     """The version that it speaks."""
 
+    @property
+    def is_trouble(self) -> bool:
+        """Not everything may cross."""
+        return not self.same_table
+
     def lines(self) -> list[str]:
         """One line."""
         table = "the same table" if self.same_table else "another table"
@@ -148,6 +181,11 @@ class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
     """The node."""
     name: str = ""
     """Its name in `nodes`."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
 
     def lines(self) -> list[str]:
         """One line."""
@@ -193,6 +231,11 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
     missed: int
     """How often that has happened in all."""
 
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
+
     def lines(self) -> list[str]:
         """One line."""
         what = "not published" if self.side == "offered" else "nothing has come"
@@ -209,6 +252,11 @@ class StreamDiffers(Notice, frozen=True, kw_only=True, tag="differs"):
     stream: str = ""
     """Its name here; empty: only the other one has it."""
 
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
+
     def lines(self) -> list[str]:
         """One line."""
         what = self.stream or "a stream that is not in this file"
@@ -222,6 +270,11 @@ class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
     """The node that is far away."""
     text: str
     """Why, one line."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
 
     def lines(self) -> list[str]:
         """One line."""
@@ -244,6 +297,11 @@ class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
 
     state: str
     """``lost`` or ``back``."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """The island is not reached."""
+        return self.state == "lost"
 
     def lines(self) -> list[str]:
         """One line."""
@@ -268,6 +326,17 @@ class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
         """One line."""
         what = "leaves" if self.leaves else f"{self.topic} {self.type}"
         return [f"entity    {self.node}: {self.kind} {what}"]
+
+
+class NotRecorded(Notice, frozen=True, kw_only=True, tag="recording"):
+    """The recording has ended, or something of it was dropped; the gateway goes on."""
+
+    detail: str
+    """The file, and why."""
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"recording {self.detail}"]
 
 
 class Stopped(Notice, frozen=True, kw_only=True, tag="stopped"):

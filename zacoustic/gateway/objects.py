@@ -100,7 +100,7 @@ class ObjectDesk:
         peer = None if event.peer == BROADCAST else event.peer
         which: dict[str, object] = {"source": event.peer, "transfer": event.transfer}
         if event.object_id is not None:
-            which = {"id": event.object_id, "to": peer}
+            which = {"id": event.object_id, "to": peer, "sent_bytes": event.sent_bytes}
         return which | {
             "stream": stream.name if stream is not None else None,
             "done_bytes": event.done_bytes,

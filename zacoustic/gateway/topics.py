@@ -4,8 +4,9 @@ What they look like there is a matter of the topic's dialect. A sample that cann
 its type does not allow is counted and complained about; it harms nothing.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+import msgspec
 import zenoh
 
 from zacoustic.core.clock import Clock
@@ -15,7 +16,8 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
-from zacoustic.gateway.dialects import Dialects, Reading
+from zacoustic.gateway.dialects import Dialects, Reading, Written
+from zacoustic.gateway.kept import KeptSamples
 from zacoustic.gateway.lastvalues import LastValue, LastValues
 from zacoustic.gateway.mailbox import Mailbox, Parcel
 from zacoustic.gateway.siblings import Siblings
@@ -30,6 +32,7 @@ class Topics:
         siblings: Who does what on this island.
         complaints: Takes what is wrong with samples of the island.
         dialects: What they look like on the island.
+        kept: Samples of latched topics, in the journal.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
     """
@@ -40,11 +43,13 @@ class Topics:
         siblings: Siblings,
         complaints: Complaints,
         dialects: Dialects,
+        kept: KeptSamples,
         *,
         clock: Clock,
         ring: Callable[[], None],
     ) -> None:
         self.last_values = LastValues()
+        self._kept = kept
         self._table = table
         self._siblings = siblings
         self._complaints = complaints
@@ -60,6 +65,20 @@ class Topics:
             stream_id: Mailbox(dialect.stream.qos.depth)
             for stream_id, dialect in self.dialects.items()
         }
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Have for late joiners what a former life of this gateway had."""
+        for stream, value in self._kept.recover(stored, self._table):
+            dialect = self.dialects.get(stream.stream_id)
+            if dialect is None or not dialect.is_latched:
+                self._kept.forget(stream, value.key)
+                continue
+            attachment = dialect.mark_again(value)
+            self.last_values.keep(msgspec.structs.replace(value, attachment=attachment))
+            dialect.put(
+                value.key,
+                Written(payload=value.payload, encoding=value.encoding, attachment=attachment),
+            )
 
     def post(self, stream_id: int, sample: zenoh.Sample) -> None:
         """Keep a sample of the island for the loop; on Zenoh's thread."""
@@ -94,6 +113,7 @@ class Topics:
         delivers = self._siblings.delivers(stream)
         if event.deleted:
             self.last_values.forget(key)
+            self._kept.forget(stream, key)
             if delivers:
                 dialect.delete(key, event.source)
             return
@@ -102,18 +122,19 @@ class Topics:
         except PayloadInvalidError as error:
             self._complaints.add(stream.name, "payload", str(error))
             return
-        self.last_values.keep(
-            LastValue(
-                key=key,
-                stream_id=stream.stream_id,
-                payload=written.payload,
-                encoding=written.encoding,
-                source=event.source,
-                age_s=event.age_s,
-                received_at=event.received_at,
-                attachment=written.attachment,
-            )
+        value = LastValue(
+            key=key,
+            stream_id=stream.stream_id,
+            payload=written.payload,
+            encoding=written.encoding,
+            source=event.source,
+            age_s=event.age_s,
+            received_at=event.received_at,
+            attachment=written.attachment,
         )
+        self.last_values.keep(value)
+        if dialect.is_latched:
+            self._kept.keep(stream, value)
         if delivers:
             dialect.put(key, written)
 

@@ -4,6 +4,7 @@
   what may block, and how it ends with the process;
 - `doorbell`: from Zenoh's threads to the loop;
 - `queries`, `question`: queries of others, and own ones; `replies`: the texts of error replies;
+- `latching`: publishers that keep samples for late joiners, and subscribers that ask for them;
 - `values`, `marker`: payloads, and what a gateway says beside them.
 
 Nothing of Zenoh's may be on a thread when the interpreter ends: a thread that comes back to it from

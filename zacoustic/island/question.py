@@ -38,9 +38,10 @@ class Question:
     def ask(
         self,
         island: Island,
-        payload: bytes,
+        payload: bytes | None,
         *,
-        encoding: str,
+        encoding: str | None = None,
+        parameters: str = "",
         priority: Priority,
         timeout_s: float,
         attachment: bytes | None = None,
@@ -52,7 +53,7 @@ class Question:
         """
         try:
             island.session.get(
-                zenoh.KeyExpr(self.key),
+                zenoh.Selector(zenoh.KeyExpr(self.key), parameters or None),
                 island.callback(self._take, self._end),
                 payload=payload,
                 encoding=encoding,

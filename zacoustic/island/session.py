@@ -16,7 +16,7 @@ from typing import Final, TypeVar
 import zenoh
 
 from zacoustic.core.qos import Priority
-from zacoustic.errors import SessionError
+from zacoustic.errors import ConfigError, SessionError
 from zacoustic.island.worker import Worker
 
 T = TypeVar("T")
@@ -201,6 +201,24 @@ def endpoints_of(config: zenoh.Config, word: str) -> tuple[str, ...]:
     if isinstance(endpoints, dict):
         endpoints = endpoints.get(mode_of(config))
     return tuple(endpoints) if isinstance(endpoints, list) else ()
+
+
+def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
+    """Let a session of that config listen elsewhere.
+
+    Args:
+        config: The settings; changed.
+        endpoints: Where, in place of those that are there.
+
+    Raises:
+        ConfigError: Zenoh knows no such endpoint.
+    """
+    try:
+        config.insert_json5("listen/endpoints", json.dumps(list(endpoints)))
+    except zenoh.ZError as error:
+        raise ConfigError(
+            f"listen: {', '.join(endpoints)}; allowed: Zenoh endpoints, such as tcp/127.0.0.1:7447"
+        ) from error
 
 
 def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:

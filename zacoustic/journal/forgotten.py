@@ -1,5 +1,6 @@
 """What a node without a journal forgets when it is restarted, in one line for people."""
 
+from zacoustic.core.qos import Durability
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.wireprofile import WireProfile
@@ -13,12 +14,13 @@ def forgotten(table: StreamTable, address: int) -> str:
         address: This node.
 
     Returns:
-        One line that names services and actions served here, topics that ask for a journal, and
-        on-demand topics published here; empty when the table has none of them.
+        One line that names services and actions served here, topics that ask for a journal,
+        on-demand topics published here, and latched ones heard here; empty when the table has none
+        of them.
     """
     if table.wire is WireProfile.RMW_DESERT:
         return ""  # a journal would keep nothing either: what is said there is said once
-    services, topics, actions, demanded = [], [], [], []
+    services, topics, actions, demanded, latched = [], [], [], [], []
     for stream in table:
         spec = stream.spec
         if isinstance(spec, ServiceSpec) and spec.server == address and spec.journal:
@@ -26,10 +28,13 @@ def forgotten(table: StreamTable, address: int) -> str:
         elif isinstance(spec, ActionSpec) and spec.server == address and spec.journal:
             actions.append(stream.name)
         elif isinstance(spec, TopicSpec):
+            may_hear = stream.may_subscribe(address) and spec.publishers != (address,)
             if spec.journal:
                 topics.append(stream.name)
             if stream.is_on_demand and stream.may_publish(address):
                 demanded.append(stream.name)
+            if stream.qos.durability is Durability.TRANSIENT_LOCAL and may_hear:
+                latched.append(stream.name)
     parts = []
     if services:
         parts.append(f"calls of {', '.join(services)} (one may run twice)")
@@ -39,4 +44,6 @@ def forgotten(table: StreamTable, address: int) -> str:
         parts.append(f"samples of {', '.join(topics)}")
     if demanded:
         parts.append(f"who wants {', '.join(demanded)} (until they hear anything of this node)")
+    if latched:
+        parts.append(f"what late joiners of {', '.join(latched)} get (until the next sample)")
     return f"no journal, so a restart forgets {' and '.join(parts)}" if parts else ""

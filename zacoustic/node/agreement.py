@@ -4,7 +4,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.qos import Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
@@ -88,6 +88,7 @@ def tune(stream: Stream, qos: Qos | None) -> None:
         qos,
         stamp=own.stamp,
         reliability=own.reliability,
+        durability=own.durability if qos.durability is Durability.VOLATILE else qos.durability,
         forward=own.forward,
         depth=own.depth if reliable else qos.depth,
         deadline_s=deadline_s,

@@ -83,6 +83,7 @@ class Node:
         connect: str | Sequence[str] | None = None,
         address: int | None = None,
         journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
     ) -> None:
         self.name = str(name_or_address)
         """What it is called."""
@@ -94,6 +95,7 @@ class Node:
             connect=connect,
             address=address,
             journal=journal,
+            record=record,
         )
 
     def __enter__(self) -> Self:

@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 
 from zacoustic.core.keys import Instance
-from zacoustic.core.qos import Qos, Reliability
+from zacoustic.core.qos import Durability, Qos, Reliability
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.types import TypeSpec, TypeTable
@@ -101,7 +101,8 @@ class Catalogue:
             ConfigError, LocalError: The name, the type or the id do not fit the node's streams.
         """
         stream, key = self._topic(sample_type, name, qos, stream_id)
-        own = qos or Qos(depth=DEFAULT_DEPTH)
+        durability = stream.qos.durability if stream is not None else Durability.VOLATILE
+        own = qos or Qos(depth=DEFAULT_DEPTH, durability=durability)
         if stream is None:
             return free_topic(sample_type, name, own, wildcards=True)
         on_link = self._carrier.can_declare

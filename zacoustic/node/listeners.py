@@ -1,11 +1,16 @@
-"""Subscriptions on a link: who gets which sample, and which on-demand topics they need."""
+"""Subscriptions on a link: who gets which sample, and which on-demand topics they need.
+
+Of a latched topic the last samples of each key are kept here, for later subscriptions.
+"""
 
 import contextlib
+from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from zacoustic.core.encoding import OPAQUE
 from zacoustic.core.events import SampleReceived
+from zacoustic.core.qos import Durability
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.errors import LinkClosedError
 from zacoustic.node.carrier import Incoming
@@ -28,6 +33,7 @@ class Listeners:
         self._runner = runner
         self._table = table
         self._listeners: dict[int, dict[object, tuple[str | None, Deliver]]] = {}
+        self._latched: dict[int, dict[str, deque[Incoming]]] = {}
 
     def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
         """Deliver the samples of a topic, or of one key of it; returns what ends that."""
@@ -37,6 +43,10 @@ class Listeners:
         token = object()
         listeners[token] = (route.key, deliver)
         self._want(stream)
+        for key, samples in self._latched.get(stream.stream_id, {}).items():
+            if route.key in (None, key):
+                for incoming in tuple(samples):
+                    deliver(incoming)
 
         def stop() -> None:
             if listeners.pop(token, None) is not None:
@@ -47,10 +57,12 @@ class Listeners:
 
     def deliver(self, event: SampleReceived) -> None:
         """Hand a sample to those who listen."""
-        listeners = self._listeners.get(event.stream_id)
-        if not listeners:
+        stream = self._table.by_id(event.stream_id)
+        is_latched = stream.qos.durability is Durability.TRANSIENT_LOCAL
+        listeners = self._listeners.get(event.stream_id, {})
+        if not listeners and not is_latched:
             return
-        key = self._table.by_id(event.stream_id).keys.key(event.source, event.instance)
+        key = stream.keys.key(event.source, event.instance)
         incoming = Incoming(
             key=key,
             value=event.value,
@@ -61,9 +73,19 @@ class Listeners:
             received_at=event.received_at,
             metrics=event.metrics,
         )
+        if is_latched:
+            self._keep(stream, incoming)
         for wanted, take in tuple(listeners.values()):
             if wanted in (None, key):
                 take(incoming)
+
+    def _keep(self, stream: Stream, incoming: Incoming) -> None:
+        """Keep a sample of a latched topic; of a key that was deleted nothing is kept."""
+        keys = self._latched.setdefault(stream.stream_id, {})
+        if incoming.deleted:
+            keys.pop(incoming.key, None)
+        else:
+            keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
 
     def _want(self, stream: Stream) -> None:
         """Ask for an on-demand topic where somebody listens to it, and nowhere else."""

@@ -26,6 +26,7 @@ from zacoustic.node.identity import identify
 ORDER_TIMEOUT_S: Final = 60.0
 """How long an order is tried, s, where nothing is said."""
 _ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
+_RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
 
 
 class Node(EndpointMaker):
@@ -44,6 +45,8 @@ class Node(EndpointMaker):
         address: Acoustic address, where neither name nor config tells it.
         journal: Direct mode: what the node remembers across restarts, a store or the folder of its
             file; None: the folder that `config` names, or nothing.
+        record: Direct mode: file into which everything is recorded (MCAP); None: nothing is. Needs
+            the extra `recording`.
     """
 
     def __init__(
@@ -55,12 +58,14 @@ class Node(EndpointMaker):
         connect: str | Sequence[str] | None = None,
         address: int | None = None,
         journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
     ) -> None:
         super().__init__(str(name_or_address))
         self._arguments = (name_or_address, config, address)
         self._link = link
         self._connect = connect
         self._journal = journal
+        self._record = record
         self._events = EventLog()
         self.address: int | None = None
         """Its acoustic address, known when it is open."""
@@ -250,6 +255,8 @@ class Node(EndpointMaker):
         if self._link is None:
             if self._journal is not None:
                 raise ConfigError("journal is given without link; allowed: with it", hint=_ITS_OWN)
+            if self._record is not None:
+                raise ConfigError("record is given without link; allowed: with it", hint=_RECORDS)
             from zacoustic.node.onzenoh import ZenohCarrier
 
             return ZenohCarrier(config, self._connect, report=self._events.add)
@@ -269,8 +276,13 @@ class Node(EndpointMaker):
         journal = self._journal or (config.journal if config is not None else None)
         if isinstance(journal, str | Path):
             journal = journal_in(journal, address)
+        recording = None
         try:
             state = MemoryJournal().recover() if journal is None else await recover(journal)
+            if self._record is not None:
+                from zacoustic.recording.live import open_recording
+
+                recording = await open_recording(self._record)
             return LinkCarrier(
                 link,
                 address,
@@ -280,12 +292,15 @@ class Node(EndpointMaker):
                 ranges={} if config is None else config.ranges_to(),
                 rules=TransmitRules() if config is None else config.rules,
                 permit_log=None if config is None else open_permit_log(config.permit_log),
+                recording=recording,
                 report=self._events.add,
                 fail=self._fail,
             )
         except BaseException:
             if journal is not None:
                 await release(journal)
+            if recording is not None:
+                await recording.close()
             raise
 
     def _fail(self, error: Exception) -> None:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
@@ -52,6 +52,9 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.permitlog import PermitLog
 from zacoustic.runtime import LinkRunner
 
+if TYPE_CHECKING:
+    from zacoustic.recording.live import LiveRecording
+
 _logger = logging.getLogger(__name__)
 
 
@@ -67,6 +70,7 @@ class LinkCarrier:
         ranges: Nodes to which the range is measured again and again, each with its period, s.
         rules: When, and how much, the node may transmit.
         permit_log: Takes each emission, or None; closed with the carrier.
+        recording: Makes the engine and records it, or None; closed with the carrier.
         report: Takes the events that concern no stream of the application.
         fail: Takes the error that has stopped the engine.
     """
@@ -84,13 +88,16 @@ class LinkCarrier:
         ranges: Mapping[int, float],
         rules: TransmitRules,
         permit_log: PermitLog | None,
+        recording: "LiveRecording | None" = None,
         report: Callable[[NodeEvent], None],
         fail: Callable[[Exception], None],
     ) -> None:
         self._table = table
         self._report = report
         self._fail = fail
-        self._engine = Engine(
+        self._recording = recording
+        make = Engine if recording is None else recording.make
+        self._engine = make(
             address=address,
             table=table,
             epoch=state.boot_epoch,
@@ -141,12 +148,13 @@ class LinkCarrier:
             LinkOpenError: The link cannot be opened.
             RangeUnavailableError: Ranges are to be measured, and the link cannot do that.
         """
-        await self._runner.start()
         try:
+            await self._runner.start()
             for address, every_s in self._schedule.items():
                 self._runner.apply(partial(_repeat, address, every_s))
         except BaseException:
             await self._runner.close()
+            await self._close_recording()
             raise
         self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
 
@@ -155,6 +163,7 @@ class LinkCarrier:
         await self._runner.close()
         if self._watch is not None:
             await asyncio.wait([self._watch])
+        await self._close_recording()
         self._end_all(LinkClosedError("the node was closed"))
 
     async def range(self, address: int, timeout_s: float) -> Range:
@@ -374,8 +383,13 @@ class LinkCarrier:
         if answer is not None and not answer.done():
             answer.set_exception(error)
 
+    async def _close_recording(self) -> None:
+        if self._recording is not None:
+            recording, self._recording = self._recording, None
+            await recording.close()
+
     def _trace(self, record: TraceRecord) -> None:
-        if record.what == "report":
+        if record.what in ("report", "receive"):  # the end of a frame, or an acknowledgement
             self._progress.set()
 
     def _is_flushed(self) -> bool:

@@ -20,6 +20,7 @@ from zacoustic.core.events import CallFailure, LinkStateChanged
 from zacoustic.core.linktypes import LinkMetrics, LinkState
 from zacoustic.core.measurements import Range
 from zacoustic.core.orders.words import Order, OrderState
+from zacoustic.core.qos import Durability
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry, count
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import StreamSpec
@@ -33,6 +34,7 @@ from zacoustic.errors import (
     SessionError,
 )
 from zacoustic.island.doorbell import tell_loop
+from zacoustic.island.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.island.marker import read_marker
 from zacoustic.island.orderquestion import OrderQuestion
 from zacoustic.island.orders import read_state
@@ -157,27 +159,35 @@ class ZenohCarrier:
         return False
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
-        """Declare a Zenoh publisher."""
+        """Declare a Zenoh publisher; of a latched topic one that keeps its last samples."""
         with zenoh_errors(route.name):
-            publisher = self.island.session.declare_publisher(
-                route.expression,
-                encoding=route.encoding,
-                priority=zenoh_priority(route.qos.priority),
-                congestion_control=zenoh.CongestionControl.DROP,
-                allowed_destination=zenoh.Locality.REMOTE,
-            )
+            if route.qos.durability is Durability.TRANSIENT_LOCAL:
+                publisher: Latched = latched_publisher(
+                    self.island, route.expression, route.qos.depth, route.qos.priority
+                )
+            else:
+                publisher = self.island.session.declare_publisher(
+                    route.expression,
+                    encoding=route.encoding,
+                    priority=zenoh_priority(route.qos.priority),
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    allowed_destination=zenoh.Locality.REMOTE,
+                )
         return _ZenohOutlet(route, publisher, self._stats, self._keep(publisher.undeclare))
 
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> Callable[[], None]:
-        """Declare a Zenoh subscriber."""
+        """Declare a Zenoh subscriber; of a latched topic one that gets what was before, too."""
         crossing: Crossing[zenoh.Sample] = Crossing(
             lambda sample: self._receive(sample, route, deliver)
         )
 
-        island = self.island
+        island, qos = self.island, route.qos
         with zenoh_errors(route.name):
+            if qos.durability is Durability.TRANSIENT_LOCAL:
+                latched = latched_subscriber(island, route.expression, crossing.put, qos.depth)
+                return self._keep(latched.undeclare)
             subscriber = island.session.declare_subscriber(
                 zenoh.KeyExpr(route.expression),
                 island.callback(crossing.put),
@@ -298,7 +308,7 @@ class _ZenohOutlet:
     def __init__(
         self,
         route: TopicRoute[Any],
-        publisher: zenoh.Publisher,
+        publisher: Latched,
         stats: EngineStats,
         close: Callable[[], None],
     ) -> None:

@@ -13,6 +13,7 @@ import zenoh
 
 from zacoustic.config import Config
 from zacoustic.errors import SessionError
+from zacoustic.island.latching import stamp_samples
 from zacoustic.island.session import endpoints_of, mode_of, one_line
 
 CONNECT_TIMEOUT_MS: Final = 3000
@@ -53,6 +54,7 @@ def session_config(config: Config | None, connect: str | Sequence[str] | None) -
     try:
         for key, value in values.items():
             settings.insert_json5(key, json.dumps(value))
+        stamp_samples(settings)
     except zenoh.ZError as error:
         raise SessionError(f"{', '.join(endpoints)}: {one_line(error)}") from error
     return settings

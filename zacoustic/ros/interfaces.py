@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.errors import ConfigError
 from zacoustic.ros.hashes import rihs01
-from zacoustic.ros.members import Member, Members
+from zacoustic.ros.members import UNSUPPORTED, Member, Members
 from zacoustic.ros.names import NO_HASH
 from zacoustic.ros.shipped import shipped
 from zacoustic.ros.tokens import EXTRA_HINT
@@ -59,6 +59,12 @@ class Interfaces:
             ConfigError: It is not known, or uses one that is not.
         """
         found = self._members.get(name)
+        if found is None and (kind := name.rpartition("/")[2]) in UNSUPPORTED:
+            raise ConfigError(
+                f"{name.split('/')[0]}: a member is a {kind}, which cannot cross; "
+                "allowed: the types of .msg files, but wstring",
+                hint="make it a string, or an integer",
+            )
         if found is None:
             close = get_close_matches(name, self._members, 1)
             raise ConfigError(

@@ -4,6 +4,9 @@ from typing import Final
 
 import msgspec
 
+UNSUPPORTED: Final = ("wstring", "wchar", "char", "float128")
+"""Types that cannot cross. The `char` of an ``.idl`` file is one, that of a ``.msg`` an uint8."""
+
 BASE_TYPES: Final = (
     "bool", "byte", "char", "float32", "float64",
     "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "string",

@@ -72,6 +72,10 @@ class RosMessage:
         self._read, self._write = mapped.read, mapped.write
         self._time = self._store.types.get(TIME)
 
+    def definition(self) -> str:
+        """Return the definition with those that it uses, as `ros2 bag` has it in its files."""
+        return self._store.generate_msgdef(self.name, ros_version=2)[0]
+
     def read(self, cdr: bytes) -> tuple[dict[str, Any], int | None]:
         """Read a message.
 

@@ -17,7 +17,7 @@ Constant = bool | int | float | str
 
 
 class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A rule for the members that a path names; what is None stays as the definition has it."""
+    """A rule for the members that a path names; the rest stays as the definition has it."""
 
     field: str
     """Path of the members, by dots; ``*`` stands for any one name."""

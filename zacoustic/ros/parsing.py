@@ -1,29 +1,38 @@
-"""Definitions out of the text of ``.msg``, ``.srv`` and ``.action`` files.
+"""Definitions out of the text of ``.msg``, ``.srv``, ``.action`` and ``.idl`` files.
 
 `rosbags` reads messages. A service is two of them and an action three, parted by lines of ``---``;
 what ROS makes of those beside is synthesised here: the event of a service, and the two services and
-the feedback message of an action.
+the feedback message of an action. An ``.idl`` file has one struct for each of the parts. Beside a
+file of the older kinds of the same name it is what ROS has made of that, and passed over.
+
+Members of types that cannot cross (`UNSUPPORTED`) have a nested type of that name, so a package may
+have them, and who uses one is told.
 """
 
 import re
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import TypesysError, get_types_from_msg
+from rosbags.typesys import TypesysError, get_types_from_idl, get_types_from_msg
 
 from zacoustic.errors import ConfigError
-from zacoustic.ros.members import PLACEHOLDER, Member, Members
+from zacoustic.ros.members import PLACEHOLDER, UNSUPPORTED, Member, Members
 from zacoustic.ros.names import is_interface
 
 SUFFIXES: Final = (".msg", ".srv", ".action")
 """Of files with definitions; the kind of the interface is the suffix without its dot."""
+IDL: Final = ".idl"
+"""Of files whose kind is the folder that they are in."""
 
 _PARTS: Final = {
     "msg": ("",),
     "srv": ("_Request", "_Response"),
     "action": ("_Goal", "_Result", "_Feedback"),
 }
+_WIDE: Final = re.compile(r"^(\s*wstring)<=\d+", re.MULTILINE)
+_PREPROCESSED: Final = re.compile(r"^\s*#.*$", re.MULTILINE)
 _DASHES: Final = re.compile(r"^---\s*(?:#.*)?$", re.MULTILINE)
 _UUID: Final = "unique_identifier_msgs/msg/UUID"
 _TIME: Final = "builtin_interfaces/msg/Time"
@@ -43,7 +52,7 @@ def parse_definition(name: str, text: str) -> dict[str, Members]:
         ConfigError: It is no definition.
     """
     package, kind, _ = name.split("/")
-    parts = _DASHES.split(text)
+    parts = _DASHES.split(_WIDE.sub(r"\1", text))
     suffixes = _PARTS[kind]
     if len(parts) != len(suffixes):
         raise ConfigError(
@@ -52,11 +61,31 @@ def parse_definition(name: str, text: str) -> dict[str, Members]:
     found: dict[str, Members] = {}
     for suffix, part in zip(suffixes, parts, strict=True):
         found[name + suffix] = _parse_message(package, name + suffix, part)
-    if kind == "srv":
-        found |= with_event(name)
-    if kind == "action":
-        found |= _of_action(name)
-    return found
+    return found | _made_of(name)
+
+
+def parse_idl(name: str, text: str) -> dict[str, Members]:
+    """Read the definition of an interface in OMG IDL, as ROS uses that; see `parse_definition`.
+
+    Raises:
+        ConfigError: It is no definition, or not of this interface.
+    """
+    package, kind, _ = name.split("/")
+    try:
+        types = get_types_from_idl(_PREPROCESSED.sub("", text))
+    except (TypesysError, ValueError) as error:
+        raise _no_definition(name, error) from error
+    found: dict[str, Members] = {}
+    for suffix in _PARTS[kind]:
+        if name + suffix not in types:
+            raise ConfigError(f"{name}: the file has no struct {(name + suffix).split('/')[2]}")
+        found[name + suffix] = tuple(
+            msgspec.structs.replace(member, type=f"{package}/msg/{member.type}")
+            if member.type in UNSUPPORTED
+            else member
+            for member in members_of(types[name + suffix][1])
+        )
+    return found | _made_of(name)
 
 
 def read_folder(folder: Path) -> dict[str, Members]:
@@ -66,18 +95,22 @@ def read_folder(folder: Path) -> dict[str, Members]:
         ConfigError: There is none, or one cannot be read; names the file.
     """
     found: dict[str, Members] = {}
-    for path in sorted(each for each in folder.rglob("*") if each.suffix in SUFFIXES):
-        name = "/".join((path.parent.parent.name, path.suffix[1:], path.stem))
-        if path.parent.name != path.suffix[1:] or not is_interface(name):
+    for path in sorted(each for each in folder.rglob("*") if each.suffix in (*SUFFIXES, IDL)):
+        kind, is_idl = path.parent.name, path.suffix == IDL
+        if is_idl and path.with_suffix(f".{kind}").exists():
+            continue
+        name = "/".join((path.parent.parent.name, kind, path.stem))
+        if f".{kind}" not in (SUFFIXES if is_idl else (path.suffix,)) or not is_interface(name):
             raise ConfigError(f"{path} stands elsewhere; allowed: PACKAGE/msg/Name.msg and so on")
+        read = parse_idl if is_idl else parse_definition
         try:
-            found |= parse_definition(name, path.read_text(encoding="utf-8"))
+            found |= read(name, path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError) as error:
             raise ConfigError(f"{path} cannot be read: {error}") from error
         except ConfigError as error:
             raise ConfigError(f"{path}: {error.args[0]}", hint=error.hint) from error
     if not found:
-        raise ConfigError(f"{folder} has no .msg, .srv or .action file")
+        raise ConfigError(f"{folder} has no .msg, .srv, .action or .idl file")
     return found
 
 
@@ -101,6 +134,14 @@ def with_event(service: str) -> dict[str, Members]:
             Member(name="event_message", type=f"{service}_Event"),
         ),
     }
+
+
+def _made_of(name: str) -> dict[str, Members]:
+    """Return what ROS makes beside the parts of an interface."""
+    kind = name.split("/")[1]
+    if kind == "srv":
+        return with_event(name)
+    return _of_action(name) if kind == "action" else {}
 
 
 def _of_action(action: str) -> dict[str, Members]:
@@ -132,9 +173,12 @@ def _parse_message(package: str, name: str, text: str) -> Members:
     try:
         types = get_types_from_msg(text, stand_in)
     except (TypesysError, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError(f"{name}: no definition: {reason}") from error
+        raise _no_definition(name, error) from error
     return members_of(types[stand_in][1])
+
+
+def _no_definition(name: str, error: Exception) -> ConfigError:
+    return ConfigError(f"{name}: no definition: {' '.join(str(error).split())}")
 
 
 def _member(name: str, described: Any) -> Member:  # noqa: ANN401

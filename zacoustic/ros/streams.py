@@ -35,11 +35,6 @@ class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
     qos: RosQos = RosQos()
     """What tokens say of its endpoints."""
 
-    @property
-    def is_latched(self) -> bool:
-        """Whether late joiners get what was published before."""
-        return self.qos.durability is RosDurability.TRANSIENT_LOCAL
-
     def key(self, domain: int, name: str) -> RosKey:
         """Return the key of rmw_zenoh."""
         return RosKey(domain=domain, name=name, type=dds_type(self.interface), hash=self.hash)

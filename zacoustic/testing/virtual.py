@@ -27,20 +27,22 @@ the monotonic clock of its node, which is the same thing unless the scenario say
 import hashlib
 import random
 from collections.abc import Callable, Iterator, Mapping
-from typing import Final, Protocol, TypeVar
+from typing import Final, TypeVar
 
 import msgspec
 
 from zacoustic.channel.medium import Medium
+from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities, LinkState
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import StreamTable
-from zacoustic.core.trace import TraceRecord, TraceSink
+from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults
@@ -50,7 +52,7 @@ from zacoustic.testing.virtualnode import NodeDownError, VirtualNode
 from zacoustic.testing.virtualwater import Disturb, VirtualWater
 
 # Whoever makes a network may have to say what its modems lack, and when a node is down.
-__all__ = ["Build", "Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
+__all__ = ["Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
 
 T = TypeVar("T")
 
@@ -61,24 +63,6 @@ Deliver = Callable[[int, Event], None]
 
 Lives = Callable[[int, bool], None]
 """``(address, is_alive)``: a node is about to start, or has crashed."""
-
-
-class Build(Protocol):
-    """Makes the engine of a node for one life; `Engine` itself unless told otherwise."""
-
-    def __call__(
-        self,
-        *,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        rng: random.Random,
-        rules: TransmitRules,
-        stored: Mapping[str, bytes],
-        trace: TraceSink | None,
-    ) -> Engine:
-        """Return a new engine."""
-        ...
 
 
 class VirtualNetwork:
@@ -115,7 +99,7 @@ class VirtualNetwork:
         disturb: Disturb | None = None,
         lives: Lives | None = None,
         rules: TransmitRules | Mapping[int, TransmitRules] = _FREE,
-        build: Build = Engine,
+        build: MakeEngine = Engine,
     ) -> None:
         if seed is not None:
             scenario = msgspec.structs.replace(scenario, seed=seed)
@@ -321,6 +305,10 @@ class VirtualNetwork:
         else:
             node.engine.handle_link_state(LinkState.DOWN, node.clock.local(self.now))
             self._service(node)
+
+    def move(self, address: int, position: Position) -> None:
+        """Tell where a node is from now on: x east, y north, z down, m."""
+        self._water.move(address, position)
 
     def tell_clock(self, address: int) -> None:
         """Tell an engine what its node believes of the wall clock; no effect if it is down."""

@@ -12,7 +12,7 @@ from zacoustic.core.clock import seconds_to_ns
 
 _PARTS: Final = 10**12
 """Drift is counted in parts of this: integers, so that nothing is lost in a year."""
-_WALL_BEGINS_NS: Final = 1_767_225_600 * 10**9
+WALL_BEGINS_NS: Final = 1_767_225_600 * 10**9
 """Wall clock at the beginning of a scenario: 2026-01-01."""
 _TELL_EVERY_NS: Final = 10 * 10**9
 _BOOT_NS: Final = 10**9
@@ -66,7 +66,7 @@ class NodeClock:
         """Return what the wall clock shows at an instant, ns since 1970."""
         drifted = now + now * self._excess // _PARTS
         set_by = sum(by_ns for at, by_ns in self._jumps if at <= now)
-        return _WALL_BEGINS_NS + self._offset_ns + drifted + set_by
+        return WALL_BEGINS_NS + self._offset_ns + drifted + set_by
 
     @property
     def is_told(self) -> bool:

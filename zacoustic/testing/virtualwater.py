@@ -11,6 +11,7 @@ from typing import Protocol
 from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns, turnaround_ns
 from zacoustic.channel.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Reception
+from zacoustic.channel.position import Position
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine import Engine
 from zacoustic.core.linktypes import (
@@ -69,6 +70,10 @@ class VirtualWater:
         self._serve = serve
         self.farthest_s = medium.scenario.farthest_s
         """Longest propagation delay, one way, s."""
+
+    def move(self, address: int, position: Position) -> None:
+        """Tell where a modem is from now on."""
+        self._medium.move(address, position, self._agenda.now)
 
     def transmit(self, node: VirtualNode, engine: Engine, transmission: Transmission) -> None:
         """Take a frame from an engine; its report follows."""

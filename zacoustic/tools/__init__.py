@@ -5,6 +5,8 @@
 `decode`       the records of a frame in words
 `simulation`   a scenario with its traffic, in virtual time
 `first`        what a live Zenoh network carries, and the first configuration for it
+`pinging`      pings, and what came of them
+`watch`        what gateways tell of themselves
 `demo`         two islands and the water between them, in processes of their own
 =============  =====================================================================================
 

@@ -12,6 +12,7 @@ from typing import Any, assert_never
 
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.actions.wire import (
+    REMINDER,
     Operation,
     decode_cancel,
     decode_message,
@@ -26,6 +27,7 @@ from zacoustic.core.content import measure_content, server_of, split_age
 from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
+    ASSURED,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -179,7 +181,8 @@ class _Reader:
                 text = f"TAG epoch {epoch}: I do not know whether you know my table"
                 return DecodedItem(kind="tag", text=text)
             case Confirm(address, epoch):
-                text = f"CONFIRM node {address}, epoch {epoch}: our tables are the same"
+                node = f"node {address}" if address != ASSURED else "you, who have confirmed me"
+                text = f"CONFIRM {node}, epoch {epoch}: our tables are the same"
                 return DecodedItem(kind="confirm", text=text)
             case Ask(address, stream_id):
                 wanted = f"the digest of stream {stream_id}" if stream_id else "its HELLO"
@@ -351,7 +354,7 @@ def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> Dec
 
 
 def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> DecodedItem:
-    message = decode_message(record.content)
+    message = decode_message(record.content, from_client=source != spec.server)
     if message is None:
         return _unread(record)
     operation, payload = message.operation, message.payload
@@ -373,6 +376,8 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
             return decoded(kind, text, *found, stream.codec, payload)
         case Operation.FEEDBACK:
             return decoded(kind, text, *found, stream.feedback_codec, payload)
+        case Operation.RESULT if payload == REMINDER:
+            text += " was said: has it arrived?"
         case Operation.RESULT:
             status, result = decode_result(payload) or (None, payload or None)
             text += f" {'unreadable' if status is None else status.name.lower()}"

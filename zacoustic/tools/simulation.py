@@ -16,7 +16,7 @@ import msgspec
 
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.traffic import TrafficSpec
-from zacoustic.config import Config, read_config
+from zacoustic.config import Config
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
@@ -27,6 +27,7 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.keys import Instance
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -36,11 +37,11 @@ from zacoustic.json5 import read_json5
 from zacoustic.testing.stories.witness import Arrived, Publication
 from zacoustic.testing.tally import SimulationResult, Tally
 from zacoustic.testing.virtual import VirtualNetwork
+from zacoustic.tools.fleets import configs_of, tables_of
+from zacoustic.tools.simulationrecord import SimulationRecorder
 
 DEFAULT_UNTIL_S: Final = 3600.0
 """How long a scenario runs unless told otherwise, s of virtual time."""
-
-_FIRST_OPAQUE_ID: Final = 1
 
 
 def simulate(
@@ -49,6 +50,7 @@ def simulate(
     seed: int | None = None,
     until_s: float = DEFAULT_UNTIL_S,
     trace: Callable[[TraceRecord], None] | None = None,
+    record: SimulationRecorder | None = None,
 ) -> SimulationResult:
     """Run a scenario file.
 
@@ -57,6 +59,7 @@ def simulate(
         seed: Replaces that of the file.
         until_s: How long, s of virtual time, > 0.
         trace: Takes each trace record.
+        record: Records the engines.
 
     Raises:
         ConfigError: The scenario, its config or its traffic is wrong.
@@ -69,11 +72,17 @@ def simulate(
             f"{path}: traffic is empty; allowed: at least one entry",
             hint='add traffic: [ { node: 1, topic: "a/b", every_s: 10, size_bytes: 30 } ]',
         )
-    configs = _configs(scenario, Path(path))
-    tables = _tables(scenario, configs, Path(path))
+    configs = configs_of(scenario, Path(path))
+    tables = tables_of(scenario, configs, Path(path))
     rules = {address: config.rules for address, config in configs.items()}
     scenario = _with_journals(scenario, configs)
-    run = _Run(scenario, tables, rules, source=str(path), trace=trace)
+    make = Engine if record is None else record.make
+    if record is not None and configs:
+        ros = next(iter(configs.values())).ros
+        record.ros = ros.streams if ros is not None else {}
+    run = _Run(scenario, tables, rules, source=str(path), trace=trace, build=make)
+    if record is not None:
+        record.network = run.network
     run.network.run(until_s=until_s)
     return run.tally.result(run.network, until_s)
 
@@ -89,6 +98,7 @@ class _Run:
         *,
         source: str,
         trace: Callable[[TraceRecord], None] | None,
+        build: MakeEngine,
     ) -> None:
         self._table = next(iter(tables.values()))
         self._rng = random.Random(scenario.seed)
@@ -100,7 +110,13 @@ class _Run:
         self.tally = Tally(tables, late_after_s)
 
         self.network = VirtualNetwork(
-            scenario, tables, deliver=self._deliver, trace=trace, lives=self._live, rules=rules
+            scenario,
+            tables,
+            deliver=self._deliver,
+            trace=trace,
+            lives=self._live,
+            rules=rules,
+            build=build,
         )
         for address in self.network.addresses:
             self._subscribe(address)
@@ -256,14 +272,6 @@ class _Sent:
         self.got: set[int] = set()
 
 
-def _configs(scenario: Scenario, path: Path) -> dict[int, Config]:
-    """Return the config of each node; none where the scenario names no file."""
-    if not scenario.config:
-        return {}
-    file = path.parent / scenario.config
-    return {node.address: read_config(file, address=node.address) for node in scenario.nodes}
-
-
 def _with_journals(scenario: Scenario, configs: dict[int, Config]) -> Scenario:
     """Return the scenario with journals that keep something if the config says so."""
     journal = scenario.faults.journal
@@ -273,21 +281,3 @@ def _with_journals(scenario: Scenario, configs: dict[int, Config]) -> Scenario:
     journal = msgspec.structs.replace(journal, keeps=keeps)
     faults = msgspec.structs.replace(scenario.faults, journal=journal)
     return msgspec.structs.replace(scenario, faults=faults)
-
-
-def _tables(scenario: Scenario, configs: dict[int, Config], path: Path) -> dict[int, StreamTable]:
-    """Return the table of each node: the config's, or one of opaque topics."""
-    if configs:
-        return {address: config.table for address, config in configs.items()}
-    topics = dict.fromkeys(traffic.topic for traffic in scenario.traffic if traffic.topic)
-    if any(traffic.service for traffic in scenario.traffic):
-        raise ConfigError(
-            f"{path}: traffic calls a service, but the scenario names no config",
-            hint='add config: "fleet.json5"',
-        )
-    specs = [
-        TopicSpec(stream_id=_FIRST_OPAQUE_ID + index, name=topic)
-        for index, topic in enumerate(topics)
-    ]
-    nodes = {node.address: node.name or f"node{node.address}" for node in scenario.nodes}
-    return {node.address: StreamTable(specs, nodes=nodes) for node in scenario.nodes}

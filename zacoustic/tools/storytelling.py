@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import msgspec
 
+from zacoustic.core.engine import Engine
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.stories import INVARIANTS, Story, Telling, random_story
 from zacoustic.testing.tally import SimulationResult, Tally
+from zacoustic.tools.simulationrecord import SimulationRecorder
 
 
 class StoryResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -20,17 +22,26 @@ class StoryResult(msgspec.Struct, frozen=True, kw_only=True):
     """The figures."""
 
 
-def tell_story(seed: int, *, trace: Callable[[TraceRecord], None] | None = None) -> StoryResult:
+def tell_story(
+    seed: int,
+    *,
+    trace: Callable[[TraceRecord], None] | None = None,
+    record: SimulationRecorder | None = None,
+) -> StoryResult:
     """Tell the story of a seed, as the tests do.
 
     Args:
         seed: The seed.
         trace: Takes each trace record.
+        record: Records the engines.
     """
     story = random_story(seed)
     tally = Tally({address: cast.table for address, cast in story.casts.items()})
     witnesses = [tally, *(make() for make in INVARIANTS)]
-    telling = Telling(story, witnesses, trace=trace, digest=True)
+    make = Engine if record is None else record.make
+    telling = Telling(story, witnesses, trace=trace, digest=True, build=make)
+    if record is not None:
+        record.network = telling.network
     telling.run()
     return StoryResult(
         complaints=tuple(telling.complaints()),

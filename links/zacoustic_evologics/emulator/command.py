@@ -17,6 +17,11 @@ that modems send by themselves have 0 bytes, unless a message goes with them: `a
 `half_duplex` (the modem was sending itself), `deaf` (it followed another sound). It is that of the
 water: a modem that restarts meanwhile, or an acknowledgement that `--faults` takes, is not seen.
 `at_s` counts from the start, in the time of the modems.
+
+With `--moves` modems can be steered: each line of standard input is an object that says where one
+is from now on, x east, y north, z down, in m::
+
+    { "address": 2, "position": [1420.5, -3.0, 18.2] }
 """
 
 import argparse
@@ -80,6 +85,11 @@ class EvologicsEmulation(Command):
             help="settings and port options of all modems, such as ZX=1 RI=0",
         )  # fmt: skip
         parser.add_argument(
+            "--moves", action="store_true",
+            help="standard input says where modems are: {\"address\": 2, \"position\": [x, y, z]} "
+            "in a line",
+        )  # fmt: skip
+        parser.add_argument(
             "--json", action="store_true",
             help="one JSON object per line: `listening` for each place, then `emission` and "
             "`reception` of each signal",
@@ -97,6 +107,7 @@ class EvologicsEmulation(Command):
         return EXIT_OK
 
     async def _serve(self, arguments: argparse.Namespace) -> None:
+        from zacoustic_evologics.emulator.moves import follow_moves, unbuffered_input
         from zacoustic_evologics.emulator.running import RunningFleet
         from zacoustic_evologics.emulator.server import FleetServer
 
@@ -114,6 +125,8 @@ class EvologicsEmulation(Command):
                 for place in await _open_places(server, addresses, listens, arguments.pty):
                     reporter.listening(place)
                 running.start()
+                if arguments.moves:
+                    follow_moves(unbuffered_input(), running)
                 await stop.wait()
             finally:
                 await server.close()

@@ -25,6 +25,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.errors import ConfigError
 from zacoustic_evologics.at.framing import Interpreter
@@ -119,6 +120,18 @@ class EmulatedFleet:
     def addresses(self) -> tuple[int, ...]:
         """Addresses of the scenario."""
         return tuple(self._stations)
+
+    def move(self, address: int, position: Position, now: int) -> None:
+        """Tell where a modem is from now on: x east, y north, z down, m.
+
+        Raises:
+            ValueError: No such modem, or a coordinate that is no number of reach.
+        """
+        self._water.move(address, position, now)
+
+    def distance_m(self, address: int, other: int) -> float:
+        """Return how far apart two modems are now, m."""
+        return self._water.path(address, other, self.now).distance_m
 
     @property
     def remembered(self) -> int:

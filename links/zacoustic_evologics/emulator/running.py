@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from zacoustic.channel.position import Position
 from zacoustic.core.clock import Clock
 from zacoustic.serving import ScaledClock
 from zacoustic_evologics.at.framing import Interpreter
@@ -81,6 +82,10 @@ class RunningFleet:
         self._hosts[port_id] = host
         self._service()
         return port_id
+
+    def move(self, address: int, position: Position) -> None:
+        """Tell where a modem is from now on; raises what `EmulatedFleet.move` does."""
+        self.fleet.move(address, position, self._now())
 
     def close_port(self, port_id: int) -> None:
         """Close a port from the host's side; may be repeated."""

@@ -2,7 +2,7 @@
 
 A TCP port takes several clients, each a port of the modem with options of its own. While the modem
 restarts nobody listens there. A pseudo-terminal is one serial line, and is silent meanwhile; its
-baud rate is whatever the client sets, and does not slow it.
+baud rate is whatever the client sets, unless one is given, and does not slow it.
 
 A client that does not read loses its TCP connection at `BACKLOG_LIMIT_BYTES`; on a line without
 handshake what nobody reads is lost.
@@ -27,6 +27,8 @@ BACKLOG_LIMIT_BYTES: Final = 1_048_576
 
 _READ_BYTES: Final = 65_536
 _LISTEN_AGAIN_S: Final = 0.2
+_OUTPUT_SPEED: Final = 5
+"""Where it stands in what `tcgetattr` returns."""
 
 _logger = logging.getLogger(__name__)
 
@@ -64,13 +66,17 @@ class FleetServer:
         self._listeners.setdefault(address, []).append(listener)
         return Place(address, f"tcp:{listener.name}")
 
-    def open_terminal(self, address: int) -> Place:
+    def open_terminal(self, address: int, *, baudrate: int | None = None) -> Place:
         """Serve a modem on a new pseudo-terminal.
+
+        Args:
+            address: Of the modem.
+            baudrate: Its rate: at another one both ends read nonsense. None: any will do.
 
         Raises:
             LinkOpenError: There are none on this system.
         """
-        terminal = _Terminal(self.running, address)
+        terminal = _Terminal(self.running, address, baudrate)
         self._terminals.append(terminal)
         return Place(address, f"serial:{terminal.path}")
 
@@ -217,13 +223,14 @@ class _Client(asyncio.Protocol):
 class _Terminal:
     """One pseudo-terminal of one modem."""
 
-    def __init__(self, running: RunningFleet, address: int) -> None:
+    def __init__(self, running: RunningFleet, address: int, baudrate: int | None) -> None:
         if sys.platform == "win32":
             raise LinkOpenError("there are no pseudo-terminals on Windows", hint="use TCP ports")
         import tty
 
         self._running = running
         self._loop = asyncio.get_running_loop()
+        self._baudrate = baudrate
         # The client's side stays open here, so that a client may come and go.
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
@@ -233,6 +240,7 @@ class _Terminal:
         self._loop.add_reader(self._ours, self._read)
 
     def bytes_said(self, content: bytes) -> None:
+        content = self._on_the_line(content)
         with contextlib.suppress(BlockingIOError):
             written = os.write(self._ours, content)
             if written < len(content):
@@ -253,4 +261,16 @@ class _Terminal:
         except OSError:
             return
         if data:
-            self._running.handle_bytes(self._port_id, data)
+            self._running.handle_bytes(self._port_id, self._on_the_line(data))
+
+    def _on_the_line(self, content: bytes) -> bytes:
+        """Return what the other end reads: nonsense, where the rates differ."""
+        import termios
+
+        if self._baudrate is None:
+            return content
+        speed = getattr(termios, f"B{self._baudrate}", None)
+        if termios.tcgetattr(self._ours)[_OUTPUT_SPEED] == speed:
+            return content
+        # Bits are taken for others: no byte that means anything here comes out.
+        return bytes(0x80 | byte >> 1 for byte in content)

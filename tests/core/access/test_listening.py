@@ -1,6 +1,9 @@
 """Listen windows: nobody speaks for more than four seconds without a pause."""
 
 import random
+from itertools import pairwise
+
+import msgspec
 
 from zacoustic.core.access import Listening
 from zacoustic.core.access.controls import ANYBODY, Turn
@@ -176,6 +179,7 @@ def test_who_is_heard_in_the_pause_is_heard_out() -> None:
     heard_out_at = ended_at + S // 4 + LARGEST_NS
     assert talker.listening.pauses_until(0, after, is_urgent=False) == heard_out_at
     talker.listening.handle_carrier(False, after + 5)
+    talker.listening.heard_frame(2, after + 5)
     assert talker.listening.pauses_until(0, after + 5, is_urgent=False) == 0
 
 
@@ -212,22 +216,108 @@ def test_what_is_due_much_later_does_not_make_a_rhythm_forgotten() -> None:
     assert listener.invited_at(S) is not None
 
 
-def test_second_copy_of_what_is_urgent_follows_into_the_same_pause() -> None:
-    listener = Listening(
-        LinkCapabilities(
-            mtu_bytes=64, bit_rate_bps=8 / 0.011094, preamble_s=0.1503, gap_s=0.0904,
-            propagation_s=1.0, senses_carrier=True,
-        )
-    )  # fmt: skip
-    listener.heard_pause(1, 2 * S, 0, S // 10, S)
-    first_at = listener.invited_at(S)
-    assert first_at is not None
-    listener.handle_started(first_at)
-    ended_at = first_at + LINK.airtime_ns(9)
-    listener.handle_transmitted(first_at, ended_at)
-    after = ended_at + GAP_NS
-    assert listener.invited_at(after, is_urgent=True) == after
-    later_at = listener.invited_at(after)
-    assert later_at is not None
-    assert later_at > after + S
-    assert listener.invited_at(after + S // 2, is_urgent=True) == later_at
+class Speaker:
+    """Sends short frames into the pauses of node 1, which is heard to be in a run."""
+
+    def __init__(self, *, senses_carrier: bool = True) -> None:
+        self.listening = Listening(msgspec.structs.replace(LINK, senses_carrier=senses_carrier))
+        self.listening.heard_pause(1, 2 * S, 0, S // 10, S)
+        self.now = S
+
+    def send(self, size_bytes: int = 9, *, follows: bool = True) -> int:
+        """Send as soon as it may be heard; returns when it started."""
+        started_at = self.listening.invited_at(self.now, follows=follows)
+        assert started_at is not None
+        self.listening.handle_started(started_at)
+        ended_at = started_at + LINK.airtime_ns(size_bytes)
+        self.listening.handle_transmitted(started_at, ended_at)
+        self.now = ended_at + GAP_NS
+        return started_at
+
+
+def test_copies_follow_into_the_same_pause_as_long_as_they_are_heard_out() -> None:
+    speaker = Speaker()
+    started = [speaker.send() for _ in range(5)]
+    steps = [after - before for before, after in pairwise(started)]
+    assert steps[:3] == [LINK.airtime_ns(9) + GAP_NS] * 3
+    assert steps[3] > S  # the next pause
+    assert not speaker.listening.is_heard_out(speaker.now + S)
+
+
+def test_what_is_no_copy_waits_for_the_next_pause() -> None:
+    speaker = Speaker()
+    first_at = speaker.send()
+    assert speaker.send(follows=False) > first_at + S
+
+
+def test_no_copy_follows_where_no_carrier_is_sensed() -> None:
+    speaker = Speaker(senses_carrier=False)
+    first_at = speaker.send()
+    assert not speaker.listening.is_heard_out(speaker.now)
+    assert speaker.send() > first_at + S
+
+
+class Pausing:
+    """A node that has ended a run and hears what comes."""
+
+    def __init__(self) -> None:
+        self.talker = Talker()
+        for _ in range(4):
+            self.talker.send()
+        self.listening = self.talker.listening
+        self.pause_at = self.talker.sent[-1][1]
+        self.pause_until = self.pause_at + self.listening.pause_ns
+
+    def hear(self, from_ns: int, size_bytes: int = 9, *, understood: bool = False) -> int:
+        """Hear a sound, so long after the pause began; returns when it has ended."""
+        begun_at = self.pause_at + from_ns
+        ended_at = begun_at + LINK.airtime_ns(size_bytes)
+        self.listening.handle_carrier(True, begun_at)
+        self.listening.handle_carrier(False, ended_at)
+        if understood:
+            self.listening.heard_frame(2, ended_at)
+        return ended_at
+
+    def silent_until(self, at: int) -> int:
+        """Return until when it is silent."""
+        return self.listening.pauses_until(at, at, is_urgent=False)
+
+
+def test_a_copy_is_awaited_behind_a_sound_that_was_not_understood() -> None:
+    pausing = Pausing()
+    ended_at = pausing.hear(pausing.listening.pause_ns - S // 10)
+    awaited_until = pausing.silent_until(ended_at)
+    assert ended_at + GAP_NS < awaited_until < ended_at + GAP_NS + S // 5
+    # It comes, and is not understood either.
+    second_at = awaited_until - S // 20
+    pausing.listening.handle_carrier(True, second_at)
+    assert pausing.silent_until(second_at + S // 20) > second_at + S // 2
+    pausing.listening.handle_carrier(False, second_at + S // 4)
+    assert pausing.silent_until(second_at + S // 4) > second_at + S // 4 + GAP_NS
+    # The third is.
+    third_at = second_at + S // 4 + GAP_NS
+    pausing.listening.handle_carrier(True, third_at)
+    pausing.listening.handle_carrier(False, third_at + S // 4)
+    pausing.listening.heard_frame(2, third_at + S // 4)
+    assert pausing.silent_until(third_at + S // 4) <= third_at + S // 4
+
+
+def test_nothing_is_awaited_behind_a_sound_that_was_understood() -> None:
+    pausing = Pausing()
+    ended_at = pausing.hear(pausing.listening.pause_ns - S // 10, understood=True)
+    assert pausing.silent_until(ended_at) == ended_at
+
+
+def test_a_sound_that_begins_behind_the_pause_is_not_heard_out() -> None:
+    pausing = Pausing()
+    pausing.listening.handle_carrier(True, pausing.pause_until + 1)
+    assert pausing.silent_until(pausing.pause_until + 2) == pausing.pause_until + 2
+
+
+def test_endless_noise_is_heard_out_for_little_more_than_a_frame() -> None:
+    pausing = Pausing()
+    from_ns = S // 10
+    for _ in range(20):
+        from_ns = pausing.hear(from_ns) - pausing.pause_at + GAP_NS
+    late_ns = pausing.silent_until(pausing.pause_until) - pausing.pause_until
+    assert LARGEST_NS <= late_ns <= LARGEST_NS + LINK.airtime_ns(8)

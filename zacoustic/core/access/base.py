@@ -27,6 +27,8 @@ class Wanted(msgspec.Struct, frozen=True):
     """It carries a REAL_TIME payload."""
     is_invited: bool = False
     """It is to arrive in an announced pause of a node that is heard."""
+    is_copy: bool = False
+    """It carries what was just sent, and may follow that at once where it is heard out."""
 
     def earliest(self, now: int) -> int:
         """The earliest instant at which it could start, ns."""

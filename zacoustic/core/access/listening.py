@@ -21,10 +21,12 @@ longer then: one begins when the last frame ends, and ends when it was to end. S
 say that a pause follows (`frames_before_pause`): whoever counted on from there would be too early.
 
 While another node is in a run, a frame of ours starts so that it arrives in the next pause, and is
-to be short (`comfort_ns`): a longer one goes nevertheless, and the other side, when it senses a
-carrier, stays quiet until its end, or as long as the largest frame takes. So on such a link a
-second copy of what is urgent follows at once: any one frame may be lost, and the next pause is
-four seconds away.
+to be short (`comfort_ns`): a longer one goes nevertheless. Any one frame may be lost, and the next
+pause is four seconds away. So where carriers are sensed, whoever pauses hears out what begins in
+its pause; and when no frame came of it, it waits for another one to follow at once, again and
+again, for little more than the airtime of the largest frame (`_heard_out_until`). Whoever
+has something pressing to say counts on that, and sends a few copies in a row (`is_heard_out`,
+`zacoustic.core.arq.copies`). A pause that is longer for that costs a frame, but not the rhythm.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent.
@@ -48,6 +50,8 @@ ANNOUNCED_RUNS: Final = 3
 """Runs for which one announcement holds."""
 _BACKLOG_FRAMES: Final = 2
 """Frames that must be to send behind the pause, so that it is one."""
+_LONG_RUN_FRAMES: Final = 3
+"""A run of so many frames is still one when it begins more than a frame late."""
 _MARGIN_NS: Final = NS_PER_S // 20
 """A frame is aimed at so much behind the beginning of a pause, and to end as much before its
 end."""
@@ -76,7 +80,7 @@ class Listening:
         """A transfer has the channel alone: no pauses."""
         largest_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         self._largest_ns = largest_ns
-        gap_ns = seconds_to_ns(capabilities.gap_s)
+        self._gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
         self._unit_ns = largest_ns + gap_ns
         self._frames = max(1, (RUN_LIMIT_NS + gap_ns) // self._unit_ns)
         self._run_ns = self._frames * self._unit_ns - gap_ns
@@ -85,15 +89,26 @@ class Listening:
         )
         self.pause_ns = max(_LEAST_PAUSE_NS, short_ns + gap_ns + _RANGING_NS)
         """Length of the pause, ns."""
+        longer_ns = short_ns if self._frames >= _LONG_RUN_FRAMES else 0
+        self._patience_ns = largest_ns + longer_ns
+        """How much longer than its pause a node listens when it is spoken to, at most, ns."""
+        self._latest_ns = self._patience_ns + gap_ns
+        """How much later than it was to begin a run begins, and is still one of a rhythm, ns."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._runs_since_announcement = ANNOUNCED_RUNS
         self._ends_run = False
         self._rhythms: dict[int, _Rhythm] = {}
-        self._busy_since: int | None = None
         self._senses_carrier = capabilities.senses_carrier
+        self._busy_since: int | None = None
+        self._row_since: int | None = None
+        """Since when others are heard, one sound at once behind the other, ns."""
+        self._row_ends_at: int | None = None
+        """Until when a sound is awaited behind one of which no frame came, ns."""
+        self._is_understood = False
+        """A frame came of the sound that is, or was, heard."""
         self._burst_at: int | None = None
-        """Start of the first own frame of the last while as long as the largest one takes."""
+        """Start of the first own frame of those that followed each other at once."""
 
     @property
     def period_ns(self) -> int:
@@ -117,7 +132,9 @@ class Listening:
             for opens_at in (self._opens_at(each, now) for each in self._active(now))
             if opens_at <= now < opens_at + self.pause_ns
         ]
-        return max(0, min(comforts)) if comforts else None
+        if comforts:
+            return max(0, min(comforts))
+        return 0 if self.is_heard_out(now) else None
 
     def frames_before_pause(self, now: int) -> int:
         """How many of the largest frames, one that starts now included, go before the pause.
@@ -162,7 +179,7 @@ class Listening:
 
     def handle_started(self, now: int) -> None:
         """An own frame is handed to the link."""
-        if self._burst_at is None or now - self._burst_at >= self._largest_ns:
+        if not self._follows_at_once(now):
             self._burst_at = now
         if not self._continues(now):
             begin_at = self._told_begin_at(now)
@@ -185,28 +202,62 @@ class Listening:
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Somebody else began to be heard, or is not heard any more."""
-        self._busy_since = now if busy else None
+        if busy:
+            if self._busy_since is None:
+                self._is_understood = False
+            is_next = self._row_ends_at is not None and now <= self._row_ends_at
+            if self._row_since is None or not (is_next or self._busy_since is not None):
+                self._row_since = now
+            self._busy_since = now
+        elif self._busy_since is not None:
+            self._busy_since = None
+            self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * _MARGIN_NS
 
     # Others
 
-    def invited_at(self, at: int, *, is_urgent: bool = False) -> int | None:
+    def invited_at(self, at: int, *, follows: bool = False) -> int | None:
         """Return when to start, not before `at`, to arrive in the pauses of those in a run, ns.
 
         None when nobody is known to be in one.
+
+        Args:
+            at: The instant.
+            follows: It may follow at once what was sent into a pause.
         """
+        if follows and self.is_heard_out(at):
+            return at
         invited_at: int | None = None
         for rhythm in self._active(at):
             opens_at = self._opens_at(rhythm, at)
-            last_ns = self.pause_ns - 2 * _MARGIN_NS - self._short_ns
-            follows = is_urgent and self._is_heard_out(opens_at, opens_at + last_ns, at)
-            if at > opens_at + last_ns and not follows:
+            if at > opens_at + self._last_ns:
                 opens_at += self.period_ns
-            if opens_at - rhythm.heard_at <= self.period_ns + self._unit_ns + rhythm.way_ns:
+            if opens_at - rhythm.heard_at <= self.period_ns + self._latest_ns + rhythm.way_ns:
                 invited_at = max(invited_at or at, opens_at)
         return invited_at
 
+    def row_began_at(self, ended_at: int) -> int:
+        """Return when the first of the own frames began that ended then in a row, ns."""
+        return ended_at if self._burst_at is None else min(ended_at, self._burst_at)
+
+    def next_invitation_at(self, now: int, not_before: int) -> int | None:
+        """Return when to start, from `not_before` on, by what is known now; None: of nobody."""
+        opens = [self._opens_at(each, not_before) for each in self._active(now)]
+        last_ns, period_ns = self._last_ns, self.period_ns
+        return max((at + (not_before > at + last_ns) * period_ns for at in opens), default=None)
+
+    def is_heard_out(self, at: int) -> bool:
+        """Tell whether what was sent last went into a pause, and a short frame may follow there."""
+        first_at = self._burst_at
+        if first_at is None:
+            return False
+        rhythms = self._active(first_at)
+        return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
+
     def heard_frame(self, source: int, now: int) -> None:
         """A frame of `source` has arrived: its run goes on."""
+        self._is_understood = True
+        if self._busy_since is None and self._row_ends_at is not None:
+            self._row_ends_at = min(self._row_ends_at, now)
         rhythm = self._rhythms.get(source)
         if rhythm is not None:
             rhythm.heard_at = now
@@ -247,7 +298,7 @@ class Listening:
     def _told_begin_at(self, now: int) -> int | None:
         """When a run that begins now was to begin, ns; None: nobody was told."""
         begin_at = self._run_begun_at + self.period_ns
-        if self._is_told and begin_at <= now < begin_at + self._unit_ns:
+        if self._is_told and begin_at <= now < begin_at + self._latest_ns:
             return begin_at
         return None
 
@@ -265,7 +316,7 @@ class Listening:
         ended_at = self._last_ended_at
         if self._is_told:
             ended_at = max(ended_at, self._run_begun_at + self._run_ns)
-        return now - ended_at < self.pause_ns + self._unit_ns
+        return now - ended_at < self.pause_ns + self._latest_ns
 
     def _own_pause_end(self, at: int) -> int:
         """End of the own pause that has to come before a frame at `at`, ns; or earlier."""
@@ -279,22 +330,39 @@ class Listening:
         pause_until = pause_at + self.pause_ns
         if at < pause_until:
             return pause_until
-        # Whoever was invited to speak, and is heard, is heard out.
-        if self._busy_since is not None and self._busy_since < pause_until:
-            return self._busy_since + self._largest_ns
-        return at
+        return self._heard_out_until(pause_until)
+
+    def _heard_out_until(self, pause_until: int) -> int:
+        """Until when the own pause is, for who was invited to speak, and spoke; or earlier, ns."""
+        if self._row_since is None or self._row_since >= pause_until:
+            return pause_until
+        ends_at = self._row_ends_at or 0
+        if self._busy_since is not None:
+            ends_at = self._busy_since + self._largest_ns
+        return min(ends_at, pause_until + self._patience_ns)
 
     def _active(self, at: int) -> list[_Rhythm]:
         """Rhythms of nodes that still speak at an instant; it may be one to come."""
-        limit_ns = self.period_ns + self._unit_ns
+        limit_ns = self.period_ns + self._latest_ns
         return [each for each in self._rhythms.values() if at - each.heard_at <= limit_ns]
 
-    def _is_heard_out(self, opens_at: int, last_at: int, at: int) -> bool:
-        """Whether who heard our first frame in its pause is still silent for a short one."""
+    @property
+    def _last_ns(self) -> int:
+        """How long after a pause opens a short frame may start, ns."""
+        return self.pause_ns - 2 * _MARGIN_NS - self._short_ns
+
+    def _follows_at_once(self, at: int) -> bool:
+        """Whether a frame that starts then is in a row with the last one."""
+        ended_at = self._last_ended_at
+        return ended_at is not None and at <= ended_at + self._gap_ns + _MARGIN_NS
+
+    def _hears_out(self, opens_at: int, at: int) -> bool:
+        """Whether who heard our first frame in its pause still listens for a short one."""
         first_at = self._burst_at
-        if first_at is None or not self._senses_carrier or not opens_at <= first_at <= last_at:
+        if first_at is None or not self._senses_carrier or not self._follows_at_once(at):
             return False
-        return at + self._short_ns + _MARGIN_NS <= first_at + self._largest_ns
+        last_at = opens_at + self._last_ns
+        return opens_at <= first_at <= last_at and at <= last_at + self._patience_ns
 
     def _opens_at(self, rhythm: _Rhythm, at: int) -> int:
         """When a frame has to start to arrive in a pause: last time not after `at`, or next."""

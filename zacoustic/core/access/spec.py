@@ -35,7 +35,7 @@ class AlohaSpec(
     """A frame goes when it is due."""
 
     slot_s: float | None = None
-    """Frames start at multiples of this of UTC, s, > 0; None: at any instant."""
+    """Frames start at multiples of this of UTC, s, > 0; none: at any instant."""
     back_off: bool = True
     """After a frame of which nothing was heard, wait a random time that doubles."""
 
@@ -72,11 +72,11 @@ class TdmaSpec(
     max_range_m: float | None = None
     """Largest distance between two nodes, m, > 0; or `guard_s`."""
     guard_s: float | None = None
-    """Silence at the end of each slot, s, > 0; None: from `max_range_m`."""
+    """Silence at the end of each slot, s, > 0; none: from `max_range_m`."""
     clock: int | None = None
-    """Node whose clock is the common one, told in its frames; None: UTC, which each host has."""
+    """Node whose clock is the common one, told in its frames; none: UTC, which each host has."""
     beacon_s: float | None = None
-    """That node tells the time this often also when it has nothing else to say, s, > 0; None: only
+    """That node tells the time this often also when it has nothing else to say, s, > 0; none: only
     in frames that go anyway."""
     drift_ppm: float = _DRIFT_PPM
     """How fast a clock that is told nothing goes wrong, 1e-6, ≥ 0."""

@@ -183,14 +183,7 @@ class Actions:
         self._client.epoch_changed(now)
 
     def receive(
-        self,
-        source: int,
-        stream: Stream,
-        spec: ActionSpec,
-        content: bytes,
-        now: int,
-        *,
-        introduced: bool,
+        self, source: int, stream: Stream, spec: ActionSpec, content: bytes, now: int
     ) -> str | None:
         """Take a record that may be decoded; returns why it is dropped, or None.
 
@@ -200,13 +193,12 @@ class Actions:
             spec: Its spec.
             content: What stands behind the stream id.
             now: The instant.
-            introduced: Its frame began with HELLO or TAG.
         """
-        message = decode_message(content)
+        message = decode_message(content, from_client=spec.server == self._address)
         if message is None:
             return "payload"
         if spec.server == self._address:
-            return self._server.receive(source, stream, message, now, introduced=introduced)
+            return self._server.receive(source, stream, message, now)
         if spec.server == source:
             return self._client.receive(source, stream, message, now)
         return "not_subscriber"

@@ -22,6 +22,7 @@ from zacoustic.core.actions.numbers import WINDOW, GoalNumbers
 from zacoustic.core.actions.post import GoalLane, GoalPost
 from zacoustic.core.actions.wire import (
     GOAL_NUMBERS,
+    REMINDER,
     Message,
     Operation,
     Refusal,
@@ -162,10 +163,13 @@ class GoalClient:
         """Take what a server says of a goal; returns why it is dropped, or None."""
         epoch = message.epoch
         if epoch is None:
-            if not self._handshake.knows_us(source):
+            if not self._handshake.peer(source).knows_us:
                 # It may be said to a former life of this node.
+                self._handshake.heard_too_short(source, now)
                 return "unconfirmed"
             epoch = self._handshake.epoch
+        elif epoch == self._handshake.epoch:
+            self._handshake.heard_too_long(source, now)
         key = GoalKey(self._address, epoch, stream.stream_id, message.number)
         goal = self._goals.get(key)
         if goal is None:
@@ -177,6 +181,10 @@ class GoalClient:
         match message.operation:
             case Operation.REFUSED:
                 return self._receive_refusal(goal, message.payload, now)
+            case Operation.RESULT if message.payload == REMINDER:
+                self._prove(goal, now)
+                self._letters.stop_offer(goal, now, answered=True)
+                self._letters.insist(goal, now)
             case Operation.RESULT:
                 return self._receive_result(goal, stream, message.payload, now)
             case Operation.CONFIRM:
@@ -211,11 +219,6 @@ class GoalClient:
     def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch: its goals are of a former one now."""
         self._numbers.clear()
-        for stream in self._table:
-            # A CONFIRM that waits would be taken for one of a goal of the new epoch; the result
-            # will come again.
-            if isinstance(stream.spec, ActionSpec) and stream.spec.server != self._address:
-                self._post.drop_answers(stream.stream_id)
         for goal in self._goals.values():
             if goal.stage is ClientStage.ENDED:
                 continue

@@ -41,6 +41,13 @@ class ClientLetters:
         self._post.stop(goal.claim, now)
         goal.claim = self._repeat(goal, Operation.CLAIM, GoalLane.CLAIM, now)
 
+    def insist(self, goal: ClientGoal, now: int) -> None:
+        """Ask now what became of a goal: its end was said, and not heard."""
+        if goal.claim is None:
+            self.claim(goal, now)
+        else:
+            self._post.again(goal.claim)
+
     def cancel(self, goal: ClientGoal, now: int) -> None:
         """Ask the server to stop a goal, until it has answered this attempt."""
         operation, payload = encode_cancel(goal.attempt)

@@ -1,6 +1,8 @@
 """Gets what is said about goals onto the queue: once, or again and again."""
 
 import enum
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -9,6 +11,7 @@ from zacoustic.core.actions.news import GoalKey
 from zacoustic.core.actions.wire import (
     FORMER_BYTES,
     GOAL_NUMBERS,
+    REMINDER,
     Operation,
     decode_refusal,
     encode_head,
@@ -43,6 +46,28 @@ _HEADER_BYTES: Final = 2 + FORMER_BYTES
 _URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
 
 
+class _Said(Waiting):
+    """What is said once about a goal; whether with its epoch is decided when the frame goes."""
+
+    __slots__ = ("heading",)
+    heading: Callable[[], bytes]
+
+    def head_at(self, now: int) -> bytes:
+        """Return the head, as short as the other end understands it by now."""
+        return self.heading()
+
+
+class _Repeated(RepeatedRecord):
+    """What is repeated about a goal; as `_Said`."""
+
+    __slots__ = ("heading",)
+    heading: Callable[[], bytes]
+
+    def head_at(self, now: int) -> bytes:
+        """Return the head, as short as the other end understands it by now."""
+        return self.heading()
+
+
 class GoalPost:
     """Writes records about goals.
 
@@ -61,7 +86,6 @@ class GoalPost:
         self._repeater = repeater
         self._handshake = handshake
         self._linger_s = 0.0
-        self._known_to: dict[int, int] = {}
 
     def use_link(self, times: LinkTimes) -> None:
         """Take the airtimes of a link."""
@@ -81,10 +105,10 @@ class GoalPost:
         qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
         if lane in _URGENT:
             qos = Qos(priority=Priority.REAL_TIME)
-        record = Waiting(
+        record = _Said(
             stream_id=stream.stream_id,
             destination=peer,
-            head=self._head(goal, operation),
+            head=_longest_head(goal, operation),
             payload=payload,
             delimits_itself=operation is not Operation.REFUSED,
             for_one_node=True,
@@ -95,11 +119,8 @@ class GoalPost:
             if operation is not Operation.REFUSED:
                 return
             record = self._shortened(record)
+        record.heading = partial(self._head, goal, operation)
         self._queue.replace(_lane_key(goal, peer, lane), record, qos)
-
-    def drop_answers(self, stream_id: int) -> None:
-        """Take back the answers that wait, to whatever goal of an action."""
-        self._queue.drop_lanes((stream_id, GoalLane.ANSWER))
 
     def feed(
         self, goal: GoalKey, stream: Stream, peer: int, payload: bytes, interval_s: float, now: int
@@ -108,15 +129,16 @@ class GoalPost:
         qos = msgspec.structs.replace(
             stream.qos, depth=1, lifespan_s=None, min_interval_s=interval_s
         )
-        record = Waiting(
+        record = _Said(
             stream_id=stream.stream_id,
             destination=peer,
-            head=self._head(goal, Operation.FEEDBACK),
+            head=_longest_head(goal, Operation.FEEDBACK),
             payload=payload,
             delimits_itself=stream.feedback_codec.delimits_itself,
             for_one_node=True,
             queued_at=now,
         )
+        record.heading = partial(self._head, goal, Operation.FEEDBACK)
         self._queue.replace(_lane_key(goal, peer, GoalLane.FEEDBACK), record, qos)
 
     def repeat(
@@ -131,6 +153,7 @@ class GoalPost:
         payload: bytes = b"",
         codec: PayloadCodec | None = None,
         until: int,
+        is_reminded: bool = False,
     ) -> Repetition:
         """Say something until it is stopped, or until an instant, ns.
 
@@ -144,23 +167,35 @@ class GoalPost:
             payload: What follows.
             codec: Codec at the end of the payload; None: there is none.
             until: End, ns.
+            is_reminded: It is a result, and said a few times; then a reminder of it is repeated.
         """
         qos = msgspec.structs.replace(
             stream.qos, depth=2 * GOAL_NUMBERS, lifespan_s=None, min_interval_s=0.0
         )
         if lane in _URGENT:
             qos = Qos(priority=Priority.REAL_TIME, depth=2 * GOAL_NUMBERS)
-        record = RepeatedRecord(
-            stream_id=stream.stream_id,
-            destination=peer,
-            head=self._head(goal, operation),
-            payload=payload,
-            delimits_itself=codec is None or codec.delimits_itself,
-            # Whoever hears what a client says knows who the server is.
-            for_one_node=goal.client != self._address,
-            queued_at=now,
+
+        def written(operation: Operation, payload: bytes, shows_end: bool) -> _Repeated:
+            record = _Repeated(
+                stream_id=stream.stream_id,
+                destination=peer,
+                head=_longest_head(goal, operation),
+                payload=payload,
+                delimits_itself=shows_end,
+                # Whoever hears what a client says knows who the server is.
+                for_one_node=goal.client != self._address,
+                queued_at=now,
+            )
+            record.heading = partial(self._head, goal, operation)
+            return record
+
+        return self._repeater.start(
+            _lane_key(goal, peer, lane),
+            written(operation, payload, codec is None or codec.delimits_itself),
+            qos,
+            until=until,
+            reminder=written(Operation.RESULT, REMINDER, True) if is_reminded else None,
         )
-        return self._repeater.start(_lane_key(goal, peer, lane), record, qos, until=until)
 
     def stop(self, repetition: Repetition | None, now: int, *, answered: bool = False) -> None:
         """End a repetition, if there is one."""
@@ -189,33 +224,28 @@ class GoalPost:
         largest_bytes = self._queue.largest_bytes
         return largest_bytes is None or _HEADER_BYTES + len(payload) <= largest_bytes
 
-    def heard(self, client: int, *, introduced: bool) -> None:
-        """A client has said something; not introduced, it knows that its epoch is known here."""
-        if not introduced:
-            self._known_to[client] = self._handshake.epoch_of(client)
-
     def needs_no_epoch(self, goal: GoalKey) -> bool:
         """Tell whether the other end takes a record without an epoch for one about this goal.
 
-        A server is sure of that only when the client has been told that its epoch is known: until
-        then the record might reach another life, and be taken for one about a goal of that.
+        A client takes such a record only when it has been told that its epoch is known to the
+        server: until then the record might be meant for another life.
         """
         if goal.client == self._address:
             return goal.epoch == self._handshake.epoch
-        present = self._handshake.last_epoch(goal.client)
-        return goal.epoch == present == self._known_to.get(goal.client)
+        client = self._handshake.peer(goal.client)
+        return goal.epoch == client.epoch and client.is_assured
 
     def _head(self, goal: GoalKey, operation: Operation) -> bytes:
         epoch = None if self.needs_no_epoch(goal) else goal.epoch
         return encode_head(operation, goal.number, epoch)
 
-    def _shortened(self, refusal: Waiting) -> Waiting:
+    def _shortened(self, refusal: _Said) -> _Said:
         """Cut the text of a refusal, to fit the link."""
         assert self._queue.largest_bytes is not None
         room_bytes = self._queue.largest_bytes - (refusal.size_bytes - len(refusal.payload))
         said = decode_refusal(refusal.payload)
         assert said is not None
-        return Waiting(
+        return _Said(
             stream_id=refusal.stream_id,
             destination=refusal.destination,
             head=refusal.head,
@@ -224,6 +254,10 @@ class GoalPost:
             cause=Cause.ACK,
             queued_at=refusal.queued_at,
         )
+
+
+def _longest_head(goal: GoalKey, operation: Operation) -> bytes:
+    return encode_head(operation, goal.number, goal.epoch)
 
 
 def _lane_key(goal: GoalKey, peer: int, lane: GoalLane) -> LaneKey:

@@ -25,6 +25,7 @@ from zacoustic.core.actions.wire import (
     decode_cancel,
     encode_result,
     is_later,
+    shorten_result,
 )
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.handshake import Handshake
@@ -37,6 +38,9 @@ from zacoustic.errors import LocalError, PayloadInvalidError
 
 _JOURNAL: Final = "goal/taken"
 _LIVES: Final = 2
+_WORTH_A_REMINDER_BYTES: Final = 8
+"""From this size on a reminder, and sometimes the question that it calls forth, takes less than one
+more copy of a result."""
 _NEVER: Final = 1 << 62
 
 
@@ -172,12 +176,9 @@ class GoalServer:
 
     # For the water
 
-    def receive(
-        self, source: int, stream: Stream, message: Message, now: int, *, introduced: bool
-    ) -> str | None:
+    def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
         """Take what a client says of a goal; returns why it is dropped, or None."""
-        self._post.heard(source, introduced=introduced)
-        present = self._handshake.epoch_of(source)
+        present = self._handshake.peer(source).present_epoch
         epoch = present if message.epoch is None else message.epoch
         key = GoalKey(source, epoch, stream.stream_id, message.number)
         goal = self._goals.get(key)
@@ -243,7 +244,7 @@ class GoalServer:
 
     def _is_wanted(self, goal: ServedGoal) -> bool:
         """Tell whether the client's present life is known, or hoped, to know the goal."""
-        present = self._handshake.last_epoch(goal.key.client)
+        present = self._handshake.peer(goal.key.client).epoch
         return present is None or present in (goal.key.epoch, goal.claimed_in)
 
     def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
@@ -265,7 +266,7 @@ class GoalServer:
         assert isinstance(spec, ActionSpec)
         deadline_at = now + seconds_to_ns(spec.timeout_s)
         goal = ServedGoal(key, stage, deadline_at, deadline_at + self.settling_ns)
-        present = self._handshake.epoch_of(key.client)
+        present = self._handshake.peer(key.client).present_epoch
         goal.claimed_in = None if present == key.epoch else present
         self._goals[key] = goal
         return goal
@@ -402,16 +403,18 @@ class GoalServer:
             # The link has become smaller since it was checked: how the goal has ended still fits.
             goal.answer = encode_result(GoalStatus(goal.answer[0]), None)
         has_result = goal.answer[:1] < UNKNOWN_RESULT
+        operation, payload = shorten_result(goal.answer)
         goal.repetition = self._post.repeat(
             goal.key,
             stream,
             goal.key.client,
-            Operation.RESULT,
+            operation,
             GoalLane.RESULT,
             now,
-            payload=goal.answer,
+            payload=payload,
             codec=stream.response_codec if has_result else None,
             until=goal.forget_at,
+            is_reminded=len(payload) >= _WORTH_A_REMINDER_BYTES,
         )
 
     def _result_confirmed(self, goal: ServedGoal, now: int) -> None:

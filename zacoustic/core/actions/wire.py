@@ -4,6 +4,7 @@
 number  from the client             from the server                      payload
 ======  ==========================  ===================================  =======================
 0       GOAL                        –                                    of the goal's type
+0       –                           SUCCEEDED                            of the result's type
 1       CLAIM: what became of it?   ACCEPTED: it runs                    none
 2       –                           REFUSED: goal or cancel              failure 1, …; no end
 3       CONFIRM: has the result     CONFIRM: has the goal                none
@@ -18,7 +19,9 @@ Behind the failure of REFUSED stands a text, and between them, where CANCEL_AGAI
 attempt that is. A client counts its attempts to cancel a goal modulo 256: CANCEL is attempt 0, and
 says so in no byte. It makes none before the last one is answered.
 
-The status of a RESULT has its highest bit set where no result follows; `80` alone is UNKNOWN.
+The status of a RESULT has its highest bit set where no result follows; `80` alone is UNKNOWN, and
+`81` a reminder: how the goal ended was said before, and whoever has not heard it asks by CLAIM.
+SUCCEEDED is the RESULT of most goals, which needs no status.
 FORMER wraps a record about a goal of another epoch of its client than the present one: the number
 stands in the outer byte, the operation in the upper bits of the inner one, and its payload behind.
 """
@@ -39,6 +42,8 @@ FORMER_BYTES: Final = 3
 """What FORMER costs."""
 UNKNOWN_RESULT: Final = b"\x80"
 """Payload of the RESULT of a goal that ran when its server died."""
+REMINDER: Final = b"\x81"
+"""Payload of the RESULT that asks whether a RESULT has arrived."""
 _NO_RESULT: Final = 0x80
 _ATTEMPTS: Final = 256
 _AGAIN_REFUSED: Final = 10
@@ -68,13 +73,15 @@ class Operation(enum.IntEnum):
     """From the client: what became of it?"""
     CANCEL_AGAIN = 5
     """From the client: it is to end, a later attempt."""
+    SUCCEEDED = 0
+    """From the server: it has ended so, and has a result."""
 
 
 class Message(msgspec.Struct, frozen=True):
     """A record of an action, taken apart."""
 
     operation: Operation
-    """Never FORMER."""
+    """Neither FORMER nor SUCCEEDED, which is a RESULT here."""
     number: int
     """Of the goal."""
     epoch: int | None
@@ -90,20 +97,28 @@ def encode_head(operation: Operation, number: int, epoch: int | None) -> bytes:
     return bytes((Operation.FORMER << 5 | number, *epoch.to_bytes(2, "big"), operation << 5))
 
 
-def decode_message(content: bytes) -> Message | None:
-    """Take a record apart; None when it is none."""
+def decode_message(content: bytes, *, from_client: bool) -> Message | None:
+    """Take a record apart; None when it is none.
+
+    Args:
+        content: What stands behind the stream id.
+        from_client: A client of the action has sent it.
+    """
     if not content:
         return None
-    operation, number = Operation(content[0] >> 5), content[0] & 0x1F
-    if operation is not Operation.FORMER:
-        return Message(operation, number, None, content[1:])
-    if len(content) <= FORMER_BYTES:
-        return None
-    inner, epoch = content[FORMER_BYTES], int.from_bytes(content[1:FORMER_BYTES], "big")
-    operation = Operation(inner >> 5)
-    if inner & 0x1F or operation is Operation.FORMER:
-        return None
-    return Message(operation, number, epoch, content[FORMER_BYTES + 1 :])
+    operation, number, epoch = Operation(content[0] >> 5), content[0] & 0x1F, None
+    payload = content[1:]
+    if operation is Operation.FORMER:
+        if len(content) <= FORMER_BYTES or content[FORMER_BYTES] & 0x1F:
+            return None
+        operation = Operation(content[FORMER_BYTES] >> 5)
+        if operation is Operation.FORMER:
+            return None
+        epoch = int.from_bytes(content[1:FORMER_BYTES], "big")
+        payload = content[FORMER_BYTES + 1 :]
+    if operation is Operation.SUCCEEDED and not from_client:
+        operation, payload = Operation.RESULT, encode_result(GoalStatus.SUCCEEDED, payload)
+    return Message(operation, number, epoch, payload)
 
 
 def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: bool) -> int | None:
@@ -131,7 +146,7 @@ def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: 
         case Operation.CANCEL_AGAIN if from_client:
             return offset + 1
         case Operation.GOAL:
-            codec = stream.codec
+            codec = stream.codec if from_client else stream.response_codec
         case Operation.FEEDBACK:
             codec = stream.feedback_codec
         case Operation.RESULT:
@@ -203,6 +218,13 @@ def decode_refusal(payload: bytes) -> Refusal | None:
 def encode_result(status: GoalStatus, result: bytes | None) -> bytes:
     """Return the payload of RESULT; None: there is no result."""
     return bytes((status | _NO_RESULT,)) if result is None else bytes((status,)) + result
+
+
+def shorten_result(payload: bytes) -> tuple[Operation, bytes]:
+    """Return the operation that says a RESULT in the fewest bytes, and its payload."""
+    if payload[0] == GoalStatus.SUCCEEDED:
+        return Operation.SUCCEEDED, payload[1:]
+    return Operation.RESULT, payload
 
 
 def decode_result(payload: bytes) -> tuple[GoalStatus, bytes | None] | None:

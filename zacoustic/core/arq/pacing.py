@@ -8,16 +8,14 @@ a sample of it does not wait for as long as others have decided to leave the nod
 import random
 from typing import Final
 
+from zacoustic.core.arq.copies import follow, is_doubled, is_emergency, shorten_pause
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
-from zacoustic.core.qos import Priority
 from zacoustic.core.streams import StreamTable
 
-_URGENT_COPIES: Final = 4
-"""A REAL_TIME sample is sent so often before an answer is awaited: at 40 % loss one of four arrives
-in 97 of 100 cases, and a round trip lasts longer than four short frames."""
-_URGENT_AT_ONCE: Final = 2
+_COPIED_AT_ONCE: Final = 2
+"""A stream of copies would fill the channel, and no answer could be heard."""
 _CROWD_ROUND_TRIPS: Final = 20
 """Whoever was heard within so many round trips may be speaking."""
 _ROUND_TRIPS_OF_ASKING: Final = 2
@@ -93,7 +91,7 @@ class Pacing:
 
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when a sample may be repeated: an answer to what was sent later is waited for."""
-        if self._copies_wait(lane, sample) or sample.asked:
+        if sample.follows or sample.asked:
             return sample.due_at
         lacking, at_most_ns = lane.lacking(sample), self._at_most_ns(lane)
         # Of several receivers the first: one that is out of range does not hold back the others.
@@ -116,7 +114,7 @@ class Pacing:
         """A sample is repeated: its receivers have not answered."""
         if self.times is None or sample.asked:
             return
-        if not self._copies_wait(lane, sample):
+        if not sample.follows:
             for address in lane.lacking(sample):
                 self.timing(address).unanswered(now, self.times)
         self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
@@ -128,14 +126,24 @@ class Pacing:
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
         assert self.times is not None
+        was_copy, sample.follows = sample.follows, False
         was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
         if was_sent and lane.rhythm_is_known(sample):
             # If it was lost it is asked for; if it is the last one, the next one is asked for.
             round_trips_ns = _ROUND_TRIPS_OF_ASKING * self.times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
-        if self._copies_wait(lane, sample) and report.outcome is not TransmitOutcome.REJECTED:
-            return AT_ONCE
+        priority = self._table.by_id(lane.key[0]).qos.priority
+        if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
+            at = report.finished_at
+            sample.follows = follow(sample.waiting, priority, self.times, at)
+            sample.follows |= is_emergency(priority, sample.tries)
+            if not was_copy and not self.is_doubtful(lane, sample):
+                sample.follows |= is_doubled(priority, sample.tries)
+            if sample.follows:
+                return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)
+        if not self.is_doubtful(lane, sample):
+            pause_ns = shorten_pause(pause_ns, priority, self.times, report.finished_at)
         if report.outcome is TransmitOutcome.NOT_DELIVERED:
             pause_ns //= 2
         due_at = report.finished_at + pause_ns
@@ -194,12 +202,6 @@ class Pacing:
             timing = self.timing(address)
             timing.quiet_since = max(timing.quiet_since, since)
             timing.quiet_until = max(timing.quiet_until, until)
-
-    def _copies_wait(self, lane: SendLane, sample: Outgoing) -> bool:
-        """Tell whether it is sent again without waiting for an answer."""
-        urgent = self._table.by_id(lane.key[0]).qos.priority is Priority.REAL_TIME
-        # A stream of them would fill the channel with copies, and no answer could be heard.
-        return urgent and sample.tries < _URGENT_COPIES and len(lane.samples) <= _URGENT_AT_ONCE
 
 
 def _order_of_answers(

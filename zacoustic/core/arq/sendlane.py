@@ -64,6 +64,7 @@ class Outgoing:
         "delivery_id",
         "due_at",
         "expires_at",
+        "follows",
         "held",
         "marked",
         "number",
@@ -86,6 +87,8 @@ class Outgoing:
         """Receivers that have it and all before it."""
         self.held: set[int] = set()
         """Receivers that have it, but keep it until what is before it has come."""
+        self.follows = False
+        """It was just sent, and goes again without an answer."""
         self.asked = False
         """Its receiver has told that it lacks it, after it should have come."""
         self.marked = False

@@ -87,7 +87,7 @@ class Audiences:
         Returns:
             Why it is dropped, or None.
         """
-        life = self._handshake.last_epoch(source)
+        life = self._handshake.peer(source).epoch
         if life is None:
             return "unconfirmed"
         held = self._held.get((source, letter.page))

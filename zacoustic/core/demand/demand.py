@@ -1,6 +1,6 @@
 """On-demand topics of one node: what it wants of others, and what others want of it."""
 
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Collection, Mapping, Set
 from typing import Final
 
 from zacoustic.core.demand.audiences import Audiences, Changed
@@ -74,7 +74,7 @@ class Demand:
 
     # Commands
 
-    def want(self, stream_id: int, now: int, sources: Iterable[int] | None = None) -> None:
+    def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
         """Subscribe to an on-demand topic at some of its publishers, and at no others.
 
         Nothing happens for a topic that crosses the water always.

@@ -77,8 +77,8 @@ class Wishes:
     def answered(self, source: int, answer: Subscribe, now: int) -> str | None:
         """Take an answer; returns why it is dropped, or None."""
         letter = self._letters.get((source, answer.page))
-        if letter is None or letter.repetition is None:
-            return "unexpected_ack"
+        if letter is None or letter.repetition is None or not letter.repetition.tries:
+            return "unexpected_ack"  # what was not sent yet is not answered: it is of a former life
         if (answer.version, answer.streams) != (letter.version, letter.bits):
             return "unexpected_ack"
         self._stop(letter, letter.repetition, now, answered=True)

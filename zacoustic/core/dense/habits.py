@@ -109,6 +109,7 @@ class Habits:
     def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
         """Write or read which streams there are; learns it."""
         ids = list(self._streams)
+        places: tuple[int, ...]
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
             places: tuple[int, ...] = (coder.pick(_ends(self.present), place),)

@@ -261,6 +261,10 @@ class Objects:
         """Refuse the rest of an object of another node; False when it is not under way."""
         return self._incoming.cancel(source, transfer)
 
+    def stream_coming(self, source: int, transfer: int) -> int:
+        """Return the stream of an object on its way to here, 0 while nobody has said it."""
+        return self._incoming.stream_of(source, transfer)
+
     def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
         """Keep nothing of a stream of these sources: this node has unsubscribed."""
         self._incoming.drop_unwanted(stream_id, sources)

@@ -309,6 +309,18 @@ class OutgoingObject:
         ]
         return min(held, default=0)
 
+    @property
+    def done_bytes(self) -> int:
+        """Bytes of the payload that every receiver has, as far as known."""
+        delivered_bytes = self.delivered_fragments * self.fragments.layout.fragment_bytes
+        return min(self.manifest.payload_bytes, delivered_bytes)
+
+    @property
+    def sent_bytes(self) -> int:
+        """Bytes of the payload that were on the air at least once, in this life or before."""
+        sent_bytes = self.next_source * self.fragments.layout.fragment_bytes
+        return min(self.manifest.payload_bytes, sent_bytes)
+
     # Below the methods above
 
     def _waiting(self) -> list[ReceiverView]:

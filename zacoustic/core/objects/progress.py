@@ -37,6 +37,8 @@ class ObjectProgress(msgspec.Struct, frozen=True, kw_only=True):
     """How far."""
     done_bytes: int
     """Bytes that have arrived, as far as known here."""
+    sent_bytes: int | None = None
+    """Of an own object: bytes that were on the air at least once; repair is not counted."""
     total_bytes: int | None
     """Bytes of the payload; None: not yet known."""
     missing: tuple[int, ...] = ()

@@ -78,6 +78,12 @@ class IncomingObjects:
         """Bytes that what has come takes."""
         return self._transfers.memory_bytes
 
+    def stream_of(self, source: int, transfer: int) -> int:
+        """Return the stream of an object that is under way, 0 while nobody has said it."""
+        state = self._transfers.get((source, transfer))
+        manifest = state.incoming.manifest if state else None
+        return manifest.stream_id if manifest else 0
+
     # After a restart
 
     def restore_group(
@@ -163,9 +169,7 @@ class IncomingObjects:
             self._told[place] = feedback
             while len(self._told) > _MOST_TOLD:
                 del self._told[next(iter(self._told))]
-            state = self._transfers.get(place)
-            manifest = state.incoming.manifest if state else None
-            return feedback, manifest.stream_id if manifest else 0
+            return feedback, self.stream_of(*place)
         return None
 
     def transmitted(self, finished_at: int, timing: Timing) -> None:

@@ -46,6 +46,8 @@ class Sending(msgspec.Struct, kw_only=True):
     """Source fragments below are noted as sent."""
     seed_kept: int = 0
     """Seeds below are noted as sent."""
+    told_bytes: int = 0
+    """What was told to be on the air."""
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -244,7 +246,7 @@ class OutgoingObjects:
                 before.transfer, losses, before.manifest, fragments, self._rng
             )
             sending.outgoing.due_at = now
-            sending.source_kept = sending.seed_kept = 0
+            sending.source_kept = sending.seed_kept = sending.told_bytes = 0
             if sending.keeps:
                 place = msgspec.msgpack.encode(StoredPlace(0, 0))
                 self._journal.write(sent_key(before.transfer), place)
@@ -328,7 +330,11 @@ class OutgoingObjects:
         """The fragment just taken has been on the air."""
         sending, self._on_air = self._on_air, None
         if sending is not None:
-            sending.outgoing.transmitted_until(finished_at, timing)
+            outgoing = sending.outgoing
+            outgoing.transmitted_until(finished_at, timing)
+            if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
+                sending.told_bytes = outgoing.sent_bytes
+                self._report(sending, ObjectState.UNDER_WAY, "")
 
     def listens_until(self, now: int) -> int:
         """Return the instant until which an answer may come; `now` when none is awaited."""
@@ -425,12 +431,7 @@ class OutgoingObjects:
     def _report(self, sending: Sending, state: ObjectState, detail: str) -> None:
         manifest: Manifest = sending.outgoing.manifest
         views = sending.outgoing.views
-        done_bytes = min(
-            manifest.payload_bytes,
-            sending.outgoing.delivered_fragments * sending.outgoing.fragments.layout.fragment_bytes,
-        )
-        if state is ObjectState.DELIVERED:
-            done_bytes = manifest.payload_bytes
+        is_delivered = state is ObjectState.DELIVERED
         self._emit(
             ObjectProgress(
                 stream_id=sending.stream_id,
@@ -438,7 +439,8 @@ class OutgoingObjects:
                 transfer=sending.outgoing.transfer,
                 object_id=sending.object_id,
                 state=state,
-                done_bytes=done_bytes,
+                done_bytes=manifest.payload_bytes if is_delivered else sending.outgoing.done_bytes,
+                sent_bytes=sending.outgoing.sent_bytes,
                 total_bytes=manifest.payload_bytes,
                 missing=() if state is ObjectState.UNDER_WAY else sending.outgoing.missing,
                 detail=detail,

@@ -23,6 +23,8 @@ from zacoustic.core.types import FieldSpec, TypeSpec
 
 Write = Callable[[bytearray, Any], None]
 """Appends the items of a value."""
+MakeScalar = Callable[[FieldSpec], Write]
+"""Makes the writer of a field that is no type of its own."""
 
 _SINGLE: Final = struct.Struct(">f")
 
@@ -30,22 +32,37 @@ _SINGLE: Final = struct.Struct(">f")
 _SMALL: Final = {number: integer_item(number) for number in range(-256, 256)}
 
 
-def compile_writer(type_spec: TypeSpec) -> Write:
-    """Make the writer of the values of a type."""
-    plan = [(field.name, _field_writer(type_spec, field)) for field in type_spec.fields]
+def compile_writer(
+    type_spec: TypeSpec, scalar: MakeScalar | None = None, empty: bytes = b""
+) -> Write:
+    """Make the writer of the values of a type.
+
+    Args:
+        type_spec: The type.
+        scalar: Makes the writers of what is no type of its own; None: those of the native wire.
+        empty: What is written for a type without fields.
+    """
+    make_scalar = scalar or _scalar_writer
+    plan = [
+        (field.name, _field_writer(type_spec, field, make_scalar, empty))
+        for field in type_spec.fields
+    ]
 
     def write(payload: bytearray, value: dict[str, Any]) -> None:
         for name, write_field in plan:
             write_field(payload, value[name])
 
-    return write
+    def write_empty(payload: bytearray, value: object) -> None:
+        payload += empty
+
+    return write if plan else write_empty
 
 
-def _field_writer(type_spec: TypeSpec, field: FieldSpec) -> Write:
+def _field_writer(type_spec: TypeSpec, field: FieldSpec, scalar: MakeScalar, empty: bytes) -> Write:
     if field.is_nested:
-        write = compile_writer(type_spec.nested_type(field.type))
+        write = compile_writer(type_spec.nested_type(field.type), scalar, empty)
     else:
-        write = _scalar_writer(field)
+        write = scalar(field)
     if field.is_array:
         write = _array_writer(write, counted=field.is_bounded_array)
     return _optional_writer(write) if field.optional else write
@@ -79,11 +96,12 @@ def _scalar_writer(field: FieldSpec) -> Write:
     if field.type == "float32":
         return _single_writer(field)
     if field.type == "enum":
-        return _enum_writer(field)
+        return enum_writer(field)
     return _PLAIN_WRITERS[field.type]
 
 
-def _enum_writer(field: FieldSpec) -> Write:
+def enum_writer(field: FieldSpec) -> Write:
+    """Make the writer of the position of a value."""
     items = {name: integer_item(index) for index, name in enumerate(field.values)}
 
     def write(payload: bytearray, name: str) -> None:
@@ -100,11 +118,13 @@ def _write_float(payload: bytearray, number: float) -> None:
     payload += float_item(number)
 
 
-def _write_bool(payload: bytearray, value: bool) -> None:
+def write_bool(payload: bytearray, value: bool) -> None:
+    """Write true or false."""
     payload.append(TRUE if value else FALSE)
 
 
-def _write_text(payload: bytearray, text: str) -> None:
+def write_text(payload: bytearray, text: str) -> None:
+    """Write a text in UTF-8."""
     content = text.encode()
     payload += head(TEXT, len(content))
     payload += content
@@ -117,8 +137,8 @@ def _write_bytes(payload: bytearray, content: bytes) -> None:
 
 _PLAIN_WRITERS: Final[dict[str, Write]] = {
     "float64": _write_float,
-    "bool": _write_bool,
-    "string": _write_text,
+    "bool": write_bool,
+    "string": write_text,
     "bytes": _write_bytes,
 }
 

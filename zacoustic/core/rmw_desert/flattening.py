@@ -34,6 +34,8 @@ from zacoustic.core.payload.items import (
     read_integer,
     read_length,
 )
+from zacoustic.core.payload.writers import Write, enum_writer, write_bool, write_text
+from zacoustic.core.payload.writers import compile_writer as compile_walk
 from zacoustic.core.rmw_desert.items import float_item, read_float
 from zacoustic.core.types import FieldSpec, TypeSpec
 from zacoustic.core.types.fields import FLOAT_TYPES
@@ -42,8 +44,6 @@ from zacoustic.errors import PayloadInvalidError
 TEXT_LIMIT_BYTES: Final = 127
 """Longest text that the receiver of rmw_desert survives, bytes."""
 
-Write = Callable[[bytearray, Any], None]
-"""Appends the items of a value."""
 Read = Callable[[bytes, int], tuple[Any, int]]
 """Reads a value at an offset: it and the offset behind it."""
 Count = Callable[[Any, str], int]
@@ -58,33 +58,7 @@ EMPTY: Final = b"\x00"
 
 def compile_writer(type_spec: TypeSpec) -> Write:
     """Make the writer of the values of a type, as `TypeSpec.validate` returns them."""
-    if not type_spec.fields:
-        return _write_empty
-    plan = [(field.name, _field_writer(type_spec, field)) for field in type_spec.fields]
-
-    def write(payload: bytearray, value: dict[str, Any]) -> None:
-        for name, write_field in plan:
-            write_field(payload, value[name])
-
-    return write
-
-
-def _field_writer(type_spec: TypeSpec, field: FieldSpec) -> Write:
-    if field.is_nested:
-        write = compile_writer(type_spec.nested_type(field.type))
-    else:
-        write = _scalar_writer(field)
-    return _array_writer(write, counted=field.is_bounded_array) if field.is_array else write
-
-
-def _array_writer(write_element: Write, *, counted: bool) -> Write:
-    def write(payload: bytearray, elements: list[Any]) -> None:
-        if counted:
-            payload += head(UNSIGNED, len(elements))
-        for element in elements:
-            write_element(payload, element)
-
-    return write
+    return compile_walk(type_spec, _scalar_writer, EMPTY)
 
 
 def _scalar_writer(field: FieldSpec) -> Write:
@@ -92,22 +66,7 @@ def _scalar_writer(field: FieldSpec) -> Write:
         return _write_integer
     if field.type in FLOAT_TYPES:
         return _write_float
-    if field.type != "enum":
-        return _WRITERS[field.type]
-    positions = {name: integer_item(index) for index, name in enumerate(field.values)}
-
-    def write(payload: bytearray, name: str) -> None:
-        payload += positions[name]
-
-    return write
-
-
-def _write_empty(payload: bytearray, value: object) -> None:
-    payload += EMPTY
-
-
-def _write_bool(payload: bytearray, value: bool) -> None:
-    payload.append(TRUE if value else FALSE)
+    return enum_writer(field) if field.type == "enum" else _WRITERS[field.type]
 
 
 def _write_integer(payload: bytearray, number: int) -> None:
@@ -118,12 +77,6 @@ def _write_float(payload: bytearray, number: float) -> None:
     payload += float_item(number)
 
 
-def _write_text(payload: bytearray, text: str) -> None:
-    content = text.encode()
-    payload += head(TEXT, len(content))
-    payload += content
-
-
 def _write_octets(payload: bytearray, content: bytes) -> None:
     payload += head(UNSIGNED, len(content))
     for octet in content:
@@ -131,8 +84,8 @@ def _write_octets(payload: bytearray, content: bytes) -> None:
 
 
 _WRITERS: Final[dict[str, Write]] = {
-    "bool": _write_bool,
-    "string": _write_text,
+    "bool": write_bool,
+    "string": write_text,
     "bytes": _write_octets,
 }
 

@@ -71,11 +71,11 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     values: tuple[str, ...] = ()
     """The names of an enum; the position is what travels, so append, never reorder."""
     length: int | None = None
-    """Number of elements of a fixed array; None: not a fixed array."""
+    """Number of elements of a fixed array; none: not a fixed array."""
     max_length: int | None = None
     """Most elements of a bounded array; of a string or bytes, most bytes."""
     optional: bool = False
-    """None is allowed, and a missing field is None."""
+    """Nothing is allowed, and a missing field is nothing."""
     default: Default | None = None
     """What a missing field is; scalars only. Not part of the wire: the value travels."""
     outside: str = "reject"

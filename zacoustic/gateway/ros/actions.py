@@ -14,8 +14,8 @@ from zacoustic.core.clock import Clock
 from zacoustic.core.streams import Stream
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.gateway.dialects import Declared
+from zacoustic.gateway.latched import LatchedPublisher
 from zacoustic.gateway.ros.graph import Graph
-from zacoustic.gateway.ros.latched import LatchedPublisher
 from zacoustic.gateway.ros.services import ServiceEnds
 from zacoustic.gateway.ros.topics import CDR, Teller
 from zacoustic.island.goals import (

@@ -2,11 +2,8 @@
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
-
-import zenoh
-import zenoh.ext
 
 from zacoustic.core.clock import Clock, seconds_to_ns
 from zacoustic.core.events import SampleReceived
@@ -16,7 +13,6 @@ from zacoustic.gateway.dialects import Declared, Reading, TopicDialect, Written
 from zacoustic.gateway.lastvalues import LastValue
 from zacoustic.gateway.mailbox import Parcel
 from zacoustic.gateway.ros.graph import Graph
-from zacoustic.gateway.ros.latched import LatchedPublisher
 from zacoustic.island.session import Island
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.names import RosKey
@@ -87,7 +83,6 @@ class RosTopicDialect(TopicDialect):
         whole = topic.key(graph.domain, "x")
         self._before, self._behind = f"{whole.domain}/", f"/{whole.type}/{whole.hash}"
         self._tellers: dict[str, Teller] = {}
-        self._latched: dict[str, LatchedPublisher] = {}
         self._subscriptions: dict[str, Token] = {}
 
     def key(self, stream_key: str) -> str:
@@ -132,44 +127,21 @@ class RosTopicDialect(TopicDialect):
         """Return what went beside it."""
         return last.attachment
 
-    def put(self, key: str, written: Written) -> None:
-        """Put a sample; into a cache where the topic is latched."""
-        if not self._topic.is_latched:
-            super().put(key, written)
-            return
-        self._cache(key).put(written.payload, written.encoding, written.attachment)
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return an attachment of the publisher as it is now."""
+        return self._teller(self.stream_key(last.key)).attachment(last.age_s)
 
     def delete(self, key: str, source: int) -> None:
         """Do nothing: ROS has no deletes."""
 
-    def subscribe(
-        self, expression: str, take: Callable[[zenoh.Sample], None]
-    ) -> Sequence[Declared]:
-        """Hear samples, of a latched topic also those from before; in the worker."""
-        if not self._topic.is_latched:
-            return super().subscribe(expression, take)
-        subscriber = zenoh.ext.declare_advanced_subscriber(
-            self._island.session,
-            zenoh.KeyExpr(expression),
-            self._island.callback(take),
-            allowed_origin=zenoh.Locality.REMOTE,
-            history=zenoh.ext.HistoryConfig(
-                detect_late_publishers=True, max_samples=self._topic.qos.depth
-            ),
-        )
-        return [subscriber]
-
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
         """Declare the publishers of what comes from beyond the water; in the worker."""
-        tokens = []
-        declared: list[Declared] = []
-        for name in self._names(sources):
-            tokens.append(self._teller(name).token)
-            if self._topic.is_latched:
-                cache = self._cache(self.key(name))
-                cache.declare()
-                declared.append(cache)
-        return [*declared, *self._graph.announce(tokens)]
+        names = self._names(sources)
+        if self._latched is not None:
+            # Late joiners look for the caches of the publishers that they see.
+            self._latched.declare(*map(self.key, names))
+        tokens = [self._teller(name).token for name in names]
+        return [*super().offer(sources), *self._graph.announce(tokens)]
 
     def hear(self, address: int) -> Sequence[Declared]:
         """Declare the subscription to what this node publishes; in the worker."""
@@ -199,13 +171,4 @@ class RosTopicDialect(TopicDialect):
         if known is None:
             token = self._graph.endpoint(Entity.PUBLISHER, self.ros_key(name), self._topic.qos)
             known = self._tellers.setdefault(name, Teller(token, self._wall_clock))
-        return known
-
-    def _cache(self, key: str) -> LatchedPublisher:
-        known = self._latched.get(key)
-        if known is None:
-            made = LatchedPublisher(
-                key, self._topic.qos.depth, self._island, self.stream.qos.priority
-            )
-            known = self._latched.setdefault(key, made)
         return known

@@ -19,6 +19,7 @@ from zacoustic.core.events import (
 )
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ServiceSpec
 from zacoustic.core.trace import TraceRecord
@@ -26,7 +27,7 @@ from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.stories.invariants import INVARIANTS
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
-from zacoustic.testing.virtual import Build, VirtualNetwork
+from zacoustic.testing.virtual import VirtualNetwork
 
 _OFF_BEAT = 0.05
 _MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
@@ -46,7 +47,7 @@ def tell(
     witnesses: Iterable[Callable[[], Witness]] = INVARIANTS,
     *,
     digest: bool = False,
-    build: Build = Engine,
+    build: MakeEngine = Engine,
 ) -> Told:
     """Tell a story from its beginning to its end.
 
@@ -79,7 +80,7 @@ class Telling:
         *,
         trace: Callable[[TraceRecord], None] | None = None,
         digest: bool = False,
-        build: Build = Engine,
+        build: MakeEngine = Engine,
     ) -> None:
         self.story = story
         self.witnesses = tuple(witnesses)

@@ -1,7 +1,7 @@
 """Recorded telemetry: what a fit finds in it, and what it costs on the water.
 
 =============  =====================================================================================
-`lines`        a recording as lines: time, name, content
+`lines`        a recording as lines: time, name, content; `mcaplines`: one in MCAP
 `names`        which stream a name in a recording means
 `values`       the content of a line as a value of its type; when a decoded value is right
 `recording`    the recordings of a fleet's streams, by vehicle

@@ -1,4 +1,4 @@
-"""A recording as lines: JSON, one sample a line, compressed or not.
+"""A recording as lines: JSON, one sample a line, compressed or not; or MCAP (`mcaplines`).
 
 ``{"t": 12.5, "s": "auv1/nav", "v": {"lat": 43.1, …}}``: seconds, the stream by name or id, its
 value by name or in the order of the fields. The first line may be ``{"meta": …}``, for people.
@@ -9,29 +9,18 @@ import math
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, Final, NoReturn
+from typing import IO, Final, NoReturn
 
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.recording.reading import is_recording
+from zacoustic.tools.telemetry.line import Line
+from zacoustic.tools.telemetry.mcaplines import read_mcap
 
 _GZIP: Final = b"\x1f\x8b"
-_MCAP: Final = b"\x89MCAP"
 _LONGEST_BYTES: Final = 1 << 20
 _ALLOWED: Final = 'one sample a line: {"t": seconds, "s": stream, "v": value}'
-
-
-class Line(msgspec.Struct, frozen=True):
-    """A sample as it is written."""
-
-    place: str
-    """File and number of the line, for messages."""
-    at_s: float
-    """Time, s."""
-    name: str
-    """The stream, by name or id."""
-    content: Any
-    """The value."""
 
 
 def read_lines(path: str) -> Iterator[Line]:
@@ -40,6 +29,9 @@ def read_lines(path: str) -> Iterator[Line]:
     Raises:
         ConfigError: The file cannot be read, or the first line that is wrong.
     """
+    if is_recording(path) or path.endswith(".mcap"):
+        yield from read_mcap(path)
+        return
     try:
         with _open(Path(path)) as file:
             for number in range(1, 1 << 62):
@@ -60,12 +52,7 @@ def read_lines(path: str) -> Iterator[Line]:
 
 def _open(path: Path) -> IO[bytes] | gzip.GzipFile:
     with path.open("rb") as file:
-        head = file.read(len(_MCAP))
-    if head == _MCAP or path.suffix == ".mcap":
-        raise ConfigError(
-            f"{path}: MCAP is not available yet; allowed: JSON lines, also compressed (.gz)",
-            hint="write each message as a line",
-        )
+        head = file.read(len(_GZIP))
     return gzip.open(path, "rb") if head.startswith(_GZIP) else path.open("rb")
 
 

@@ -1,0 +1,65 @@
+"""What became of the samples that nobody answers: set-points and the stop.
+
+A service says what it has done; a sample says nothing. But the gateway counts what becomes of the
+samples of a reliable topic (``@acoustic/1/streams``), so the operator can be told whether the
+vehicle has the newest one.
+"""
+
+import enum
+from typing import Any, Final
+
+_FAILURES: Final = ("expired", "refused", "cancelled")
+
+
+class Fate(enum.Enum):
+    """Of the newest sample of a topic."""
+
+    GIVEN = "given to the gateway"
+    """The gateway has not counted it yet."""
+    UNDER_WAY = "on its way"
+    """It waits for its frame, is in the water, or is not acknowledged yet."""
+    THERE = "the vehicle has it"
+    LOST = "not delivered"
+    """The gateway has given up; it may have arrived nevertheless."""
+
+    @property
+    def is_over(self) -> bool:
+        """Nothing more becomes of it."""
+        return self in (Fate.THERE, Fate.LOST)
+
+
+class Fates:
+    """The fate of the newest sample of each topic."""
+
+    def __init__(self) -> None:
+        self._fates: dict[str, Fate] = {}
+        self._published: dict[str, int] = {}
+        """How many the gateway had counted when the newest one was sent."""
+        self._counts: dict[str, dict[str, Any]] = {}
+
+    def of(self, topic: str) -> Fate | None:
+        """Return the fate of the newest sample; None: there is none."""
+        return self._fates.get(topic)
+
+    def sent(self, topic: str) -> None:
+        """A sample was published."""
+        self._fates[topic] = Fate.GIVEN
+        self._published[topic] = self._counts.get(topic, {}).get("published", 0)
+
+    def take(self, document: dict[str, Any]) -> None:
+        """Take the gateway's counters of all streams, each newer than the last ones."""
+        for counts in document["streams"]:
+            topic = counts["name"]
+            before = self._counts.get(topic, {})
+            self._counts[topic] = counts
+            fate = self._fates.get(topic)
+            if fate is None or fate.is_over or "delivering" not in counts:
+                continue
+            if counts["published"] < self._published[topic]:
+                self._fates[topic] = Fate.LOST  # another life of the gateway
+            elif counts["delivering"]:
+                is_counted = counts["published"] > self._published[topic]
+                self._fates[topic] = Fate.UNDER_WAY if is_counted else fate
+            elif counts["published"] > self._published[topic]:
+                failed = any(counts[each] > before.get(each, 0) for each in _FAILURES)
+                self._fates[topic] = Fate.LOST if failed else Fate.THERE

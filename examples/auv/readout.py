@@ -1,0 +1,298 @@
+"""What is to be read at the desk: every value with its age, reported or predicted.
+
+Functions of the desk that return lines and tables as text; how they look is the page's business.
+An age is that at the source: how long ago the vehicle had the value, not how long it has been here.
+"""
+
+from typing import Final
+
+import msgspec
+
+from examples.auv.desk import CONFIRMED, Desk, Order
+from examples.auv.fates import Fate
+from examples.auv.linkwatch import Frame
+from examples.auv.messages import ELEVATOR, RUDDER, STOP, THRUST, Mode
+from examples.auv.setpoints import Setpoints
+from examples.auv.start import NAV_PERIOD_S, STATUS_PERIOD_S
+
+OLD_REPORTS: Final = 4
+"""A value is old when so many of its reports have not come."""
+REPORTS_WINDOW_S: Final = 120.0
+
+_SHORT: Final = {RUDDER: "rudder", ELEVATOR: "elevator", THRUST: "thrust"}
+
+
+class Value(msgspec.Struct, frozen=True):
+    """One line of the table of values."""
+
+    name: str
+    reported: str
+    age_s: float
+    now: str = ""
+    """As predicted; empty: it is not."""
+    is_old: bool = False
+
+
+class Line(msgspec.Struct, frozen=True):
+    """One line of another table."""
+
+    name: str
+    text: str
+    age_s: float | None = None
+    is_bad: bool = False
+
+
+class OrderLine(msgspec.Struct, frozen=True):
+    """An order, and what became of it."""
+
+    text: str
+    age_s: float
+    outcome: str
+    state: str
+    """``waiting``, ``good`` or ``bad``."""
+
+
+def ago(seconds: float) -> str:
+    """Say a duration in words."""
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def short(stream: str) -> str:
+    """Return the name of a stream as people at this desk say it."""
+    return _SHORT.get(stream, stream.rpartition("/")[2])
+
+
+# The vehicle
+
+
+def mode(desk: Desk) -> str:
+    """Say who steers, as the vehicle has reported."""
+    nav = desk.shore.nav
+    return "not heard yet" if nav is None else nav.mode.value
+
+
+def report_age_s(desk: Desk) -> float | None:
+    """Return how old the newest report is; None: there is none."""
+    return None if desk.shore.nav is None else desk.now_s - desk.shore.nav_made_at_s
+
+
+def is_report_old(desk: Desk) -> bool:
+    """Tell whether several reports have not come."""
+    age_s = report_age_s(desk)
+    return age_s is None or age_s > OLD_REPORTS * NAV_PERIOD_S
+
+
+def values(desk: Desk) -> list[Value]:
+    """Return what the vehicle has reported, and what it probably is now."""
+    shore, now_s = desk.shore, desk.now_s
+    estimate, nav, status = shore.estimate(now_s), shore.nav, shore.status
+    found: list[Value] = []
+    if nav is not None and estimate is not None:
+        age_s, is_old = estimate.age_s, is_report_old(desk)
+        rows = (
+            (
+                "depth",
+                f"{nav.depth:.1f} m",
+                f"{estimate.depth:.1f} ± {_metres(estimate.depth_sigma)}",
+            ),
+            (
+                "position",
+                f"{_place(nav.north, nav.east)} ± {_metres(nav.sigma)}",
+                f"{_place(estimate.north, estimate.east)} ± {_metres(estimate.sigma)}",
+            ),
+            ("heading", f"{nav.heading:.0f}°", f"{estimate.heading:.0f}°"),
+            ("speed", f"{nav.speed:.2f} m/s", ""),
+            ("turning", f"{nav.turn:+.1f} °/s", ""),
+            ("pitch, roll", f"{round(nav.pitch)}°, {round(nav.roll)}°", ""),
+        )
+        found += [Value(name, said, age_s, now, is_old) for name, said, now in rows]
+    if status is not None:
+        age_s = now_s - shore.status_made_at_s
+        is_old = age_s > OLD_REPORTS * STATUS_PERIOD_S
+        found += [
+            Value("above the bed", f"{status.altitude:.0f} m", age_s, "", is_old),
+            Value("battery", f"{status.battery:.0f} %", age_s, "", is_old),
+        ]
+    return found
+
+
+# Orders
+
+
+def order_lines(desk: Desk) -> list[OrderLine]:
+    """Say what became of the orders, newest first."""
+    return [
+        OrderLine(each.text, desk.now_s - each.at_s, *_outcome(desk, each))
+        for each in reversed(desk.orders)
+    ]
+
+
+def setpoint_line(desk: Desk, topic: str) -> str:
+    """Say what became of the set-point of a joint; empty: nothing is wanted."""
+    setpoints: Setpoints = desk.setpoints
+    if topic in setpoints.waiting:
+        return f"goes in {setpoints.due_in_s(desk.now_s):.0f} s"
+    fate = desk.watch.fates.of(topic) if topic in setpoints.wanted else None
+    return "" if fate is None else fate.value
+
+
+def steering_hint(desk: Desk) -> str:
+    """Say why set-points do nothing now; empty: they count, as far as it is known."""
+    nav = desk.shore.nav
+    match None if nav is None else nav.mode:
+        case Mode.MANUAL | None:
+            return ""
+        case Mode.DISARMED | Mode.STOPPED:
+            return "arm first: the propeller stands"
+        case Mode.SURFACING:
+            return "the vehicle surfaces: the shore was lost"
+        case _:
+            return "the autopilot steers: press “by hand” first"
+
+
+# Link, queue and water
+
+
+def link_lines(desk: Desk) -> list[Line]:
+    """Say how good the link is."""
+    watch, unix_s = desk.watch, desk.unix_s
+    link = watch.documents.get("link")
+    if link is None:
+        return [Line("modem", "not heard yet")]
+    found = [Line("modem", link["state"], is_bad=link["state"] != "up")]
+    heard_at = watch.heard_at_unix_s
+    if watch.lost_since_unix_s is not None:
+        found.append(Line("vehicle", "LOST", unix_s - watch.lost_since_unix_s, is_bad=True))
+    measured = watch.documents.get("peer/2/range")
+    if measured is not None:
+        metres = "" if measured["range_m"] is None else f"{measured['range_m']:.0f} m, "
+        text = f"{metres}{measured['propagation_s']:.2f} s"
+        found.append(Line("range", text, unix_s - measured["measured_at_unix_s"]))
+    if heard_at is not None:
+        found.append(Line("signal", _signal(watch.metrics), unix_s - heard_at))
+    came, due = _reports(desk)
+    if due:
+        found.append(Line("reports", f"{came} of {due} in 2 min", is_bad=2 * came < due))
+    share = watch.airtime_share(desk.now_s)
+    if share is not None:
+        found.append(Line("own airtime", f"{share:.0%} of a minute"))
+    lost = "" if watch.loss is None else f", {watch.loss:.0%} of ours lost"
+    frames = f"{link['frames_transmitted']} sent, {link['frames_received']} heard{lost}"
+    found.append(Line("frames", frames))
+    return found
+
+
+def water_lines(desk: Desk) -> list[Line]:
+    """Say what is in the water now, and what waits for it."""
+    watch = desk.watch
+    found = [
+        Line(_content(frame), f"in the water, there in {left_s:.1f} s")
+        for frame, left_s in watch.in_water(desk.unix_s)
+    ]
+    for each in watch.waiting():
+        if each.unacknowledged > each.queued:
+            text = "waits for its acknowledgement"
+        else:
+            text = f"{each.queued} in the queue"
+        found.append(Line(short(each.stream), text, is_bad=each.stream == STOP))
+    if (share := photo_share(desk)) is not None:
+        found.append(Line("photo", f"comes, {share:.0%} is here"))
+    found += [
+        Line(f"{short(topic)} {value:g}", "waits here: one set-point in 3 s")
+        for topic, value in desk.setpoints.waiting.items()
+    ]
+    return found
+
+
+def photo_line(desk: Desk) -> str:
+    """Say how old the photo is that is shown."""
+    if not desk.shore.photos:
+        return ""
+    came = f"came {ago(desk.now_s - desk.shore.photo_came_at_s)} ago"
+    if desk.photo_asked_at_s is None:
+        return came
+    return f"{came}, asked for {ago(desk.now_s - desk.photo_asked_at_s)} ago"
+
+
+def photo_progress(desk: Desk) -> str:
+    """Say how much of the next photo is here; empty: none is on its way."""
+    arriving = desk.watch.arriving(desk.now_s)
+    if not arriving:
+        return ""
+    first = arriving[0]
+    if first.total_bytes is None:
+        return f"{first.done_bytes} bytes of the next"
+    left = "" if first.left_s is None else f", about {ago(first.left_s)} left"
+    return f"{first.done_bytes / 1000:.1f} of {first.total_bytes / 1000:.1f} kB{left}"
+
+
+def photo_share(desk: Desk) -> float | None:
+    """Return which share of the photo is here; None: none is on its way."""
+    arriving = desk.watch.arriving(desk.now_s)
+    if not arriving:
+        return None
+    total_bytes = arriving[0].total_bytes
+    return arriving[0].done_bytes / total_bytes if total_bytes else 0.0
+
+
+def _place(north: float, east: float) -> str:
+    return f"{round(north)} N {round(east)} E"
+
+
+def _metres(sigma: float) -> str:
+    return f"{sigma:.1f} m" if sigma < 10 else f"{sigma:.0f} m"
+
+
+def _outcome(desk: Desk, order: Order) -> tuple[str, str]:
+    answer = order.answer
+    if answer is None:
+        if order.is_confirmed:
+            return CONFIRMED, "good"
+        fate = Fate.GIVEN if order.fate is None else order.fate
+        return fate.value, "bad" if fate is Fate.LOST else "waiting"
+    if answer.ended:
+        return ("done", "good") if answer.is_good else (answer.text or "failed", "bad")
+    if not answer.accepted:
+        return "not answered yet", "waiting"
+    return f"accepted, under way{_distance_left(desk)}", "waiting"
+
+
+def _distance_left(desk: Desk) -> str:
+    estimate = desk.shore.estimate(desk.now_s)
+    if estimate is None or not desk.waypoints:
+        return ""
+    goal = desk.waypoints[-1]
+    metres = ((goal.north - estimate.north) ** 2 + (goal.east - estimate.east) ** 2) ** 0.5
+    return f", about {metres:.0f} m left"
+
+
+def _signal(metrics: dict[str, float | None]) -> str:
+    parts = []
+    if (level_db := metrics.get("received_level_db")) is not None:
+        parts.append(f"{level_db:.0f} dB")
+    if (snr_db := metrics.get("snr_db")) is not None:
+        parts.append(f"SNR {snr_db:.0f} dB")
+    if (integrity := metrics.get("integrity")) is not None:
+        parts.append(f"integrity {integrity:.0f}")
+    return ", ".join(parts) or "not measured"
+
+
+def _reports(desk: Desk) -> tuple[int, int]:
+    """Return how many reports of the last minutes are here, and how many were made."""
+    track, now_s = desk.shore.track, desk.now_s
+    # The newest may still be in the water.
+    until_s = now_s - desk.watch.way_s - NAV_PERIOD_S
+    since_s = max(until_s - REPORTS_WINDOW_S, track[0][0] if track else until_s)
+    came = sum(1 for made_at_s, _ in track if since_s < made_at_s <= until_s)
+    due = round((until_s - since_s) / NAV_PERIOD_S)
+    return min(came, due), due
+
+
+def _content(frame: Frame) -> str:
+    names = ", ".join(short(each) for each in frame.streams)
+    return f"{names or 'acknowledgement'}, {frame.bytes} bytes"

@@ -1,0 +1,335 @@
+"""What `zacoustic doctor` asks a modem: reading only, nothing is set and nothing is sent.
+
+The questions are those of the start-up (`driver.startup`), less whatever it changes; the filler,
+which in data mode would be data for the water, is never used. A port that gives no sign is tried at
+other baud rates. Each answer is judged by what it means at sea.
+"""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Iterator, Mapping
+from typing import Any, Final
+
+from zacoustic.bytestream import ByteStream
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.link import Finding
+from zacoustic_evologics.at.commands import Act, Action, Command, Query
+from zacoustic_evologics.at.decoder import AtDecoder
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END
+from zacoustic_evologics.at.messages import Message, Reply
+from zacoustic_evologics.at.replies import (
+    CommandReply,
+    LinkStatus,
+    ModeReply,
+    NetStatus,
+    Number,
+    TextReply,
+)
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
+from zacoustic_evologics.driver.channel import FENCE, CommandChannel
+from zacoustic_evologics.driver.startup_probe import Probe
+
+BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
+"""What a serial port is tried at, the usual one first."""
+SERVED_FIRMWARES: Final = ("1.6", "1.7", "1.8", "1.9")
+"""Those whose peculiarities the driver knows."""
+LEVELS_DB: Final = {0: "the loudest", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
+
+_DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
+_BURST_WORDS: Final = ("ESTABLISH", "ONLINE", "BACKOFF", "DISCONNECT")
+_BITS_PER_BYTE: Final = 10
+
+
+class Examination:
+    """One connection to a modem, for questions.
+
+    Args:
+        address: `tcp:HOST:PORT` or `serial:PORT`.
+        baudrate: Of a serial port.
+        reply_s: How long an answer may take, s.
+    """
+
+    def __init__(self, address: str, baudrate: int, reply_s: float) -> None:
+        self._is_serial = address.startswith("serial:")
+        self._stream = ByteStream(address, baudrate=baudrate)
+        byte_ns = _BITS_PER_BYTE * NS_PER_S // baudrate if self._is_serial else 0
+        self._reply_ns, self._byte_ns = seconds_to_ns(reply_s), byte_ns
+        self._channel = CommandChannel(reply_ns=self._reply_ns, byte_ns=byte_ns)
+        self._decoder = AtDecoder()
+        self._heard: asyncio.Queue[Message | None] = asyncio.Queue()
+        self.reason = ""
+        """Why there is no connection."""
+        self.bytes_heard = 0
+        """Whatever came, understood or not."""
+
+    async def open(self, patience_s: float) -> bool:
+        """Connect, and find out whether a modem is there; False: it gives no sign."""
+        self._stream.open(self)
+        try:
+            async with asyncio.timeout(patience_s):
+                await self._heard.get()
+        except TimeoutError:
+            self.reason = self.reason or "no connection"
+        if self.reason:
+            return False
+        return await self._find()
+
+    async def close(self) -> None:
+        """Release the port."""
+        await self._stream.close()
+
+    async def ask(self, command: Command) -> CommandReply | None:
+        """Return the answer, or None when none came in time; asked twice."""
+        for _ in range(2):
+            ticket = self._channel.ask(command, time.monotonic_ns())
+            while (due_at := self._channel.due_at) is not None:
+                self._write()
+                message = await self._next(due_at)
+                now = time.monotonic_ns()
+                if isinstance(message, Reply):
+                    answer = self._channel.handle_reply(message, now)
+                else:
+                    answer = self._channel.handle_timeout(now)
+                if answer is not None and answer.ticket == ticket:
+                    if answer.reply is not None:
+                        return answer.reply
+                    break
+        return None
+
+    async def _find(self) -> bool:
+        probe = Probe(
+            is_serial=self._is_serial, may_fill=False, reply_ns=self._reply_ns,
+            byte_ns=self._byte_ns,
+        )  # fmt: skip
+        question: bytes | None = probe.start(time.monotonic_ns())
+        while question is not None:
+            self._stream.write(question)
+            while (due_at := probe.due_at) is not None:
+                message = await self._next(due_at)
+                if message is not None and probe.handle_message(message):
+                    assert probe.framing is not None
+                    self._channel.framing = self._decoder.framing = probe.framing
+                    self._channel.line_end = probe.line_end
+                    return await self._confirm()
+                if time.monotonic_ns() >= due_at:
+                    break
+            question = probe.handle_timeout(time.monotonic_ns())
+        return False
+
+    async def _confirm(self) -> bool:
+        """Find out who reads, and with which line end."""
+        reply = await self.ask(FENCE)
+        if reply is None:
+            serial_end = self._channel.line_end == SERIAL_LINE_END
+            self._channel.line_end = TCP_LINE_END if serial_end else SERIAL_LINE_END
+            reply = await self.ask(FENCE)
+        if isinstance(reply, ModeReply):
+            self._channel.interpreter = reply.interpreter
+        return isinstance(reply, ModeReply)
+
+    async def _next(self, due_at: int) -> Message | None:
+        """Return what the modem says next; None: the time is over, or the connection is."""
+        left_s = max(0.0, (due_at - time.monotonic_ns()) / NS_PER_S)
+        try:
+            async with asyncio.timeout(left_s):
+                return await self._heard.get()
+        except TimeoutError:
+            return None
+
+    def _write(self) -> None:
+        while (output := self._channel.poll_output()) is not None:
+            self._stream.write(output)
+
+    # What the stream calls
+
+    def stream_opened(self) -> None:
+        """The connection is there."""
+        self.reason = ""
+        self._heard.put_nowait(None)
+
+    def bytes_received(self, data: bytes, received_at: int) -> None:
+        """The modem says something."""
+        self.bytes_heard += len(data)
+        for message in self._decoder.feed(data):
+            self._heard.put_nowait(message)
+
+    def stream_lost(self, reason: str) -> None:
+        """The connection is gone, or could not be made."""
+        if not self.reason:
+            self.reason = reason
+            self._heard.put_nowait(None)
+
+
+async def examine(
+    address: str, config: EvologicsConfig, node_address: int, patience_s: float
+) -> list[Finding]:
+    """Examine the modem at a port.
+
+    Args:
+        address: `tcp:HOST:PORT` or `serial:PORT`.
+        config: Settings of the driver.
+        node_address: Acoustic address of the node.
+        patience_s: How long to wait for a connection, s.
+    """
+    examination = Examination(address, config.baudrate, config.reply_s)
+    try:
+        if await examination.open(patience_s):
+            return [each async for each in _judgements(examination, config, node_address)]
+    finally:
+        await examination.close()
+    if examination.reason:
+        return [_unreachable(address, examination.reason)]
+    if address.startswith("serial:"):
+        for baudrate in BAUDRATES:
+            if baudrate != config.baudrate and await _answers(address, baudrate, config.reply_s):
+                return [_wrong_baudrate(address, config.baudrate, baudrate)]
+    return [_silent(address, config.baudrate, examination.bytes_heard)]
+
+
+def assess(health: Mapping[str, Any], config: EvologicsConfig) -> list[Finding]:
+    """Judge what the modem has told a gateway that runs.
+
+    Args:
+        health: Documents of the gateway, by name.
+        config: Settings of the driver.
+    """
+    readings = health.get("link", {}).get("diagnostics", {})
+    if not isinstance(readings, Mapping) or readings.get("state") != "ready":
+        return []
+    found = list(_of_firmware(TextReply(str(readings.get("firmware", "")))))
+    level = readings.get("source_level")
+    if isinstance(level, int):
+        found += _of_level(Number(level), config)
+    return found
+
+
+async def _answers(address: str, baudrate: int, reply_s: float) -> bool:
+    examination = Examination(address, baudrate, min(reply_s, 0.5))
+    try:
+        return await examination.open(2.0)
+    finally:
+        await examination.close()
+
+
+async def _judgements(
+    examination: Examination, config: EvologicsConfig, node_address: int
+) -> AsyncIterator[Finding]:
+    firmware = await examination.ask(Act(Action.INFORMATION, 0))
+    for finding in _of_firmware(firmware):
+        yield finding
+    for finding in _of_state(await examination.ask(Query("S"))):
+        yield finding
+    address = await examination.ask(Query("AL"))
+    for finding in _of_address(address, config, node_address):
+        yield finding
+    highest = await examination.ask(Query("AM"))
+    is_left = isinstance(highest, Number) and config.highest_address is None
+    if isinstance(highest, Number) and is_left and node_address > highest.value:
+        yield _too_small(highest.value, node_address)
+    for finding in _of_level(await examination.ask(Query("L")), config):
+        yield finding
+
+
+def _of_firmware(reply: CommandReply | None) -> Iterator[Finding]:
+    text = reply.text.strip() if isinstance(reply, TextReply) else ""
+    if not text.startswith(SERVED_FIRMWARES):
+        yield Finding(
+            what=f"firmware of the modem is unknown: it answers {text or 'nothing'!r} to ATI0",
+            why="its messages may have another form than the driver knows, and be dropped",
+            cure=f"try it on the bench, or load one of {', '.join(SERVED_FIRMWARES)}",
+        )
+
+
+def _of_state(reply: CommandReply | None) -> Iterator[Finding]:
+    state = ""
+    if isinstance(reply, LinkStatus | NetStatus):
+        state = reply.state
+    elif isinstance(reply, TextReply):
+        state = reply.text
+    if any(word in state for word in _DEAF_WORDS):
+        yield Finding(
+            what=f"the modem does not listen: AT?S says {state}",
+            why="it hears nobody, and acknowledges nothing",
+            cure="ATA makes it listen; the gateway says that when it starts; see who stops it",
+        )
+    elif any(word in state for word in _BURST_WORDS):
+        yield Finding(
+            what=f"the modem is in burst mode: AT?S says {state}",
+            why="it sets up or holds a burst connection, again and again if nobody answers: that "
+            "fills the channel, and frames of the gateway have to wait",
+            cure="ATZ1 drops the burst data; see which other program has sent them",
+        )
+
+
+def _of_address(
+    reply: CommandReply | None, config: EvologicsConfig, node_address: int
+) -> Iterator[Finding]:
+    if not isinstance(reply, Number):
+        yield Finding(
+            what="the modem does not tell its address (AT?AL)",
+            why="nobody can tell who speaks",
+            cure="switch the modem off and on",
+        )
+    elif reply.value != node_address and not config.set_address:
+        yield Finding(
+            what=f"the modem has address {reply.value}, this node {node_address}",
+            why="two modems of one address answer for each other, and take each other's frames; "
+            "the gateway does not start so",
+            cure=f"address: {reply.value} in the file, or set_address=true in the locator, which "
+            f"gives the modem {node_address}",
+        )
+
+
+def _too_small(highest: int, node_address: int) -> Finding:
+    return Finding(
+        what=f"highest address of the network is {highest}, this node has {node_address}",
+        why="the modem takes no address above; the gateway does not start so",
+        cure="highest_address=14 (or 30, 62, …) in the locator of all modems",
+    )
+
+
+def _of_level(reply: CommandReply | None, config: EvologicsConfig) -> Iterator[Finding]:
+    if config.deck or not isinstance(reply, Number):
+        return
+    level = reply.value if config.source_level is None else config.source_level
+    if level == IN_AIR_SOURCE_LEVEL:
+        yield Finding(
+            what=f"source level is {level}, {LEVELS_DB[level]}: that of a bench in air",
+            why="in water nobody farther than some hundred metres hears it",
+            cure="source_level=0 in the locator, or AT!L0 in the modem; deck=true where it is in "
+            "air",
+        )
+
+
+def _wrong_baudrate(address: str, given: int, found: int) -> Finding:
+    return Finding(
+        what=f"{address}: no modem at {given} baud, one answers at {found}",
+        why="what passes is nonsense at both ends, and looks like a dead modem",
+        cure=f"baudrate={found} in the locator",
+    )
+
+
+def _silent(address: str, baudrate: int, bytes_heard: int) -> Finding:
+    heard = f"; {bytes_heard} bytes came that mean nothing" if bytes_heard else ""
+    where = f" at {baudrate} baud or any usual rate" if address.startswith("serial:") else ""
+    return Finding(
+        what=f"{address}: no modem answers{where}{heard}",
+        why="without it this node is deaf and mute",
+        cure="see that it has power, that transmit and receive are not crossed, and that no other "
+        "program talks to this port",
+    )
+
+
+def _unreachable(address: str, reason: str) -> Finding:
+    reason = reason.removeprefix(f"{address}: ")
+    cure = "see that it is switched on, and that address and cable are right"
+    if "in use" in reason:
+        cure = "stop the other program; if it is the gateway, name its router by --connect"
+    elif "Permission" in reason:
+        cure = "add the user of the gateway to the group of the port (often dialout), and log in "
+        cure += "again; or write a udev rule"
+    return Finding(
+        what=f"{address}: {reason}",
+        why="the gateway cannot open the modem either",
+        cure=cure,
+    )

@@ -1,0 +1,72 @@
+"""Recording: what it costs a simulation and the disk, and how fast it is checked.
+
+    .venv/bin/python tests/benchmarks/bench_recording.py [HOURS]
+
+Three nodes with dense telemetry, an object, restarts, 10 % loss. Exits 1 when a replay differs, or
+a ledger does not sum to its frames.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from tests.recording.test_exact import run_survey, survey
+from tests.virtual.fleet import line
+from zacoustic.testing.virtual import VirtualNetwork
+from zacoustic.tools.recordings.checking import check_recording
+from zacoustic.tools.recordings.figures import figures_of
+from zacoustic.tools.recordings.gathering import gather
+from zacoustic.tools.simulationrecord import recorded_to
+
+HOURS = 1.0
+
+
+def main() -> int:
+    hours = float(sys.argv[1]) if len(sys.argv) > 1 else HOURS
+    until_s = hours * 3600
+    water = line(0, 800, 1500, loss={"frame": 0.1})
+    begun = time.perf_counter()
+    plain = VirtualNetwork(water, survey())
+    run_survey(plain, until_s=until_s)
+    plain_s = time.perf_counter() - begun
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "survey.mcap"
+        begun = time.perf_counter()
+        with recorded_to(path) as recorder:
+            assert recorder is not None
+            network = VirtualNetwork(water, survey(), build=recorder.make)
+            recorder.network = network
+            run_survey(network, until_s=until_s)
+        recorded_s = time.perf_counter() - begun
+        size_bytes = path.stat().st_size
+        begun = time.perf_counter()
+        verdict = check_recording(path)
+        checked_s = time.perf_counter() - begun
+        begun = time.perf_counter()
+        figures = figures_of(gather([path]))
+        reported_s = time.perf_counter() - begun
+    calls = sum(life.calls for life in verdict.lives)
+    frames = sum(life.frames for life in verdict.lives)
+    frame_bytes = sum(life.frame_bytes for life in verdict.lives)
+    ledger_bytes = sum(life.ledger_bytes for life in verdict.lives)
+    node_hours = hours * len(network.addresses)
+    print(f"{hours:g} h of 3 nodes, {frames} frames, {calls} calls of engines")
+    print(f"simulated           {plain_s:8.2f} s")
+    per_call_us = (recorded_s - plain_s) / calls * 1e6
+    print(f"and recorded        {recorded_s:8.2f} s, {per_call_us:.0f} µs a call")
+    print(f"on the disk         {size_bytes / node_hours / 1024:8.1f} KiB an hour and node")
+    print(f"checked             {checked_s:8.2f} s, {calls / checked_s:.0f} calls/s")
+    print(f"reported            {reported_s:8.2f} s")
+    print(f"frames {frame_bytes} bytes, ledgers {ledger_bytes} bytes")
+    exact = all(node.ledger_is_exact for node in figures.nodes)
+    if not verdict.is_same or not exact or frame_bytes != ledger_bytes:
+        print("the replay differs, or a ledger does not sum")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,76 @@
+"""`zacoustic completion`: scripts that shells take, and what they complete."""
+
+import argparse
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("shtab")
+
+from zacoustic.cli import BUILT_IN, complete_parser, main
+from zacoustic.cli.completion import SHELLS
+
+# Calls the function of the script as bash does, and prints what it offers.
+COMPLETE = """
+source "$1"; shift
+name=$(complete -p zacoustic | sed -n 's/.*-F \\([^ ]*\\).*/\\1/p')
+COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()
+"$name" zacoustic "${COMP_WORDS[$COMP_CWORD]}" "${COMP_WORDS[$COMP_CWORD - 1]}"
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_script_knows_every_verb(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    for verb in (*BUILT_IN, "medium", "emulate"):
+        assert verb in script, verb
+    program = shutil.which(shell)
+    if program is not None:
+        checked = subprocess.run(
+            [program, "-n"], input=script, capture_output=True, text=True, check=False, timeout=60
+        )
+        assert (checked.returncode, checked.stderr) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="NOT RUN: no bash")
+@pytest.mark.parametrize(
+    ("words", "offered", "not_offered"),
+    [
+        (["mon"], {"monitor"}, {"gateway"}),
+        (["emulate", ""], {"desert", "evologics"}, {"monitor"}),
+        (["ping", "--"], {"--count", "--interval", "--timeout", "--json"}, {"--once"}),
+        (["completion", ""], set(SHELLS), set()),
+        (["check", "fle"], {"fleet.json5"}, {"folder"}),
+    ],
+)
+def test_bash_completes(
+    words: list[str],
+    offered: set[str],
+    not_offered: set[str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["completion", "bash"]) == 0
+    script = tmp_path / "script"
+    script.write_text(capsys.readouterr().out, encoding="utf-8")
+    (tmp_path / "fleet.json5").touch()
+    command = ["bash", "-c", COMPLETE, "bash", str(script), "zacoustic", *words]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60
+    )
+    found = set(done.stdout.split())
+    assert offered <= found, done
+    assert not found & not_offered
+
+
+def test_parser_of_all_verbs_reads_each_of_them() -> None:
+    parser = complete_parser()
+    choices = next(
+        each for each in parser._actions if isinstance(each, argparse._SubParsersAction)
+    ).choices
+    assert set(BUILT_IN) < set(choices)
+    assert parser.parse_args(["ping", "2", "--count", "3"]).count == 3

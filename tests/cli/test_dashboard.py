@@ -1,0 +1,63 @@
+"""`zacoustic dashboard` as a process: it serves, and ends on a signal."""
+
+import asyncio
+import os
+import signal
+import socket
+import sys
+import urllib.error
+import urllib.request
+from asyncio.subprocess import PIPE
+
+import pytest
+
+from tests.gateway.islands import LIMIT_S, run, zenoh_router
+from zacoustic.cli import main
+
+pytest.importorskip("nicegui")
+
+
+def test_page_is_served_until_ctrl_c() -> None:
+    async def scene() -> None:
+        with zenoh_router() as port:
+            where = ["--connect", f"tcp/127.0.0.1:{port}", "--listen", "127.0.0.1:0"]
+            command = [sys.executable, "-m", "zacoustic.cli", "dashboard", *where]
+            # NiceGUI takes a program that pytest has started for a test of its own.
+            environment = {name: each for name, each in os.environ.items() if "PYTEST" not in name}
+            process = await asyncio.create_subprocess_exec(
+                *command, stdout=PIPE, stderr=PIPE, env=environment
+            )
+            assert process.stdout is not None
+            async with asyncio.timeout(LIMIT_S):
+                line = (await process.stdout.readline()).decode()
+                url = line.removeprefix("page ").strip()
+                page = await asyncio.to_thread(fetch, url)
+                process.send_signal(signal.SIGINT)
+                _, errors = await process.communicate()
+            assert "zacoustic" in page
+            assert (process.returncode, errors.decode()) == (0, "")
+
+    run(scene())
+
+
+def fetch(url: str) -> str:
+    """Read a page that is served soon."""
+    while True:
+        try:
+            with urllib.request.urlopen(url, timeout=LIMIT_S) as answer:
+                return str(answer.read().decode())
+        except ConnectionRefusedError:
+            continue
+        except urllib.error.URLError as error:
+            if not isinstance(error.reason, ConnectionRefusedError):
+                raise
+
+
+def test_places_that_cannot_be_served_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["dashboard", "--listen", "nowhere"]) == 2
+    assert "allowed: HOST:PORT" in capsys.readouterr().err
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert main(["dashboard", "--listen", f"127.0.0.1:{port}"]) == 1
+    assert f"cannot listen at 127.0.0.1:{port}" in capsys.readouterr().err
+    assert main(["dashboard", "--node", "0", "--listen", "127.0.0.1:0"]) == 2

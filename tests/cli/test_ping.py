@@ -1,0 +1,151 @@
+"""`zacoustic ping`: through a gateway and on a link, its statistics, its cost, its errors."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.watched import WATCHED, lines_of, pair, verb
+from tests.gateway.islands import SECTION, get, run
+from tests.node.fleet import WaterServer
+from zacoustic.cli import main
+from zacoustic.island.pings import PingAnswer
+from zacoustic.tools.pinging import Ping, statistics_of
+
+ONCE = ["--count", "1"]
+
+
+def test_ping_tells_round_trip_range_and_signal(capsys: pytest.CaptureFixture[str]) -> None:
+    async def scene() -> None:
+        async with pair(profile="evologics_s2c_18_34", time_scale=20.0) as found:
+            assert await verb("ping", "2", *found.where, *ONCE) == 0
+            first, sent, *_ = capsys.readouterr().out.splitlines()
+            for word in ("1: node 2 by 1: round trip ", " m, ", "SNR "):
+                assert word in first
+            assert sent == "node 2: 1 sent, 1 answered, 0% lost"
+
+    run(scene())
+
+
+def test_ping_as_json_is_one_line_each_and_statistics(capsys: pytest.CaptureFixture[str]) -> None:
+    async def scene() -> None:
+        async with pair() as found:
+            words = ["--count", "3", "--interval", "0.001", "--json"]
+            assert await verb("ping", "2", *found.where, *words) == 0
+
+    run(scene())
+    *pings, end = lines_of(capsys)
+    assert [each["number"] for each in pings] == [1, 2, 3]
+    for each in pings:
+        assert (each["node"], each["by"], each["answered"]) == (2, 1, True)
+        assert each["range_m"] == 1.0
+        assert 0 < each["round_trip_s"] < 5
+        assert each["range_age_s"] <= each["round_trip_s"] + 0.001
+    found = end["statistics"]
+    assert (found["sent"], found["answered"], found["range_m"]["mean"]) == (3, 3, 1.0)
+
+
+def test_a_node_that_takes_no_orders_of_us_answers_a_ping_all_the_same(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    async def scene() -> None:
+        section = WATCHED | {"orders_from": [3]}
+        async with pair(acknowledges=False, section=section) as found:
+            assert await verb("ping", "2", *found.where, *ONCE, "--json") == 0
+
+    run(scene())
+    answer = lines_of(capsys)[0]
+    assert answer["answered"]
+    assert answer["round_trip_s"] > 0
+
+
+@pytest.mark.parametrize("acknowledges", [True, False])
+def test_where_no_orders_cross_the_range_alone_has_to_do(
+    acknowledges: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    async def scene() -> int:
+        taken = {"id": 175, "topic": "taken", "publishers": [1]}
+        section = WATCHED | {"streams": [*WATCHED["streams"], taken]}
+        async with pair(acknowledges=acknowledges, section=section) as found:
+            return await verb("ping", "2", *found.where, *ONCE, "--json")
+
+    code = run(scene())
+    if acknowledges:
+        assert code == 0
+        answer = lines_of(capsys)[0]
+        assert (answer["round_trip_s"], answer["range_m"]) == (None, 1.0)
+    else:
+        assert code == 1
+        error = capsys.readouterr().err
+        assert "stream 175 is taken, so no orders cross the water" in error
+        assert "and the modem measures no range" in error
+
+
+def test_ping_of_nobody_is_exit_code_3_and_of_the_own_island_1(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    async def scene() -> None:
+        async with pair() as found:
+            quick = [*ONCE, "--timeout", "0.2"]
+            assert await verb("ping", "3", *found.where, *quick) == 3
+            assert "no answer in time" in capsys.readouterr().out
+            assert await verb("ping", "1", *found.where, *quick) == 1
+            assert "node 1 is on this island" in capsys.readouterr().err
+            assert await verb("ping", "99", *found.where, *quick) == 1
+            assert "no gateway that knows node 99" in capsys.readouterr().err
+            for parameters in ("within_s=x", "within_s=0", "within_s=601", "until=3"):
+                replies = await get(found.shore, f"@acoustic/2/ping?{parameters}")
+                assert "BAD_REQUEST" in replies.errors[0], parameters
+            # Looking around pings nobody.
+            before = len(found.water.emissions)
+            await get(found.shore, "@acoustic/**")
+            await get(found.shore, "@acoustic/*/ping")
+            assert len(found.water.emissions) == before
+
+    run(scene())
+
+
+def test_ping_on_a_link_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "fleet.json5"
+    file.write_text(json.dumps({"plugins": {"acoustic": SECTION}}), encoding="utf-8")
+
+    async def scene(locator: str) -> None:
+        from zacoustic import Node
+
+        async with Node("auv1", config=str(file), link=locator):
+            where = ["--link", f"{locator}#acknowledges=true", "--config", str(file)]
+            assert await verb("ping", "auv1", *where, *ONCE, "--json") == 0
+
+    with WaterServer() as locator:
+        run(scene(locator))
+    answer = lines_of(capsys)[0]
+    assert (answer["node"], answer["by"], answer["answered"]) == (2, 1, True)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["auv1"], "a name needs --config FILE"),
+        (["300"], "allowed: 1..254"),
+        (["2", "--count", "0"], "--count 0; allowed"),
+        (["2", "--timeout", "700"], "allowed: at most 600"),
+    ],
+)
+def test_wrong_arguments_of_ping_are_exit_code_2(
+    words: list[str], text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["ping", *words]) == 2
+    assert text in capsys.readouterr().err
+
+
+def test_statistics_leave_out_what_was_not_answered() -> None:
+    def ping(number: int, round_trip_s: float | None) -> Ping:
+        answer = PingAnswer(address=2, by=1, round_trip_s=round_trip_s)
+        return Ping(number=number, answer=answer if round_trip_s else None, unix_s=0.0)
+
+    found = statistics_of([ping(1, 2.0), ping(2, None), ping(3, 4.0)])
+    assert (found.sent, found.answered, found.range_m) == (3, 2, None)
+    spread = found.round_trip_s
+    assert spread is not None
+    assert (spread.least, spread.mean, spread.most, spread.deviation) == (2.0, 3.0, 4.0, 1.0)
+    assert statistics_of([]).sent == 0

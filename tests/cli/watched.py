@@ -1,0 +1,82 @@
+"""What the tests of the watching verbs share: two gateways, verbs in threads of their own."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from typing import Any
+
+import pytest
+import zenoh
+
+from tests.gateway.islands import (
+    SECTION,
+    STREAMS,
+    Island,
+    Water,
+    config_of,
+    free_port,
+    matched,
+    zenoh_config,
+)
+from zacoustic.cli import main
+from zacoustic.gateway import Gateway
+from zacoustic_sim.link import SimConfig
+
+WATCHED: dict[str, Any] = SECTION | {
+    "streams": [
+        *STREAMS,
+        {"id": 60, "topic": "auv1/photo", "publishers": [2], "subscribers": [1],
+         "reliability": "reliable", "priority": "background"},
+    ]
+}  # fmt: skip
+"""The section of the tests of gateways, with a topic for large samples."""
+
+
+class Pair:
+    """A gateway on the shore, one on the vehicle, a client at each."""
+
+    water: Water
+    shore_island: Island
+    auv_island: Island
+    shore: zenoh.Session
+    auv: zenoh.Session
+
+    @property
+    def where(self) -> list[str]:
+        """The arguments of a verb on the shore."""
+        return ["--connect", f"tcp/127.0.0.1:{self.shore_island.port}"]
+
+
+@asynccontextmanager
+async def pair(
+    *, acknowledges: bool = True, section: dict[str, Any] | None = None, **options: Any
+) -> AsyncIterator[Pair]:
+    """Run two islands; `options` are those of the water."""
+    async with AsyncExitStack() as stack:
+        found = Pair()
+        found.water = Water(**options)
+        islands = []
+        for address in (1, 2):
+            place = Island(free_port())
+            config = config_of(
+                address, zenoh_config("router", listen=place.port), section or WATCHED
+            )
+            link = found.water.medium.link(address, SimConfig(acknowledges=acknowledges))
+            await stack.enter_async_context(Gateway(config, link=link, notify=place.notify))
+            islands.append(place)
+        found.shore_island, found.auv_island = islands
+        found.shore = stack.enter_context(found.shore_island.client())
+        found.auv = stack.enter_context(found.auv_island.client())
+        await matched(found.auv, "chat")
+        yield found
+
+
+async def verb(*arguments: str) -> int:
+    """Run the command line in a thread of its own."""
+    return await asyncio.to_thread(main, list(arguments))
+
+
+def lines_of(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
+    """Return what a verb has printed, one JSON object a line."""
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]

@@ -1,0 +1,214 @@
+"""Latched topics: late joiners have the last samples at once, also after the gateway was restarted.
+
+What ROS sees of it is in test_ros_topics.py.
+"""
+
+from contextlib import AsyncExitStack
+from typing import Any, Final
+
+import zenoh
+import zenoh.ext
+
+from tests.gateway.islands import Heard, Water, get, hear, island, matched, run
+from tests.gateway.rosnode import LATCHED, Node, ros_session
+from tests.gateway.rospair import SECTION as ROS_SECTION
+from tests.gateway.rospair import STRING
+from zacoustic.config import config_from_mapping
+from zacoustic.gateway.kept import KeptSamples
+from zacoustic.gateway.lastvalues import LastValue
+from zacoustic.island.marker import is_marked
+from zacoustic.journal import MemoryJournal
+
+SENSORS: Final = [{"name": "sensor", "values": ["ctd", "sonar"]}]
+STREAMS: Final[list[dict[str, Any]]] = [
+    {
+        "id": 40,
+        "topic": "auv1/map",
+        "durability": "transient_local",
+        "reliability": "reliable",
+        "publishers": [2],
+    },
+    {
+        "id": 11,
+        "topic": "auv1/raw/{sensor}",
+        "wildcards": SENSORS,
+        "durability": "transient_local",
+        "depth": 2,
+    },
+    {"id": 12, "topic": "chat"},
+]
+SECTION: Final[dict[str, Any]] = {
+    "address": 1,
+    "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}],
+    "streams": STREAMS,
+}
+
+
+def test_a_late_subscriber_of_zenoh_has_the_last_samples_at_once() -> None:
+    async def main() -> None:
+        water = Water()
+        async with AsyncExitStack() as stack:
+            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            shore = stack.enter_context(a.client())
+            early = await hear(shore, "auv1/**")
+            async with island(2, water, section=SECTION) as b:
+                with b.client() as auv:
+                    for key, payload in (
+                        ("auv1/map", b"the map"),
+                        ("auv1/raw/ctd", b"1"),
+                        ("auv1/raw/ctd", b"2"),
+                        ("auv1/raw/ctd", b"3"),
+                        ("auv1/raw/sonar", b"ping"),
+                    ):
+                        await matched(auv, key)
+                        auv.put(key, payload)
+                        assert await early.payload() == payload
+            # Nobody is left beyond the water: it comes from the gateway of this island.
+            late = stack.enter_context(a.client())
+            sample = await Heard(late, "auv1/map", history=1).next()
+            assert sample.payload.to_bytes() == b"the map"
+            assert sample.attachment is not None
+            assert is_marked(sample.attachment.to_bytes())
+            # Each by its own key: of a wildcard Zenoh's history leaves some out.
+            ctd = Heard(late, "auv1/raw/ctd", history=2)
+            assert [await ctd.payload(), await ctd.payload()] == [b"2", b"3"]
+            assert await Heard(late, "auv1/raw/sonar", history=2).payload() == b"ping"
+            assert (await get(late, "auv1/map")).payload("auv1/map") == b"the map"
+
+    run(main())
+
+
+def test_what_zenoh_has_in_a_cache_before_the_gateway_begins_crosses_too() -> None:
+    async def main() -> None:
+        water = Water()
+        async with AsyncExitStack() as stack:
+            b = await stack.enter_async_context(
+                island(3, water, section={"address": 3, "streams": []})
+            )
+            auv = stack.enter_context(ros_session(b.port))
+            publisher = zenoh.ext.declare_advanced_publisher(
+                auv, "auv1/map", cache=zenoh.ext.CacheConfig(max_samples=1)
+            )
+            publisher.put(b"the map")
+            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            told = await hear(stack.enter_context(a.client()), "auv1/map")
+            await stack.enter_async_context(island(2, water, section=SECTION, join=b.port))
+            assert await told.payload() == b"the map"
+
+    run(main())
+
+
+def test_late_joiners_have_it_after_the_gateway_was_restarted() -> None:
+    async def main() -> None:
+        water, journal = Water(), MemoryJournal()
+        section = ROS_SECTION | {"streams": [*ROS_SECTION["streams"], STREAMS[0]]}
+        async with AsyncExitStack() as stack:
+            async with island(1, water, section=section, journal=journal) as a:
+                shore = stack.enter_context(a.client())
+                early = await hear(shore, "auv1/map")
+                ros = stack.enter_context(ros_session(a.port))
+                told = Node(ros, "early", domain=7).subscribe("/map", STRING, LATCHED)
+                async with island(2, water, section=section) as b:
+                    with b.client() as auv, ros_session(b.port) as session:
+                        await matched(auv, "auv1/map")
+                        auv.put("auv1/map", b"the map")
+                        await early.payload()
+                        node = Node(session, "mapper", domain=7)
+                        node.publisher("/map", STRING, LATCHED)({"data": "the map"})
+                        await told.next()
+            assert any(key.startswith("latched/") for key in journal.recover().entries)
+            async with island(1, water, section=section, journal=journal) as a:
+                late = stack.enter_context(a.client())
+                sample = await Heard(late, "auv1/map", history=1).next()
+                assert sample.payload.to_bytes() == b"the map"
+                assert (await get(late, "auv1/map")).payload("auv1/map") == b"the map"
+                node = Node(stack.enter_context(ros_session(a.port)), "late", domain=7)
+                value, beside = await node.subscribe("/map", STRING, LATCHED).next()
+                assert value == {"data": "the map"}
+                # A publisher that began anew: its numbers do, too.
+                assert beside.sequence == 1
+            # What another definition has made is nothing of this one's.
+            streams = [each for each in section["streams"] if each.get("topic") == "auv1/map"]
+            changed = [each | {"encoding": "text/plain"} for each in streams]
+            async with island(1, water, section=section | {"streams": changed}, journal=journal):
+                pass
+            assert not any(key.startswith("latched/") for key in journal.recover().entries)
+
+    run(main())
+
+
+class Shelf:
+    """A journal of one topic's samples, without a gateway."""
+
+    def __init__(self, depth: int = 2, limit_bytes: int = 10_000) -> None:
+        stream = STREAMS[1] | {"depth": depth}
+        self.table = config_from_mapping(SECTION | {"streams": [stream]}, source="test").table
+        self.stream = self.table.by_id(11)
+        self.stored: dict[str, bytes] = {}
+        self.utc_ns = 10**18
+        self.limit_bytes = limit_bytes
+        self.begin()
+
+    def begin(self) -> list[LastValue]:
+        """Begin a life; returns what the one before has kept."""
+        self.kept = KeptSamples(
+            self._write,
+            clock=lambda: 5,
+            wall_clock=lambda: self.utc_ns,
+            limit_bytes=self.limit_bytes,
+        )
+        return [value for _, value in self.kept.recover(dict(self.stored), self.table)]
+
+    def keep(self, key: str, payload: bytes, age_s: float | None = None) -> None:
+        self.kept.keep(
+            self.stream,
+            LastValue(
+                key=key,
+                stream_id=11,
+                payload=payload,
+                encoding="zenoh/bytes",
+                source=2,
+                age_s=age_s,
+                received_at=5,
+            ),
+        )
+
+    def _write(self, name: str, value: bytes | None) -> None:
+        if value is None:
+            del self.stored[name]
+        else:
+            self.stored[name] = value
+
+
+def test_of_each_key_as_many_are_kept_as_the_topic_has() -> None:
+    shelf = Shelf(depth=2)
+    for number in range(5):
+        shelf.keep("auv1/raw/ctd", b"%d" % number)
+        shelf.keep("auv1/raw/sonar", b"%d" % (10 + number))
+    payloads = [value.payload for value in shelf.begin()]
+    assert payloads == [b"3", b"13", b"4", b"14"]
+    shelf.keep("auv1/raw/ctd", b"5")
+    shelf.kept.forget(shelf.stream, "auv1/raw/sonar")
+    assert [value.payload for value in shelf.begin()] == [b"4", b"5"]
+
+
+def test_the_room_is_bounded_and_the_oldest_go() -> None:
+    shelf = Shelf(depth=1000, limit_bytes=10_000)
+    for number in range(300):
+        shelf.keep("auv1/raw/ctd", b"%04d" % number * 20)
+        assert sum(map(len, shelf.stored.values())) < shelf.limit_bytes
+    numbers = [int(value.payload[:4]) for value in shelf.begin()]
+    assert len(numbers) > 20
+    assert numbers == list(range(300 - len(numbers), 300))
+    shelf.keep("auv1/raw/ctd", bytes(20_000))
+    assert shelf.begin() == []
+
+
+def test_the_age_goes_on_while_nobody_is_there() -> None:
+    shelf = Shelf()
+    shelf.keep("auv1/raw/ctd", b"x", age_s=2.0)
+    shelf.utc_ns += 3600 * 10**9
+    assert [value.age_s for value in shelf.begin()] == [3602.0]
+    # A clock that was set back makes nothing younger.
+    shelf.utc_ns -= 7200 * 10**9
+    assert [value.age_s for value in shelf.begin()] == [2.0]

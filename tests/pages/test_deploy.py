@@ -1,0 +1,75 @@
+"""The unit and the container file of docs/deploy.md start what the command line takes."""
+
+import configparser
+import json
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from tests.pages.blocks import ROOT, files_of
+from zacoustic.cli import parse
+
+FILES: Final = files_of("docs/deploy.md")
+UNIT: Final = FILES["/etc/systemd/system/zacoustic.service"]
+
+
+def service() -> dict[str, list[str]]:
+    """The settings of all sections; a setting may be there several times."""
+    settings: dict[str, list[str]] = {}
+    for line in UNIT.splitlines():
+        name, equals, value = line.partition("=")
+        if equals:
+            settings.setdefault(name, []).append(value)
+    return settings
+
+
+def test_the_service_starts_a_gateway() -> None:
+    (start,) = service()["ExecStart"]
+    program, *arguments = shlex.split(start)
+    assert program == "/opt/zacoustic/bin/zacoustic"
+    verb, parsed = parse(arguments)
+    assert verb.name == "gateway"
+    assert (parsed.address, parsed.journal) == (2, "/var/lib/zacoustic/journal")
+
+
+def test_the_service_may_write_where_its_journal_is() -> None:
+    settings = service()
+    (state,) = settings["StateDirectory"]
+    assert f"/var/lib/{state}/" in settings["ExecStart"][0]
+    (configuration,) = settings["ConfigurationDirectory"]
+    assert f"/etc/{configuration}/" in settings["ExecStart"][0]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_takes_the_unit(tmp_path: Path) -> None:
+    unit = tmp_path / "zacoustic.service"
+    unit.write_text(UNIT.replace("/opt/zacoustic/bin/zacoustic", "/bin/true"), encoding="utf-8")
+    process = subprocess.run(
+        ["systemd-analyze", "verify", unit], capture_output=True, text=True, check=False
+    )
+    assert process.returncode == 0, process.stderr
+
+
+def test_the_unit_is_an_ini_file_with_the_three_sections() -> None:
+    parser = configparser.ConfigParser(strict=False, interpolation=None)
+    parser.read_string(UNIT)
+    assert parser.sections() == ["Unit", "Service", "Install"]
+
+
+def test_the_container_starts_a_gateway_and_installs_an_extra_that_is_there() -> None:
+    text = FILES["Containerfile"]
+    found = re.search(r"^ENTRYPOINT (\[.*\])\nCMD (\[.*\])$", text, re.MULTILINE)
+    assert found is not None
+    entry, command = json.loads(found[1]), json.loads(found[2])
+    assert entry == ["zacoustic"]
+    assert parse(command)[0].name == "gateway"
+    extras = re.search(r"/src\[([\w,]+)\]", text)
+    assert extras is not None
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    for extra in extras[1].split(","):
+        assert re.search(rf"^{extra} = \[", project, re.MULTILINE), extra

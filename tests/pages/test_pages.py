@@ -1,0 +1,124 @@
+"""What the pages show works: files are read, commands are run, links lead somewhere."""
+
+import ast
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import jsonschema
+import pytest
+
+from tests.pages.blocks import PAGES, ROOT, Block, blocks_of, commands_of
+from tests.pages.walk import LIMIT_S, Walk
+from zacoustic.cli import BUILT_IN, parse
+from zacoustic.json5 import parse_json5
+from zacoustic.tools.reference import json_schema
+
+_LINK: Final = re.compile(r"\]\(((?!http)[^)#]+)\)")
+_VERB: Final = re.compile(r"`zacoustic ([a-z]+)")
+
+WITH_COMMANDS: Final = [
+    page for page in PAGES if any(block.language == "sh" for block in blocks_of(page))
+]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="scripts of sh, pseudo-terminals")
+@pytest.mark.parametrize("page", WITH_COMMANDS)
+def test_what_a_page_says_can_be_typed(page: str, tmp_path: Path) -> None:
+    with Walk(page, tmp_path) as walk:
+        walk.go()
+
+
+def blocks(language: str) -> list[object]:
+    return [
+        pytest.param(block, id=f"{page}-{number}")
+        for page in PAGES
+        for number, block in enumerate(blocks_of(page))
+        if block.language == language
+    ]
+
+
+@pytest.mark.parametrize("block", blocks("json5"))
+def test_what_is_said_of_the_configuration_fits_its_schema(block: Block) -> None:
+    """A block is a whole file of Zenoh, a part of our section, or a file of something else."""
+    part = not block.text.lstrip("/").splitlines()[block.name is not None].startswith("{")
+    written = parse_json5(f"{{{block.text}}}" if part else block.text, source="the page")
+    assert isinstance(written, dict)
+    if part:
+        written = {"plugins": {"acoustic": written}}
+    if "plugins" in written:
+        jsonschema.validate(written, json_schema())
+
+
+@pytest.mark.parametrize("block", blocks("python"))
+def test_python_is_python(block: Block) -> None:
+    ast.parse(block.text)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_what_a_page_links_to_is_there(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    folder = (ROOT / page).parent
+    absent = [target for target in _LINK.findall(text) if not (folder / target).exists()]
+    assert absent == []
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_verbs_that_a_page_mentions_are_there(page: str) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert set(_VERB.findall(text)) <= {*BUILT_IN, "medium", "emulate"}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_that_are_only_shown_have_the_arguments_that_they_show(page: str) -> None:
+    shown = [block.text for block in blocks_of(page) if not block.language]
+    for command in (line for text in shown for line in commands_of(text)):
+        words = shlex.split(command.rstrip("&")) if command.startswith("zacoustic ") else []
+        if words:
+            parse(words[1:])
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_programs_of_others_are_shown_as_such(page: str) -> None:
+    """Nothing of ours hides from the walk in a block that is only shown."""
+    shown = [block.text for block in blocks_of(page) if block.language == "console"]
+    assert not [text for text in shown if re.search(r"^\$? ?zacoustic\b", text, re.MULTILINE)]
+
+
+def test_the_plan_that_a_page_shows_does_not_fit_and_says_why(tmp_path: Path) -> None:
+    command = ["plan", "water.json5", "--hours", "0.5"]
+    with Walk("docs/plan.md", tmp_path):
+        process = subprocess.run(
+            [sys.executable, "-m", "zacoustic.cli", *command],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+    assert process.returncode == 1, process.stderr
+    assert "auv1/status alone takes" in process.stdout
+    assert 'it would fit with: auv1/status: codec: "packed"' in process.stdout
+
+
+def test_the_link_that_a_page_writes_passes_the_conformance_battery(tmp_path: Path) -> None:
+    with Walk("docs/links.md", tmp_path):
+        process = subprocess.run(
+            [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+    assert process.returncode == 0, process.stdout
+
+
+def test_every_verb_is_in_the_table_of_the_front_page() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = text.partition("## Commands")[2].partition("## ")[0]
+    for verb in (*BUILT_IN, "medium"):
+        assert re.search(rf"`(zacoustic )?{verb}\b", table), verb

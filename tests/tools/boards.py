@@ -1,0 +1,71 @@
+"""A gateway with something of everything, for the tests of what shows it."""
+
+import json
+from typing import Any, Final
+
+from zacoustic.tools.watch.board import Board
+from zacoustic.tools.watch.views import GatewayView
+
+NOW_S: Final = 1000.0
+
+DOCUMENTS: Final[dict[str, Any]] = {
+    "node": {"name": "auv1", "version": "0.1.0", "wire": "native", "link": "evologics/tcp:h:9200",
+             "started_at_unix_s": 100.0},
+    "link": {"state": "up", "frames_transmitted": 40, "frames_received": 30, "airtime_s": 90.0,
+             "bytes_transmitted": 1300,
+             "capabilities": {"mtu_bytes": 64, "bit_rate_bps": 976.0}},
+    "streams": {"digest": "c0ffee", "streams": [
+        {"id": 10, "name": "auv1/nav", "kind": "topic", "jobs": ["forward"], "published": 30,
+         "transmitted": 20, "sent_at_unix_s": 997.0, "sent_period_s": 30.0, "waiting": 2},
+        {"id": 11, "name": "auv1/cmd", "kind": "topic", "jobs": ["deliver"], "received": 3,
+         "heard_at_unix_s": 940.0, "heard_period_s": 60.0, "age_s": 2.0, "deadline_missed": 4},
+        {"id": 12, "name": "quiet", "kind": "service", "jobs": ["proxy"]},
+        {"id": 13, "name": "odd", "kind": "topic"},
+    ], "differ": [{"id": 13, "name": "odd", "peers": [1]}]},
+    "peers": {"1": {"name": "shore", "same_table": True, "heard_at_unix_s": 940.0, "delivered": 6,
+                    "not_delivered": 2, "per": 0.25,
+                    "metrics": {"snr_db": 12.5, "received_level_db": -38.0}},
+              "3": {"name": "buoy", "same_table": False}},
+    "peer/1/range": {"range_m": 1512.3, "propagation_s": 1.008, "measured_at_unix_s": 800.0},
+    "peer/3/lost": {"lost": True, "since_unix_s": 500.0},
+    "ledger": {"entries": [
+        {"id": 10, "stream": "auv1/nav", "cause": "payload", "bytes": 900, "airtime_s": 62.3},
+        {"id": 10, "stream": "auv1/nav", "cause": "repeat", "bytes": 300, "airtime_s": 20.8},
+        {"id": 0, "stream": "", "cause": "hello", "bytes": 100, "airtime_s": 6.9}]},
+    "objects": {"sending": [{"id": 7, "to": 1, "stream": "auv1/photo", "done_bytes": 5000,
+                             "sent_bytes": 8000, "total_bytes": 20_000}],
+                "receiving": [], "ended": [{"source": 1, "transfer": 3, "stream": "auv1/plan",
+                                            "done_bytes": 900, "total_bytes": 900,
+                                            "outcome": "delivered"}]},
+    "water": {
+        "transmitting": {"way": "out", "peer": 1, "bytes": 24, "streams": ["auv1/nav"],
+                         "begun_unix_s": 999.9, "airtime_s": 0.31, "outcome": ""},
+        "last": [{"way": "in", "peer": 1, "bytes": 7, "streams": [], "begun_unix_s": 940.0,
+                  "airtime_s": 0.2, "outcome": ""},
+                 {"way": "out", "peer": None, "bytes": 33, "streams": ["auv1/nav", "auv1/photo"],
+                  "begun_unix_s": 990.0, "airtime_s": 0.4, "outcome": "not_delivered"}]},
+    "journal": {"kept": True, "failure": ""},
+    "modem": {"firmware": "1.9", "battery_v": 24.1},
+    "dropped": {"water": {"check": 2, "unconfirmed": 1}},
+    "events": {"events": [
+        {"at_unix_s": 100.0, "event": "link", "trouble": False, "text": "link up"},
+        {"at_unix_s": 500.0, "event": "lost", "trouble": True, "text": "lost 3 buoy"}]},
+}  # fmt: skip
+
+
+def put(board: Board, name: str, document: object, address: int = 2) -> None:
+    """Give a document to a board."""
+    board.take(f"@acoustic/{address}/{name}", json.dumps(document).encode())
+
+
+def full_board(**changed: object) -> Board:
+    """Make a board with gateway 2, at `NOW_S`; documents may be changed."""
+    board = Board(lambda: NOW_S)
+    for name, document in (DOCUMENTS | changed).items():
+        put(board, name, document)
+    return board
+
+
+def full_view(**changed: object) -> GatewayView:
+    """Make the view of gateway 2, at `NOW_S`; documents may be changed."""
+    return full_board(**changed).view(2)

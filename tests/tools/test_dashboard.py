@@ -1,0 +1,170 @@
+"""The page of `zacoustic dashboard` in this process, without a browser, and what it draws."""
+
+import asyncio
+import re
+from typing import Any
+
+import msgspec
+import pytest
+
+pytest.importorskip("nicegui")
+
+from tests.tools.boards import NOW_S, full_board, full_view, put
+from zacoustic.errors import SessionError
+from zacoustic.tools.watch.drawing import (
+    cause_bars,
+    event_lines,
+    figure,
+    load_chart,
+    transfer_bars,
+)
+from zacoustic.tools.watch.history import SPAN_S, STEP_S, History, Point
+from zacoustic.tools.watch.lookout import Lookout
+from zacoustic.tools.watch.page import Page, frame_rows, peer_row, stream_row
+
+
+def lookout(node: int | None = None) -> Lookout:
+    def make() -> Any:
+        raise AssertionError("it is not run here")
+
+    return Lookout(make, "tcp/h:7447", node)
+
+
+def test_page_shows_what_there_is_and_what_comes_later() -> None:
+    from nicegui import ui
+    from nicegui.testing.user_simulation import user_simulation
+
+    shown = lookout()
+    pages: list[Page] = []
+
+    async def visit() -> None:
+        async with user_simulation(lambda: pages.append(Page(shown))) as user:
+            await user.open("/")
+            await user.should_see("connecting")
+            shown.trouble = "no Zenoh router at tcp/h:7447"
+            pages[0].refresh()
+            await user.should_see("no Zenoh router at tcp/h:7447")
+            shown.board, shown.trouble = full_board(), ""
+            shown.note()
+            pages[0].refresh()
+            await user.should_see("1 gateway on tcp/h:7447")
+            await user.should_see("2 auv1")
+            await user.should_see("link up")
+            table: Any = next(iter(user.find(marker="streams", kind=ui.table).elements))
+            assert [row["name"] for row in table.rows] == ["auv1/nav", "auv1/cmd", "odd"]
+            quiet: Any = next(iter(user.find(marker="quiet", kind=ui.checkbox).elements))
+            quiet.value = True
+            pages[0].refresh()
+            assert [row["name"] for row in table.rows][2] == "quiet"
+            events: Any = next(iter(user.find(marker="events", kind=ui.html).elements))
+            assert "lost 3 buoy" in events.content
+            put(shown.board, "link", {"state": "down", "detail": "no answer"})
+            put(shown.board, "link", {"state": "up"}, address=7)
+            put(shown.board, "streams", {}, address=7)
+            pages[0].refresh()
+            await user.should_see("2 gateways on tcp/h:7447")
+            await user.should_see("link down, no answer")
+
+    asyncio.run(visit())
+
+
+def test_page_of_one_gateway_leaves_the_others_out() -> None:
+    shown = lookout(7)
+    shown.board = full_board()
+    assert shown.addresses() == []
+    put(shown.board, "link", {"state": "up"}, address=7)
+    put(shown.board, "streams", {}, address=7)
+    assert shown.addresses() == [7]
+
+
+def test_lookout_says_that_there_is_no_router_and_tries_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    attempts = 0
+
+    async def scene() -> None:
+        twice = asyncio.Event()
+
+        def make() -> Any:
+            nonlocal attempts
+            attempts += 1
+            if attempts > 1:
+                twice.set()
+            raise SessionError("no Zenoh router at tcp/h:1")
+
+        monkeypatch.setattr("zacoustic.tools.watch.lookout.RETRY_S", 0.0)
+        shown = Lookout(make, "tcp/h:1")
+        task = asyncio.create_task(shown.run())
+        await twice.wait()
+        assert shown.trouble == "no Zenoh router at tcp/h:1"
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(scene())
+
+
+def test_rows_say_what_is_wrong() -> None:
+    view = full_view()
+    nav, cmd, _, odd = (stream_row(each) for each in view.streams)
+    assert (nav["sent"], nav["sent_rate"], nav["heard"], nav["waiting"]) == (20, "2/min", "", 2)
+    assert (cmd["age"], cmd["trouble"]) == ("62 s", "late 4 times")
+    assert odd["trouble"] == "differs at 1: stopped"
+    shore, buoy = (peer_row(each) for each in view.peers)
+    assert (shore["lost"], shore["range"]) == ("25.0 % of 8 !", "1512 m, 3 min ago")
+    assert (buoy["heard"], buoy["trouble"]) == ("never", "LOST, another table")
+
+
+def test_frames_are_told_the_newest_first_below_what_is_being_sent() -> None:
+    rows = frame_rows(full_view())
+    assert [(row["what"], row["outcome"], row["ago"]) for row in rows] == [
+        ("→ 1: auv1/nav", "being sent", "0.1 s ago"),
+        ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s ago"),
+        ("← 1: acknowledgements and the like", "", "60 s ago"),
+    ]
+    assert frame_rows(full_view(water={})) == []
+
+
+def test_texts_of_the_network_are_no_html() -> None:
+    bad = "<script>alert(1)</script>"
+    view = full_view(
+        events={"events": [{"at_unix_s": 1, "event": "x", "text": bad}]},
+        ledger={"entries": [{"id": 1, "cause": bad, "bytes": 5, "airtime_s": 1}]},
+        objects={"sending": [{"to": 1, "stream": bad, "total_bytes": 9}]},
+    )
+    drawn = (
+        event_lines(view.events)
+        + cause_bars(view.causes)
+        + transfer_bars(view.transfers)
+        + figure(bad, bad, note=bad)
+    )
+    assert "<script" not in drawn
+    assert drawn.count("&lt;script&gt;") == 6
+
+
+def test_bars_are_as_long_as_the_shares() -> None:
+    view = full_view()
+    assert re.findall(r"width:([\d.]+)%", cause_bars(view.causes)) == ["69.2", "23.1", "7.7"]
+    assert re.findall(r"width:([\d.]+)%", transfer_bars(view.transfers)) == ["25.0", "100.0"]
+
+
+def test_history_is_the_share_of_the_time_on_the_air_and_is_bounded() -> None:
+    history = History()
+    view = msgspec.structs.replace(full_view(), airtime_s=0.0)
+    for step in range(1000):
+        second = step * STEP_S
+        now = msgspec.structs.replace(view, unix_s=second, airtime_s=second * 0.25)
+        history.note(now)
+        history.note(now)  # another browser's look adds nothing
+    assert len(history.points) == SPAN_S / STEP_S
+    assert {point.share for point in history.points} == {0.25}
+    history.note(msgspec.structs.replace(view, unix_s=3000.0, airtime_s=0.5))  # restarted
+    history.note(msgspec.structs.replace(view, unix_s=3002.0, airtime_s=1.5))
+    assert history.points[-1].share == 0.5
+
+
+def test_chart_shows_points_of_its_span_at_a_round_scale() -> None:
+    points = [Point(NOW_S - 2 * SPAN_S, 0.9), Point(NOW_S - 300, 0.05), Point(NOW_S, 0.15)]
+    drawn = load_chart(points, NOW_S)
+    assert "full height: 20.0 %" in drawn
+    assert re.search(r'polyline points="300.0,67.5 600.0,22.5"', drawn)
+    assert "polyline" not in load_chart([], NOW_S)

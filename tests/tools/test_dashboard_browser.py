@@ -1,0 +1,76 @@
+"""The dashboard in a real browser, over two gateways on simulated water; `make test-browser`."""
+
+import asyncio
+import os
+import re
+import shutil
+import sys
+from asyncio.subprocess import PIPE
+from typing import Final
+
+import pytest
+
+from tests.cli.watched import pair
+from tests.gateway.islands import LIMIT_S, cbor, run
+
+BROWSER: Final = shutil.which("chromium") or shutil.which("google-chrome")
+LIMIT_MS: Final = 60_000
+
+pytestmark = [
+    pytest.mark.skipif("ZACOUSTIC_BROWSER" not in os.environ, reason="make test-browser"),
+    pytest.mark.skipif(BROWSER is None, reason="NOT RUN: no Chromium found"),
+]
+
+
+def test_page_follows_the_gateway_and_loads_nothing_from_elsewhere() -> None:
+    api = pytest.importorskip("playwright.async_api", reason="NOT RUN: no playwright")
+    complaints: list[str] = []
+    asked: set[str] = set()
+
+    async def scene() -> None:
+        async with pair() as found, api.async_playwright() as tool:
+            where = ["--connect", f"tcp/127.0.0.1:{found.shore_island.port}"]
+            command = [sys.executable, "-m", "zacoustic.cli", "dashboard", *where]
+            environment = {name: each for name, each in os.environ.items() if "PYTEST" not in name}
+            process = await asyncio.create_subprocess_exec(
+                *command, "--listen", "127.0.0.1:0", stdout=PIPE, env=environment
+            )
+            assert process.stdout is not None
+            async with asyncio.timeout(LIMIT_S):
+                url = (await process.stdout.readline()).decode().removeprefix("page").strip()
+            browser = await tool.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+            page = await browser.new_page(viewport={"width": 1200, "height": 900})
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+            page.on("request", lambda request: asked.add(request.url))
+            for attempt in range(100):
+                try:
+                    await page.goto(url, wait_until="load", timeout=LIMIT_MS)
+                    break
+                except api.Error:  # it does not listen yet
+                    assert attempt < 99
+                    await page.wait_for_timeout(200)
+
+            async def see(text: str) -> None:
+                await page.get_by_text(re.compile(text)).first.wait_for(timeout=LIMIT_MS)
+
+            await see("1 gateway on tcp/127.0.0.1")
+            await see("1 shore")
+            await see("link up")
+            payload = cbor(depth=12.5, mode="survey")
+            found.auv.put("auv1/nav", payload, encoding="application/cbor")
+            await see("← 2: auv1/nav")
+            chart = page.locator("svg[aria-label=load] polyline")
+            await chart.wait_for(state="attached", timeout=LIMIT_MS)
+            assert await page.get_by_text("{sensor}/raw/{node}").count() == 0
+            await page.get_by_text("quiet streams as well").click()
+            await see(r"\{sensor\}/raw/\{node\}")
+            await browser.close()
+            process.terminate()
+            await process.communicate()
+
+    run(scene(), limit_s=240)
+    assert complaints == []
+    elsewhere = [
+        url for url in asked if not re.match(r"(http|ws)://127\.0\.0\.1:|data:|blob:", url)
+    ]
+    assert elsewhere == []

@@ -1,0 +1,555 @@
+"""`zacoustic doctor`: each fault is made for real and named; healthy set-ups stay silent."""
+
+import asyncio
+import json
+import random
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from tests.gateway.islands import Water, free_port, get, hear, run, until, zenoh_settings
+from tests.links.desert.desert_rig import config as desert_config
+from tests.tools.ward import (
+    STREAMS,
+    TDMA,
+    examine,
+    full_disk,
+    gateway,
+    link,
+    modems,
+    time_server,
+    unprivileged,
+    write,
+)
+from zacoustic import registry
+from zacoustic.bytestream import ByteStream
+from zacoustic.cli import main
+from zacoustic.config import read_config
+from zacoustic.testing.linkpair import RecordingReceiver
+from zacoustic.tools.doctor.host import check_clock, kernel_synchronised
+from zacoustic_desert.link import DesertLink
+from zacoustic_desert.server import StandInServer
+from zacoustic_desert.standin import Observer, StandIn, StandInConfig
+from zacoustic_desert.water import SampleWater
+from zacoustic_evologics import Interpreter
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and limits")
+SCALE = 50.0
+EAGER = [{**STREAMS[0], "min_interval_s": 0}, STREAMS[1]]
+
+
+def standin(
+    nodes: int = 2, *, max_read_length: int = 64, observer: Observer | None = None
+) -> StandInServer:
+    behind = StandIn(
+        SampleWater(nodes, random.Random(1), half_duplex=False),
+        StandInConfig(max_read_length=max_read_length),
+        rng=random.Random(1),
+        observer=observer,
+    )
+    return StandInServer(behind, time_scale=SCALE)
+
+
+@pytest.fixture
+def readable() -> Iterator[Path]:
+    """A folder that other users can read."""
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder).chmod(0o755)
+        yield Path(folder)
+
+
+# Healthy
+
+
+def test_a_healthy_modem_on_the_network_and_a_journal(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems() as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            path = write(tmp_path, links=link(f"evologics/{place.locator}"), journal="journal")
+            told = await examine(path)
+            assert (told.code, told.findings) == (0, []), told
+
+    run(main())
+    assert not (tmp_path / "journal").exists()
+
+
+@pytest.mark.parametrize("interpreter", Interpreter)
+def test_a_healthy_modem_on_a_serial_port(tmp_path: Path, interpreter: Interpreter) -> None:
+    async def main() -> None:
+        async with modems(interpreter=interpreter) as server:
+            place = server.open_terminal(1, baudrate=38_400)
+            path = write(tmp_path, links=link(f"evologics/{place.locator}#baudrate=38400"))
+            told = await examine(path)
+            assert (told.code, told.findings) == (0, []), told
+
+    run(main())
+
+
+def test_a_healthy_desert(tmp_path: Path) -> None:
+    async def main() -> None:
+        left = asyncio.Event()
+        server = standin(observer=lambda it: left.set() if it.event == "left" else None)
+        await server.open()
+        path = write(tmp_path, links=link(f"desert/{server.addresses[0]}"))
+        told = await examine(path)
+        await left.wait()
+        await server.close()
+        assert (told.code, told.findings) == (0, []), told
+
+    run(main())
+
+
+def test_two_healthy_gateways_that_run(tmp_path: Path) -> None:
+    async def main() -> None:
+        water = Water()
+        async with (
+            gateway(1, water.medium.link(1)) as shore,
+            gateway(2, water.medium.link(2)) as auv,
+        ):
+            with auv.client() as session, shore.client() as other:
+                session.put("auv1/nav", b"here")
+                other.put("cmd", b"there")
+                await until(lambda: water.sent_by(1) and water.sent_by(2), water.changed)
+            path = write(
+                tmp_path,
+                links=link("sim/127.0.0.1:1"),
+                zenoh=zenoh_settings("router", listen=shore.port),
+            )
+            told = await examine(path)
+            assert (told.code, told.findings) == (0, []), told
+            assert any("gateway that runs has it" in each for each in told.left_out)
+
+    run(main())
+
+
+def test_a_healthy_schedule_with_a_right_clock_and_a_router(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems() as server, time_server() as clock:
+            place = await server.listen(1, "127.0.0.1", 0)
+            water = Water()
+            async with gateway(3, water.medium.link(3), nodes=[], streams=[]) as router:
+                path = write(
+                    tmp_path,
+                    links=link(f"evologics/{place.locator}", TDMA),
+                    zenoh=zenoh_settings("client", connect=router.port),
+                )
+                told = await examine(path, "--ntp", clock)
+        assert (told.code, told.findings) == (0, []), told
+
+    run(main())
+
+
+# Faults
+
+
+def test_a_wrong_baud_rate(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems() as server:
+            place = server.open_terminal(1, baudrate=9600)
+            path = write(
+                tmp_path, links=link(f"evologics/{place.locator}#baudrate=19200&reply_s=0.3")
+            )
+            told = await examine(path)
+        assert told.code == 1
+        assert "no modem at 19200 baud, one answers at 9600" in told.text
+        assert told.findings[0]["cure"] == "baudrate=9600 in the locator"
+
+    run(main())
+
+
+@pytest.mark.parametrize(
+    ("said", "named"),
+    [
+        (b"AT*SEND,5,2,hello\n", "the modem is in burst mode: AT?S says"),
+        (b"ATN\n", "the modem does not listen: AT?S says"),
+    ],
+)
+def test_a_modem_that_another_program_has_put_into_another_state(
+    tmp_path: Path, said: bytes, named: str
+) -> None:
+    async def main() -> None:
+        async with modems(settings={"RI": 0}) as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            _, host, port = place.locator.split(":")
+            reader, writer = await asyncio.open_connection(host, int(port))
+            writer.write(said)
+            assert (await reader.readline()).startswith((b"OK", b"INITIATION"))
+            path = write(tmp_path, links=link(f"evologics/{place.locator}"))
+            told = await examine(path)
+            writer.close()
+        assert told.code == 1
+        assert named in told.text
+
+    run(main())
+
+
+def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
+    async def main() -> None:
+        server = standin(3)
+        await server.open()
+        links = [DesertLink(each, desert_config(SCALE)) for each in server.addresses]
+        async with (
+            gateway(1, links[0], streams=EAGER),
+            gateway(2, links[1], streams=EAGER) as first,
+            gateway(2, links[2], streams=EAGER) as second,
+        ):
+            with second.client() as session, first.client() as watching:
+                for number in range(1, 4):
+                    session.put("auv1/nav", b"here")
+                    await _until_document(watching, 2, "dropped", partial(_has_own, number))
+            path = write(
+                tmp_path,
+                address=2,
+                links=link(f"desert/{server.addresses[1]}"),
+                zenoh=zenoh_settings("router", listen=first.port),
+            )
+            told = await examine(path)
+        await server.close()
+        assert told.code == 1
+        assert "address clash" in told.text
+
+    run(main())
+
+
+def test_an_address_clash_of_modem_and_node(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(settings={"AL": 2}) as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
+        assert told.code == 1
+        assert "the modem has address 2, this node 1" in told.text
+
+    run(main())
+
+
+def test_a_table_mismatch_between_ends(tmp_path: Path) -> None:
+    other = [{**STREAMS[0], "stamp": "age"}, STREAMS[1]]
+
+    async def main() -> None:
+        water = Water()
+        async with (
+            gateway(1, water.medium.link(1)) as shore,
+            gateway(2, water.medium.link(2), streams=other) as auv,
+        ):
+            with auv.client() as session, shore.client() as watching:
+                session.put("auv1/nav", b"here")
+                await _until_document(
+                    watching, 1, "peers", lambda it: it["2"]["same_table"] is False
+                )
+            path = write(
+                tmp_path,
+                links=link("sim/127.0.0.1:1"),
+                zenoh=zenoh_settings("router", listen=shore.port),
+            )
+            told = await examine(path)
+        assert told.code == 1
+        assert "table mismatch: node 2" in told.text
+
+    run(main())
+
+
+def test_a_gateway_that_runs_with_another_file(tmp_path: Path) -> None:
+    async def main() -> None:
+        water = Water()
+        async with gateway(1, water.medium.link(1)) as shore:
+            path = write(
+                tmp_path,
+                streams=STREAMS[:1],
+                zenoh=zenoh_settings("router", listen=shore.port),
+            )
+            told = await examine(path)
+        assert told.code == 1
+        assert "table mismatch: the gateway that runs has table" in told.text
+
+    run(main())
+
+
+def test_an_mtu_above_the_read_length_of_desert(tmp_path: Path) -> None:
+    async def main() -> None:
+        server = standin(max_read_length=64)
+        await server.open()
+        near, far = (
+            DesertLink(each, desert_config(SCALE, max_read_length=256)) for each in server.addresses
+        )
+        async with (
+            gateway(1, near, streams=EAGER) as shore,
+            gateway(2, far, streams=EAGER) as auv,
+        ):
+            with auv.client() as session, shore.client() as watching:
+                for number in range(1, 5):
+                    session.put("auv1/nav", bytes(150))
+                    await _until_document(watching, 1, "link", partial(_has_cut, number))
+            path = write(
+                tmp_path,
+                links=link(f"desert/{server.addresses[0]}#max_read_length=256"),
+                zenoh=zenoh_settings("router", listen=shore.port),
+            )
+            told = await examine(path)
+        await server.close()
+        assert told.code == 1
+        assert "frames come in pieces" in told.text
+        assert "max_read_length of the link is 256, and they are cut after 64 bytes" in told.text
+
+    run(main())
+
+
+def test_a_clock_that_is_off_by_more_than_the_schedule_bears(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems() as server, time_server(ahead_s=-2.5) as clock:
+            place = await server.listen(1, "127.0.0.1", 0)
+            path = write(tmp_path, links=link(f"evologics/{place.locator}", TDMA))
+            told = await examine(path, "--ntp", clock)
+        assert told.code == 1
+        skew = re.search(r"clock skew: the clock is \+(\S+) s off", told.text)
+        assert skew is not None
+        assert float(skew[1]) == pytest.approx(2.5, abs=0.5)
+
+    run(main())
+
+
+def test_desert_that_is_not_started(tmp_path: Path) -> None:
+    async def main() -> None:
+        path = write(tmp_path, links=link(f"desert/127.0.0.1:{free_port()}"))
+        told = await examine(path, "--patience", "0.5")
+        assert told.code == 1
+        assert "DESERT does not answer at 127.0.0.1" in told.text
+
+    run(main())
+
+
+def test_a_router_that_is_not_there(tmp_path: Path) -> None:
+    async def main() -> None:
+        port = free_port()
+        path = write(tmp_path, zenoh=zenoh_settings("client", connect=port))
+        told = await examine(path)
+        assert told.code == 1
+        assert f"no Zenoh router at tcp/127.0.0.1:{port}" in told.text
+
+    run(main())
+
+
+def test_a_serial_port_that_the_user_may_not_open(readable: Path) -> None:
+    async def main() -> None:
+        async with modems() as server:
+            place = server.open_terminal(1)
+            path = write(readable, links=link(f"evologics/{place.locator}"))
+            # Who may open it finds nothing wrong; and what is imported late is there then.
+            assert (await examine(path)).code == 0
+            with unprivileged(place.locator.removeprefix("serial:")):
+                told = await examine(path)
+        assert told.code == 1
+        assert "Permission denied" in told.text
+        assert "dialout" in told.findings[0]["cure"]
+
+    run(main())
+
+
+def test_a_disk_that_is_full_for_the_journal(tmp_path: Path) -> None:
+    async def main() -> None:
+        path = write(tmp_path, journal="journal")
+        with full_disk():
+            told = await examine(path)
+        assert told.code == 1
+        assert "the journal cannot be written to" in told.text
+
+    run(main())
+    assert not list(tmp_path.glob(".zacoustic-doctor-*"))
+
+
+def test_more_is_planned_than_fits(tmp_path: Path) -> None:
+    async def main() -> None:
+        status = {**STREAMS[0], "topic": "auv1/status", "min_interval_s": 0.5}
+        told = await examine(write(tmp_path, streams=[status, STREAMS[1]]))
+        assert told.code == 1
+        assert "auv1/status alone takes" in told.text
+        assert "auv1/status: every" in told.findings[0]["cure"]
+
+    run(main())
+
+
+def test_a_source_level_for_the_bench(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(settings={"L": 3}) as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
+            assert told.code == 1
+            assert "source level is 3, -20 dB" in told.text
+            on_deck = link(f"evologics/{place.locator}#deck=true")
+            assert (await examine(write(tmp_path, links=on_deck))).code == 0
+
+    run(main())
+
+
+def test_a_firmware_that_nobody_knows(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(firmware="3.0-beta") as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
+        assert told.code == 1
+        assert "firmware of the modem is unknown: it answers '3.0-beta'" in told.text
+
+    run(main())
+
+
+# Manners
+
+
+def test_a_port_that_is_in_use_is_left_alone(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems() as server:
+            place = server.open_terminal(1)
+            stream = ByteStream(place.locator)
+            holder = _Holder()
+            stream.open(holder)
+            await holder.opened.wait()
+            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
+            await stream.close()
+        assert told.code == 1
+        assert "in use by another program" in told.text
+        assert "--connect" in told.findings[0]["cure"]
+
+    run(main())
+
+
+def test_a_gateway_that_runs_is_asked_about_its_modem(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(settings={"L": 3}) as server:
+            place = server.open_terminal(1)
+            locator = f"evologics/{place.locator}"
+            async with gateway(1, registry.create(locator, 1)) as shore:
+                path = write(
+                    tmp_path,
+                    links=link(locator),
+                    zenoh=zenoh_settings("router", listen=shore.port),
+                )
+                told = await examine(path)
+        assert told.code == 1
+        assert [each["what"][:17] for each in told.findings] == ["source level is 3"]
+
+    run(main())
+
+
+def test_a_link_of_a_running_gateway_that_is_down(tmp_path: Path) -> None:
+    async def main() -> None:
+        locator = f"desert/127.0.0.1:{free_port()}"
+        async with gateway(1, registry.create(locator, 1)) as shore:
+            path = write(
+                tmp_path,
+                links=link(locator),
+                zenoh=zenoh_settings("router", listen=shore.port),
+            )
+            told = await examine(path)
+        assert told.code == 1
+        assert "the link of the running gateway is " in told.text
+        assert "waits for DESERT at" in told.text
+
+    run(main())
+
+
+def test_the_kernel_says_whether_anything_keeps_the_clock_right(tmp_path: Path) -> None:
+    config = read_config(write(tmp_path, links=link("sim/127.0.0.1:1", TDMA)))
+    assert [each.what for each in check_clock(config, None, lambda: False)] == [
+        "nothing keeps the clock of this computer right, and TDMA goes by it"
+    ]
+    assert not list(check_clock(config, None, lambda: True))
+    assert not list(check_clock(config, None, lambda: None))
+    told_by_a_node = {**TDMA, "clock": 1}
+    config = read_config(write(tmp_path, links=link("sim/127.0.0.1:1", told_by_a_node)))
+    assert not list(check_clock(config, None, lambda: False))
+    assert kernel_synchronised() in (True, False, None)
+
+
+def test_the_report_for_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path, zenoh=zenoh_settings("client", connect=free_port()))
+    assert main(["doctor", str(path)]) == 1
+    told = capsys.readouterr().out
+    assert "! no Zenoh router at" in told
+    assert "  at sea: the gateway carries nothing" in told
+    assert "  cure:   start the router" in told
+    assert f"{path}, node 1: one thing is wrong" in told
+
+
+def test_nothing_is_transmitted_and_nothing_is_set(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(settings={"RI": 2, "L": 1}) as server:
+            place = await server.listen(1, "127.0.0.1", 0)
+            _, host, port = place.locator.split(":")
+            reader, writer = await asyncio.open_connection(host, int(port))
+            locator = f"evologics/{place.locator}#source_level=0&retries=0"
+            assert (await examine(write(tmp_path, links=link(locator)))).code == 0
+            for question, answer in ((b"AT?RI", b"2"), (b"AT?L", b"1"), (b"AT?T", b"0")):
+                writer.write(question + b"\n")
+                assert (await reader.readline()).strip() == answer
+            assert b"0 packets" in await _status(reader, writer)
+            writer.close()
+
+    run(main())
+
+
+def test_a_link_without_checks_of_its_own_is_opened_and_closed(tmp_path: Path) -> None:
+    async def main() -> None:
+        locator = f"sim/127.0.0.1:{free_port()}#wait_s=0.2"
+        told = await examine(write(tmp_path, links=link(locator)))
+        assert told.code == 1
+        assert "the modem cannot be used: " in told.text
+
+    run(main())
+
+
+class _Holder(RecordingReceiver):
+    """Holds a serial port."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.opened = asyncio.Event()
+
+    def stream_opened(self) -> None:
+        self.opened.set()
+
+    def bytes_received(self, data: bytes, received_at: int) -> None:
+        pass
+
+    def stream_lost(self, reason: str) -> None:
+        pass
+
+
+async def _status(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bytes:
+    writer.write(b"AT?S\n")
+    lines = b""
+    while b"free" not in lines:
+        lines += await reader.readline()
+    return lines
+
+
+async def _until_document(
+    session: zenoh.Session, address: int, name: str, says: Callable[[Any], bool]
+) -> None:
+    """Wait until a document of a gateway says something; it is put when it changes."""
+    key = f"@acoustic/{address}/{name}"
+    heard = await hear(session, key)
+    replies = await get(session, key)
+    document = json.loads(replies.payload(key))
+    while not _says(says, document):
+        document = json.loads(await heard.payload())
+
+
+def _says(says: Callable[[Any], bool], document: Any) -> bool:
+    try:
+        return says(document)
+    except KeyError:
+        return False
+
+
+def _has_own(least: int, dropped: dict[str, Any]) -> bool:
+    return bool(dropped["water"]["own"] >= least)
+
+
+def _has_cut(least: int, document: dict[str, Any]) -> bool:
+    return bool(document["diagnostics"]["pieces_cut"] >= least)

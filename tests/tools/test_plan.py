@@ -1,0 +1,232 @@
+"""`zacoustic plan`: near what `sim` measures; names what does not fit, and what would make it."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.pages.blocks import files_of
+from tests.tools.planned import ALLOWED, CASES, HOURS, Case, compare
+from zacoustic.channel.profiles import PROFILES
+from zacoustic.cli import main
+from zacoustic.errors import ConfigError
+from zacoustic.tools.plan.fleet import Water
+from zacoustic.tools.plan.report import plan, transmit_power_w
+
+_SHORT_ALLOWED = 0.15
+
+NAV = {
+    "name": "Nav",
+    "fields": [
+        {"name": "lat", "type": "float64", "range": [-90, 90], "step": 1e-6},
+        {"name": "depth", "type": "float32", "range": [0, 1000], "step": 0.1},
+    ],
+}
+
+
+def fleet(folder: Path, *streams: dict[str, Any]) -> Path:
+    path = folder / "fleet.json5"
+    nodes = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
+    section = {"nodes": nodes, "types": [NAV], "streams": streams}
+    path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+    return path
+
+
+def water(folder: Path, *traffic: dict[str, Any], **more: object) -> Path:
+    path = folder / "water.json5"
+    scenario = {
+        "config": "fleet.json5",
+        "channel": "none",
+        "nodes": [
+            {"address": 1, "position": [0, 0, 10]},
+            {"address": 2, "position": [1000, 0, 50]},
+        ],
+        "traffic": traffic,
+        **more,
+    }
+    path.write_text(json.dumps(scenario), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+def test_a_plan_is_near_what_sim_measures(
+    case: Case, tmp_path: Path, count: Callable[[int], int]
+) -> None:
+    is_full = count(100) == 100
+    compared = compare(case, tmp_path, HOURS if is_full else case.short_hours)
+    assert abs(compared.off) <= (ALLOWED if is_full else _SHORT_ALLOWED), compared
+    assert compared.measured > 0.03
+
+
+def test_airtime_of_lone_frames_is_exact(tmp_path: Path) -> None:
+    fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2]})
+    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 20})
+    (stream,) = plan(path, hours=1).streams
+    # One frame in ten seconds: id and payload; HELLO, TAG and CONFIRM of the first minute on top.
+    airtime_s = PROFILES["evologics_s2c_18_34"].airtime_s(21)
+    assert stream.airtime_s_per_h == pytest.approx(360 * airtime_s, rel=0.01)
+    assert stream.went == 1.0
+    assert stream.expected_s == pytest.approx(airtime_s + 1000.8 / 1500, abs=0.02)
+
+
+def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet(
+        tmp_path,
+        {"id": 10, "topic": "status", "type": "Nav", "publishers": [2]},
+        {"id": 11, "topic": "cmd", "publishers": [1]},
+    )
+    path = water(
+        tmp_path,
+        {"node": 2, "topic": "status", "every_s": 1.5, "value": {"lat": 54, "depth": 3}},
+        {"node": 1, "topic": "cmd", "every_s": 60, "size_bytes": 6},
+        profile="whoi_micromodem_fsk",
+    )
+    report = plan(path, hours=0.2)
+    assert not report.fits
+    assert report.demand > 1 > report.utilisation
+    assert report.streams[0].name == "status"
+    assert "status alone takes" in report.misfits[0]
+    assert any(change.what.startswith("status: every") for change in report.changes)
+    # Whoever follows the advice has a plan that fits.
+    every_s = next(
+        float(change.what.split()[2])
+        for change in report.changes
+        if change.what.startswith("status: every")
+    )
+    slower = water(
+        tmp_path,
+        {"node": 2, "topic": "status", "every_s": every_s, "value": {"lat": 54, "depth": 3}},
+        {"node": 1, "topic": "cmd", "every_s": 60, "size_bytes": 6},
+        profile="whoi_micromodem_fsk",
+    )
+    assert plan(slower, hours=0.2).fits
+    assert main(["plan", str(slower), "--hours", "0.2"]) == 0
+    assert "it fits" in capsys.readouterr().out
+
+
+def test_what_comes_too_late_does_not_fit(tmp_path: Path) -> None:
+    fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], "lifespan_s": 0.5})
+    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 10, "size_bytes": 40})
+    report = plan(path, hours=0.2)
+    assert not report.fits
+    assert "worth nothing after 0.5 s" in " ".join(report.misfits)
+
+
+def test_aloha_carries_less(tmp_path: Path) -> None:
+    path = fleet(tmp_path, {"id": 10, "topic": "log", "min_interval_s": 5})
+    section = json.loads(path.read_text(encoding="utf-8"))
+    for method, fits in (("carrier_sense", True), ("aloha", False)):
+        section["plugins"]["acoustic"]["links"] = [
+            {"locator": "sim/127.0.0.1:7000", "access": {"method": method}}
+        ]
+        path.write_text(json.dumps(section), encoding="utf-8")
+        assert plan(path, hours=0.5).fits is fits, method
+
+
+def test_a_cap_on_the_airtime_holds(tmp_path: Path) -> None:
+    fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], "max_airtime": 0.05})
+    path = water(tmp_path, {"node": 2, "topic": "log", "every_s": 2, "size_bytes": 40})
+    report = plan(path, hours=4)
+    assert report.utilisation == pytest.approx(0.05, rel=0.1)
+    assert not report.fits
+
+
+def test_a_config_says_how_often_by_its_intervals(tmp_path: Path) -> None:
+    path = fleet(
+        tmp_path,
+        {"id": 10, "topic": "nav", "type": "Nav", "publishers": [2], "min_interval_s": 10},
+        {"id": 11, "topic": "log", "publishers": [2], "deadline_s": 60},
+        {"id": 12, "topic": "cmd", "publishers": [1]},
+    )
+    report = plan(path, hours=1)
+    assert {row.name: round(row.per_h) for row in report.streams} == {"nav": 360, "log": 60}
+    assert any(note.startswith("cmd: nothing says how often") for note in report.notes)
+    assert any(note.startswith("log: reckoned with its largest sample") for note in report.notes)
+
+
+def test_loss_costs_what_is_reliable(tmp_path: Path) -> None:
+    path = fleet(
+        tmp_path,
+        {"id": 10, "topic": "orders", "type": "Nav", "publishers": [1], "subscribers": [2],
+         "reliability": "reliable", "depth": 2, "min_interval_s": 30},
+    )  # fmt: skip
+    calm, rough = (plan(path, water=Water(loss=loss), hours=2) for loss in (0.0, 0.3))
+    # Sample and answer again until both have arrived: 1 / 0.7² samples, 1 / 0.7 answers.
+    assert rough.utilisation / calm.utilisation == pytest.approx(1.85, rel=0.15)
+    assert rough.fits
+
+
+def test_a_recording_says_how_often_and_how_large(tmp_path: Path) -> None:
+    path = fleet(
+        tmp_path,
+        {"id": 10, "topic": "nav", "type": "Nav", "publishers": [2]},
+        {"id": 11, "topic": "log", "publishers": [2]},
+    )
+    recording = tmp_path / "monday.jsonl"
+    recording.write_text(
+        "\n".join(
+            json.dumps({"t": 4.0 * i, "s": "nav", "v": {"lat": 54 + i / 1e4, "depth": 30 + i % 40}})
+            for i in range(200)
+        )
+    )
+    report = plan(path, recordings=[str(recording)], hours=1)
+    (row,) = report.streams
+    assert row.per_h == pytest.approx(900, rel=0.01)
+    assert "log: not in the recording: left out" in report.notes
+    # id, latitude in steps of 1e-6 (five bytes), depth in steps of 0.1 (three).
+    airtime_s = PROFILES["evologics_s2c_18_34"].airtime_s(9)
+    assert row.airtime_s_per_h == pytest.approx(900 * airtime_s, rel=0.02)
+
+
+def test_the_same_plan_twice_is_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = CASES[0].write(tmp_path)
+    told = []
+    for _ in range(2):
+        assert main(["plan", str(path), "--hours", "0.2", "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    assert told[0] == told[1]
+    assert told[0]["fits"] is True
+    assert math.isclose(
+        sum(row["airtime_s_per_h"] for row in told[0]["streams"]),
+        told[0]["utilisation"] * 3600,
+        rel_tol=0.02,
+    )
+
+
+def test_energy_is_that_of_transmitting(tmp_path: Path) -> None:
+    path = CASES[0].write(tmp_path)
+    report = plan(path, hours=0.2, transmit_w=35)
+    for node in report.nodes:
+        assert node.energy_wh_per_day == pytest.approx(node.utilisation * 35 * 24)
+    # 184 dB are 20.9 W of sound.
+    assert transmit_power_w(PROFILES["evologics_s2c_18_34"]) == pytest.approx(41.8, rel=0.01)
+
+
+def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    silent = fleet(tmp_path, {"id": 10, "topic": "log"})
+    with pytest.raises(ConfigError, match="nothing says how often"):
+        plan(silent)
+    assert main(["plan", str(silent), "--loss", "2"]) == 2
+    assert "--loss 2; allowed: 0 to 0.9" in capsys.readouterr().err
+    stranger = water(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
+    assert main(["plan", str(stranger)]) == 2
+    assert '"no" of node 2; allowed: log' in capsys.readouterr().err
+
+
+def test_the_example_of_the_page_is_as_the_page_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, text in files_of("docs/plan.md").items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    assert main(["plan", str(tmp_path / "water.json5"), "--hours", "0.5"]) == 1
+    told = capsys.readouterr().out
+    assert "auv1/status alone takes" in told
+    assert "it would fit with: auv1/status: codec: " in told
+    assert "it would fit with: auv1/status: every 0.9 s" in told

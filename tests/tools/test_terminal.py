@@ -1,0 +1,113 @@
+"""What `zacoustic monitor` draws, and the words that terminal and page share."""
+
+import io
+
+import pytest
+
+pytest.importorskip("rich")
+
+from rich.console import Console
+
+from tests.tools.boards import DOCUMENTS, full_view
+from zacoustic.tools.watch.terminal import Terminal, picture, waiting_picture
+from zacoustic.tools.watch.words import rate_words, size_words, state_words, time_words
+
+
+def drawn(
+    changed: dict[str, object] | None = None, *, is_complete: bool = False, width: int = 120
+) -> str:
+    console = Console(file=io.StringIO(), width=width, record=True)
+    console.print(picture([full_view(**changed or {})], is_complete=is_complete))
+    return console.export_text()
+
+
+def line_with(text: str, words: str) -> list[str]:
+    return next(line for line in text.splitlines() if words in line).split()
+
+
+def test_picture_tells_streams_nodes_airtime_transfers_and_events() -> None:
+    text = drawn()
+    assert " 2 auv1 " in text
+    assert "link up   evologics/tcp:h:9200 · native · 1.9 · 64 B at 976 bit/s · 24.1 V" in text
+    assert "frames 40 sent, 30 heard, 2 damaged   2 waiting   sending 24 B → 1: auv1/nav" in text
+    assert "journal kept, runs 15 min" in " ".join(text.split())
+    assert "10.0 % of the last 15 min" in text
+    assert line_with(text, "10   auv1/nav") == ["10", "auv1/nav", "20", "3.0", "s", "2/min", "2",
+                                           "92.3", "%"]  # fmt: skip
+    cmd = line_with(text, "auv1/cmd")
+    assert cmd[2:] == ["3", "60", "s", "1/min", "62", "s", "late", "4", "times"]
+    assert "differs at 1: stopped" in text
+    assert "quiet: 1 stream\n" in text
+    shore = line_with(text, "1 shore")
+    assert " ".join(shore) == (
+        "1 shore 60 s ago 1512 m, 3 min ago 12.5 dB SNR, -38.0 dB 25.0 % of 8"
+    )
+    assert " ".join(line_with(text, "3 buoy")).endswith("never – – – LOST, another table")
+    assert line_with(text, "payload")[:4] == ["payload", "62.3", "69.2", "%"]
+    assert "auv1/photo to 1: 5000 B of 20.0 kB there, 8000 B sent" in text
+    assert "auv1/plan from 1: delivered, 900 B" in text
+    assert "sending 24 B → 1: auv1/nav" in text
+    frames = text[text.index("last frames") :]
+    assert " ".join(line_with(frames, "auv1/photo")) == (
+        "→ all: auv1/nav, auv1/photo 33 0.40 s 10 s not delivered"
+    )
+    assert frames.index("→ all") < frames.index("← 1: acknowledgements")
+    lost, up = text.index("lost 3 buoy"), text.index("link up", text.index("lost 3 buoy"))
+    assert lost < up
+    assert "dropped off the water: 2 check, 1 unconfirmed" in text
+
+
+def test_complete_picture_has_the_quiet_streams_too() -> None:
+    assert "quiet: " not in drawn(is_complete=True)
+    assert line_with(drawn(is_complete=True), "quiet")[:2] == ["12", "quiet"]
+
+
+def test_narrow_terminal_gets_no_line_that_is_too_long() -> None:
+    assert max(map(len, drawn(width=70).splitlines())) <= 70
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"link": {"state": "down", "detail": "no answer from h:9200"}},
+         "link down, no answer from h:9200"),
+        ({"link": {"state": "up", "silent": True}}, "SILENT by order or by a quiet window"),
+        ({"journal": {"kept": True, "failure": "disk full"}}, "journal fails: disk full"),
+    ],
+)  # fmt: skip
+def test_what_keeps_frames_from_the_water_is_said_first(
+    changed: dict[str, object], words: str
+) -> None:
+    assert words in state_words(full_view(**changed))
+    assert words in drawn(changed)
+
+
+def test_gateway_of_an_older_version_is_shown_as_far_as_it_tells() -> None:
+    told: dict[str, object] = {name: {} for name in DOCUMENTS if name != "link"}
+    told["streams"] = {"streams": [{"id": 1, "name": "x", "transmitted": 4}]}
+    text = drawn(told)
+    assert line_with(text, " x ")[:3] == ["1", "x", "4"]
+
+
+def test_terminal_shows_one_picture_after_the_other() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=100, height=50)
+    with Terminal(console) as terminal:
+        terminal.show(waiting_picture("tcp/h:7447"))
+        terminal.show(picture([full_view()]))
+    written = console.file.getvalue()  # type: ignore[attr-defined]
+    assert written.index("no gateway has been heard on tcp/h:7447") < written.index("auv1/nav")
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(None, "–"), (0.04, "0.0 s"), (11.6, "12 s"), (300, "5 min"), (9000, "2.5 h"),
+     (200_000, "2.3 d")],
+)  # fmt: skip
+def test_times_have_a_unit_of_their_size(value: float | None, words: str) -> None:
+    assert time_words(value) == words
+
+
+def test_rates_and_sizes_have_units_of_their_size() -> None:
+    assert [rate_words(each) for each in (None, 2.0, 0.2, 0.001)] == ["–", "2/s", "12/min", "3.6/h"]
+    sizes = (None, 812, 42_000, 12_000_000)
+    assert [size_words(each) for each in sizes] == ["–", "812 B", "42.0 kB", "12.0 MB"]

@@ -1,0 +1,63 @@
+"""The verb `zacoustic dashboard`: gateways as a web page."""
+
+import argparse
+import contextlib
+import json
+
+from zacoustic.cli.topics import add_watch_arguments, read_watch
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.serving import parse_place, place_name
+
+_EXAMPLE = """It shows what zacoustic monitor shows, and needs no internet. Whoever reaches the
+place can look at it: there is no password. Nothing of it costs anything on the water. Ctrl-C ends
+it.
+
+examples:
+  zacoustic dashboard --connect tcp/127.0.0.1:7447
+  zacoustic dashboard --config router.json5 --listen 0.0.0.0:8090
+"""
+
+
+class DashboardCommand(Command):
+    """Serves a page about gateways."""
+
+    name = "dashboard"
+    summary = "watch gateways on a web page: what zacoustic monitor shows, and its history"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare which gateways, where they are, where the page is."""
+        parser.epilog = _EXAMPLE
+        add_watch_arguments(parser)
+        parser.add_argument(
+            "--listen", default="127.0.0.1:8090", metavar="HOST:PORT",
+            help="where the page is; port 0: any that is free (default: %(default)s)",
+        )  # fmt: skip
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Serve until Ctrl-C.
+
+        Raises:
+            ConfigError: An argument or the file is wrong.
+            LinkOpenError: The place cannot be listened at.
+        """
+        with contextlib.suppress(KeyboardInterrupt):
+            _serve(arguments)
+        return EXIT_OK
+
+
+def _serve(arguments: argparse.Namespace) -> None:
+    from zacoustic.tools.watch.lookout import Lookout
+    from zacoustic.tools.watch.serving import free_place, serve
+    from zacoustic.tools.watch.watching import Watch
+
+    host, port = parse_place(arguments.listen)
+    port = free_place(host, port)
+    config = read_watch(arguments)
+
+    def make() -> Watch:
+        return Watch(config, arguments.connect)
+
+    where = ", ".join(arguments.connect or [arguments.config or "this network"])
+    url = f"http://{place_name(host, port)}"
+    print(json.dumps({"url": url}) if arguments.json else f"page      {url}", flush=True)
+    serve(Lookout(make, where, arguments.node), host, port)

@@ -1,0 +1,79 @@
+"""The verb `zacoustic doctor`: what will go wrong at sea?"""
+
+import argparse
+import asyncio
+import json
+
+from zacoustic.cli.pub import check_positive
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+
+
+class DoctorCommand(Command):
+    """Examines a node on its own computer, without a sound in the water."""
+
+    name = "doctor"
+    summary = "look for what goes wrong at sea, and name it with the cure"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare file, node, where to look and form of the output."""
+        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
+        parser.add_argument(
+            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
+        )
+        parser.add_argument(
+            "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
+        )
+        parser.add_argument(
+            "--connect", action="append", default=[], metavar="ENDPOINT",
+            help="Zenoh router of the gateway, instead of the file's; may be given again",
+        )  # fmt: skip
+        parser.add_argument(
+            "--ntp", metavar="HOST[:PORT]", help="ask this time server how wrong the clock is"
+        )
+        parser.add_argument(
+            "--recording", action="append", default=[], metavar="R",
+            help="how often things are said, for the airtime; may be given again",
+        )  # fmt: skip
+        parser.add_argument(
+            "--profile", metavar="NAME", help="modem of the airtimes (default: the EvoLogics 18/34)"
+        )
+        parser.add_argument(
+            "--patience", type=float, metavar="S", help="how long a modem may take to come, s (10)"
+        )
+        parser.add_argument("--json", action="store_true", help="one JSON object")
+        parser.epilog = (
+            "nothing is transmitted, and nothing is set. Where a gateway of this node runs\n"
+            "already, it is asked instead of its modem. Exits with 1 when something is wrong;\n"
+            "docs/doctor.md lists what is looked for\n\n"
+            "example:\n  zacoustic doctor router.json5 --address 2 --ntp pool.ntp.org"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Print what is wrong; fails when something is.
+
+        Raises:
+            ConfigError: The file or an argument is wrong.
+        """
+        import msgspec
+
+        from zacoustic.channel.profiles import DEFAULT_PROFILE
+        from zacoustic.tools.doctor.doctor import DEFAULT_PATIENCE_S, Wishes, diagnose
+        from zacoustic.tools.doctortext import as_text
+        from zacoustic.tools.plan.fleet import Water
+
+        check_positive(arguments, "patience")
+        wishes = Wishes(
+            address=arguments.address,
+            locator=arguments.link,
+            connect=tuple(arguments.connect),
+            ntp=arguments.ntp,
+            recordings=tuple(arguments.recording),
+            water=Water(profile=arguments.profile or DEFAULT_PROFILE),
+            patience_s=arguments.patience or DEFAULT_PATIENCE_S,
+        )
+        report = asyncio.run(diagnose(arguments.file, wishes))
+        if arguments.json:
+            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
+        else:
+            print(as_text(report))
+        return EXIT_FAILED if report.findings else EXIT_OK

@@ -1,0 +1,95 @@
+"""The verb `zacoustic record`: a Zenoh network, and what its gateways do, into a file."""
+
+import argparse
+import asyncio
+import contextlib
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from zacoustic.cli.pub import check_positive
+from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.serving import stopped_by_signals
+
+if TYPE_CHECKING:
+    from zacoustic.tools.recordings.zenohrecord import RecordedKeys
+
+
+class RecordCommand(Command):
+    """Records a Zenoh network."""
+
+    name = "record"
+    summary = "record topics, health and frames of running gateways, from any machine, as MCAP"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare file, network, keys and how long."""
+        parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the recording")
+        parser.add_argument("--config", metavar="FILE", help="file with the topics and their types")
+        parser.add_argument(
+            "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
+        )
+        parser.add_argument(
+            "--key", action="append", default=[], metavar="EXPRESSION",
+            help="record this key expression as well; may be given several times",
+        )  # fmt: skip
+        parser.add_argument("--for", type=float, metavar="S", help="end after so long, s")
+        parser.add_argument("--json", action="store_true", help="one JSON object at the end")
+        parser.epilog = (
+            "records the topics of the config, the health documents @acoustic/** and the frames\n"
+            "of every gateway on that network, until Ctrl-C. What a gateway does inside is in its\n"
+            "own recording: zacoustic gateway --record\n\n"
+            "example:\n"
+            "  zacoustic record -o trial.mcap --config fleet.json5 --connect tcp/192.168.0.2:7447"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Record until Ctrl-C or the time is over.
+
+        Raises:
+            ConfigError: The file or an argument is wrong.
+            SessionError: No router is reached.
+        """
+        check_positive(arguments, "for")
+        found = asyncio.run(_record(arguments))
+        _print(found, as_json=arguments.json)
+        return EXIT_FAILED if found.failure else EXIT_OK
+
+
+async def _record(arguments: argparse.Namespace) -> "RecordedKeys":
+    from zacoustic.config import read_config
+    from zacoustic.tools.recordings.zenohrecord import record_network
+
+    config = None if arguments.config is None else read_config(arguments.config)
+    stop = asyncio.Event()
+    with stopped_by_signals(stop), contextlib.ExitStack() as stack:
+        if (duration_s := vars(arguments)["for"]) is not None:
+            timer = asyncio.get_running_loop().call_later(duration_s, stop.set)
+            stack.callback(timer.cancel)
+        return await record_network(
+            arguments.output,
+            config=config,
+            connect=arguments.connect,
+            keys=arguments.key,
+            stop=stop,
+            ready=_tell,
+        )
+
+
+def _tell(path: Path, keys: Sequence[str]) -> None:
+    print(f"zacoustic record: {', '.join(keys)} into {path}", file=sys.stderr, flush=True)
+
+
+def _print(found: "RecordedKeys", *, as_json: bool) -> None:
+    import msgspec
+
+    from zacoustic.tools.columns import align
+
+    if as_json:
+        print(json.dumps(msgspec.to_builtins(found), ensure_ascii=False))
+        return
+    rows = [(key, str(number)) for key, number in found.messages.items()]
+    print(align(("key", "samples"), rows, right=("samples",)))
+    if found.dropped:
+        print(f"{found.dropped} messages were dropped: the disk was too slow, or is full")

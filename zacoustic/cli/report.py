@@ -1,0 +1,71 @@
+"""The verb `zacoustic report`: what a recording amounts to, as text, JSON or a page."""
+
+import argparse
+import json
+from pathlib import Path
+
+from zacoustic.command import EXIT_OK, Command
+from zacoustic.errors import ConfigError
+
+
+class ReportCommand(Command):
+    """Tells delivery, latency, airtime and link quality."""
+
+    name = "report"
+    summary = "delivery, latency, airtime and link quality of a recording, also as a page"
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Declare recordings, page and form of the output."""
+        parser.add_argument(
+            "recordings", metavar="FILE", nargs="+",
+            help="recordings, MCAP: those of both ends of one trial are put together",
+        )  # fmt: skip
+        parser.add_argument("--html", type=Path, metavar="PAGE", help="write a page with plots")
+        parser.add_argument("--json", action="store_true", help="one JSON object")
+        parser.epilog = (
+            "delivery and latency between two nodes need the recordings of both; with one there\n"
+            "is what its node was told: outcomes of what is reliable, ages, link quality\n\n"
+            "examples:\n"
+            "  zacoustic report trial.mcap --html trial.html\n"
+            "  zacoustic report shore.mcap auv1.mcap --json"
+        )
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Print the figures, and write the page.
+
+        Raises:
+            ConfigError: A file or an argument is wrong.
+        """
+        import msgspec
+
+        from zacoustic.tools.recordings.figures import figures_of
+        from zacoustic.tools.recordings.gathering import gather
+        from zacoustic.tools.recordings.reporttext import as_text
+
+        facts = gather(arguments.recordings)
+        figures = figures_of(facts)
+        if arguments.html is not None:
+            from zacoustic.tools.recordings.page import as_page
+            from zacoustic.tools.recordings.plots import plots_of
+
+            title = " and ".join(Path(name).name for name in arguments.recordings)
+            _write(arguments.html, as_page(figures, plots_of(facts, figures), title=title))
+        if arguments.json:
+            print(json.dumps(msgspec.to_builtins(figures), ensure_ascii=False))
+        else:
+            print(as_text(figures))
+            if arguments.html is not None:
+                print(f"\n{arguments.html}: written")
+        return EXIT_OK
+
+
+def _write(path: Path, page: str) -> None:
+    """Write the page.
+
+    Raises:
+        ConfigError: It cannot be written.
+    """
+    try:
+        path.write_text(page, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"--html {path}: {error.strerror}") from error

@@ -1,0 +1,50 @@
+"""The key `metrics`: where a gateway answers to Prometheus."""
+
+import re
+from typing import Final
+
+from zacoustic.config.complaints import Place
+from zacoustic.config.sections import ALLOWED
+from zacoustic.errors import ConfigError
+
+LOOPBACK: Final = "127.0.0.1"
+"""Where it answers if only a port is given: to this computer alone."""
+
+_PLACE: Final = re.compile(r"(?:(\[[^\]]+\]|[^:\[\]\s]+):)?(\d{1,5})")
+_LAST_PORT: Final = 65_535
+
+
+def parse_metrics(written: str) -> tuple[str, int] | None:
+    """Return host and port of ``PORT`` or ``HOST:PORT``; None: it is neither."""
+    found = _PLACE.fullmatch(written)
+    if found is None or int(found[2]) > _LAST_PORT:
+        return None
+    return (found[1] or LOOPBACK).strip("[]"), int(found[2])
+
+
+def metrics_argument(written: str | None) -> tuple[str, int] | None:
+    """Read the argument `--metrics`; None: it is not given.
+
+    Raises:
+        ConfigError: It is no such place.
+    """
+    if written is None:
+        return None
+    found = parse_metrics(written)
+    if found is None:
+        raise ConfigError(f'--metrics "{written}"; allowed: {ALLOWED["metrics"]}')
+    return found
+
+
+def read_metrics(place: Place, written: str | None) -> tuple[str, int] | None:
+    """Read the key; None: metrics are off.
+
+    Raises:
+        ConfigError: It is no such place.
+    """
+    if written is None:
+        return None
+    found = parse_metrics(written)
+    if found is None:
+        place.complain(allowed=ALLOWED["metrics"])
+    return found

@@ -1,0 +1,68 @@
+"""How often a record is sent in a row, before an answer to it is awaited; and for how long it is.
+
+An answer takes a round trip, longer than a few short frames. So an emergency is sent four times at
+once. A node in a run hears nothing but in its pauses, four seconds apart, and listens longer when
+it hears something there that it does not understand (`zacoustic.core.access.listening`). So into
+such a pause commands go twice, and what was not answered goes again into the next one: to be a
+little late for that costs four seconds, and nothing is gained by it.
+"""
+
+from typing import Final
+
+from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.qos import Priority
+from zacoustic.core.queue import Waiting
+
+MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
+"""In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
+
+
+def follow(record: Waiting, priority: Priority, times: LinkTimes, at: int) -> bool:
+    """Tell whether a record that was just sent follows itself into a pause, and note it there.
+
+    Args:
+        record: The record.
+        priority: Of its lane.
+        times: Of the link.
+        at: End of its last transmission, ns.
+    """
+    record.copies += 1
+    is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
+    record.is_copy = is_heard_out and record.copies < MOST_COPIES.get(priority, 1)
+    if not record.is_copy:
+        record.copies = 0
+    return record.is_copy
+
+
+def is_emergency(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes again, wherever its answer may be.
+
+    Not so a request: its answer would come while its copies deafen the one that waits for it.
+    """
+    return priority is Priority.REAL_TIME and tries < MOST_COPIES[priority]
+
+
+def is_doubled(priority: Priority, tries: int) -> bool:
+    """Tell whether a sample that was sent so often goes twice: it was not answered before.
+
+    Frames are lost, or meet what the other end says at the same time. Whoever acknowledges waits
+    for as long as the second copy needs to begin; so again this is not for requests.
+    """
+    return priority in MOST_COPIES and tries > 1
+
+
+def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) -> int:
+    """Return a pause before a repetition, or how long it is to the next pause of the others, ns.
+
+    Args:
+        pause_ns: As it was drawn.
+        priority: Of the record.
+        times: Of the link.
+        at: Since when an answer is awaited, ns.
+    """
+    if priority not in MOST_COPIES or times.listening is None:
+        return pause_ns
+    # What has come of the first copy can be known by then, of the last maybe not.
+    since = times.listening.row_began_at(at)
+    invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
+    return pause_ns if invited_at is None else min(pause_ns, invited_at - at)

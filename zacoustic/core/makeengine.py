@@ -1,0 +1,28 @@
+"""How an engine is made, for those who let somebody else make theirs: a recorder, a test."""
+
+import random
+from collections.abc import Mapping
+from typing import Protocol
+
+from zacoustic.core.engine import Engine
+from zacoustic.core.rules import TransmitRules
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.trace import TraceSink
+
+
+class MakeEngine(Protocol):
+    """Makes the engine of a node for one life; `Engine` itself is one."""
+
+    def __call__(
+        self,
+        *,
+        address: int,
+        table: StreamTable,
+        epoch: int,
+        rng: random.Random,
+        rules: TransmitRules,
+        stored: Mapping[str, bytes],
+        trace: TraceSink | None,
+    ) -> Engine:
+        """Return a new engine."""
+        ...

@@ -1,0 +1,89 @@
+"""What is in the water: the frame that is being sent, and the last ones sent and heard.
+
+``@acoustic/ADDRESS/water`` is a document of the health report. Counters tell how much has crossed;
+this tells what crosses now, so that whoever waits can see whether it is worth waiting. A frame that
+was sent is still on its way for as long as sound needs: instants are those of its beginning.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.engine import Engine
+from zacoustic.core.linktypes import BROADCAST, UNKNOWN_SOURCE
+from zacoustic.core.trace import TraceRecord
+
+KEPT: Final = 16
+"""Frames of the past that are told."""
+
+
+class Frame(msgspec.Struct, kw_only=True):
+    """One frame, as the document tells it."""
+
+    way: str
+    """``out`` or ``in``."""
+    peer: int | None
+    """The other node; null: everybody, or nobody knows."""
+    bytes: int
+    streams: list[str]
+    """Names, each once; empty: the link's own business, as acknowledgements."""
+    begun_unix_s: float
+    """When it was given to the modem; of one that was heard, when it began to arrive."""
+    airtime_s: float
+    """As the modem's rate says."""
+    outcome: str = ""
+    """Of one that was sent, once the modem has told it: a word of `TransmitOutcome`."""
+
+
+class FrameLog:
+    """The frames of one engine; for the loop.
+
+    Args:
+        engine: Whose.
+        unix_s: The clock of people, s.
+    """
+
+    def __init__(self, engine: Engine, *, unix_s: Callable[[], float] = time.time) -> None:
+        self._engine = engine
+        self._unix_s = unix_s
+        self._transmitting: Frame | None = None
+        self._last: deque[Frame] = deque(maxlen=KEPT)
+
+    def note(self, record: TraceRecord) -> None:
+        """Take notice of what the engine does."""
+        match record.what:
+            case "transmit":
+                peer = None if record.peer == BROADCAST else record.peer
+                self._transmitting = self._frame("out", peer, record)
+            case "report" if self._transmitting is not None:
+                self._transmitting.outcome = record.detail
+                self._last.append(self._transmitting)
+                self._transmitting = None
+            case "receive":
+                peer = None if record.peer == UNKNOWN_SOURCE else record.peer
+                heard = self._frame("in", peer, record)
+                heard.begun_unix_s -= heard.airtime_s
+                self._last.append(heard)
+            case _:
+                pass
+
+    def document(self) -> dict[str, object]:
+        """Return the document; the past is oldest first."""
+        return {"transmitting": self._transmitting, "last": list(self._last)}
+
+    def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
+        table, capabilities = self._engine.table, self._engine.capabilities
+        found = (table.get(each) for each in dict.fromkeys(record.streams))
+        airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(record.size_bytes)
+        return Frame(
+            way=way,
+            peer=peer,
+            bytes=record.size_bytes,
+            streams=[stream.name for stream in found if stream is not None],
+            begun_unix_s=self._unix_s(),
+            airtime_s=ns_to_seconds(airtime_ns),
+        )

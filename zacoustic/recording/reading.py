@@ -1,0 +1,97 @@
+"""A recording, read from its beginning: also one that nobody has finished, or that is damaged."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ConfigError
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+"""How a file of MCAP begins."""
+_LONGEST_BYTES: Final = 64 << 20
+_EXTRA: Final = "pip install 'zacoustic[recording]'"
+
+
+class ReadMessage(msgspec.Struct, frozen=True):
+    """A message of a recording."""
+
+    topic: str
+    """Of its channel."""
+    utc_ns: int
+    """When, ns since 1970."""
+    encoding: str
+    """Of the message."""
+    metadata: dict[str, str]
+    """Of the channel."""
+    data: bytes
+    """What it says."""
+
+
+class RecordingReader:
+    """Reads the messages of a file, in the order in which they were written.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ConfigError: It cannot be opened, is no MCAP file, or the extra is missing.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.damage = ""
+        """Why reading ended before the end, known afterwards: a file that nobody has finished, or
+        a damaged one; empty: it is whole."""
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(len(MAGIC))
+        except OSError as error:
+            raise ConfigError(f"{path}: {error.strerror}") from error
+        if head != MAGIC:
+            raise ConfigError(
+                f"{path}: no MCAP file", hint="zacoustic record, or --record, makes one"
+            )
+        try:
+            import mcap.stream_reader  # noqa: F401 (whether it is there)
+        except ImportError as error:
+            raise ConfigError(f"recordings need {error.name}", hint=_EXTRA) from error
+
+    def __iter__(self) -> Iterator[ReadMessage]:
+        """Read all messages; what comes after damage is left out, and `damage` says so."""
+        from mcap.records import Channel, Message
+        from mcap.stream_reader import StreamReader
+
+        channels: dict[int, Channel] = {}
+        with self.path.open("rb") as file:
+            reader = StreamReader(file, validate_crcs=True, record_size_limit=_LONGEST_BYTES)
+            records = reader.records
+            while True:
+                try:
+                    record = next(records, None)
+                except Exception as error:  # whatever a damaged file makes of the library
+                    self.damage = f"{type(error).__name__}: {error}".strip(": ")
+                    return
+                if record is None:
+                    return
+                if isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message) and record.channel_id in channels:
+                    channel = channels[record.channel_id]
+                    yield ReadMessage(
+                        channel.topic,
+                        record.log_time,
+                        channel.message_encoding,
+                        channel.metadata,
+                        record.data,
+                    )
+
+
+def is_recording(path: str | Path) -> bool:
+    """Tell whether a file is one of MCAP; not, where it cannot be read."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False

@@ -1,0 +1,157 @@
+"""Which single change would make it fit: each is tried in the model, and named if it does.
+
+What is tried, the least painful first: the codec of what takes most, company in the frame, a longer
+interval of what takes most, all of that together, longer intervals of everything.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.qos import Priority
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streamspecs import StreamSpec, TopicSpec
+from zacoustic.errors import ConfigError
+from zacoustic.tools.plan.fleet import Fleet
+from zacoustic.tools.plan.verdict import StreamFound, streams_of, verdict_of, walk
+
+_TRIED_PERIODS: Final = 20.0
+_LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
+"""How long a change is tried: so many periods of the rarest, within these, s."""
+_SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
+_MOST_STREAMS: Final = 2
+_MOST_CHANGES: Final = 4
+_LINGER_S: Final = 10.0
+
+
+class Change(msgspec.Struct, frozen=True, kw_only=True):
+    """A change that makes it fit."""
+
+    what: str
+    """What is to be changed."""
+    demand: float
+    """Share of the time that everything takes then."""
+
+
+Respecify = Callable[[StreamSpec], StreamSpec]
+
+
+def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) -> tuple[Change, ...]:
+    """Try changes.
+
+    Args:
+        fleet: What does not fit.
+        streams: What was found of it, what takes most first.
+        seed: Of the model.
+    """
+    found: list[Change] = []
+    for attempts in _ladders(fleet, streams):
+        for what, changed in attempts:
+            change = _fit(what, changed, seed)
+            if change is not None:
+                found.append(change)
+                break
+        if len(found) >= _MOST_CHANGES:
+            break
+    return tuple(found)
+
+
+def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
+    rarest_s = max(offer.every_s for offer in fleet.offers)
+    tried_s = min(max(_LEAST_TRIED_S, _TRIED_PERIODS * rarest_s), _MOST_TRIED_S)
+    result = walk(fleet, tried_s, seed)
+    verdict = verdict_of(fleet, streams_of(fleet, result), result, tried_s)
+    return Change(what=what, demand=verdict.demand) if verdict.fits else None
+
+
+def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
+    """Yield series of changes, each of which is only tried if those before it do not do."""
+    heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    for stream in heavy:
+        yield _recoded(fleet, stream)
+    yield _lingering(fleet)
+    for stream in heavy:
+        yield _slower(fleet, (stream.stream_id,), stream.name)
+    everything = tuple(each.stream.stream_id for each in streams)
+    yield _slower(fleet, everything, "everything")
+
+
+def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
+    for codec in ("packed", "dense"):
+        if stream.type is None or stream.spec.codec in (codec, "dense"):
+            continue
+        try:
+            changed = _changed(fleet, {stream.stream_id: partial(_replace, codec=codec)})
+        except ConfigError:  # a reliable topic cannot be dense
+            continue
+        yield f'{stream.name}: codec: "{codec}"', changed
+
+
+def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
+    """Let what is not urgent wait for company."""
+
+    def linger(spec: StreamSpec) -> StreamSpec:
+        depth = max(spec.qos.depth, 8)
+        return _replace(
+            spec, qos=msgspec.structs.replace(spec.qos, linger_s=_LINGER_S, depth=depth)
+        )
+
+    topics = {
+        offer.stream.stream_id: offer.stream
+        for offer in fleet.offers
+        if isinstance(offer.stream.spec, TopicSpec)
+        and offer.stream.qos.priority is not Priority.REAL_TIME
+        and offer.stream.qos.linger_s < _LINGER_S
+    }
+    if topics:
+        names = ", ".join(each.name for each in topics.values())
+        changed = _changed(fleet, dict.fromkeys(topics, linger))
+        yield f"{names}: linger_s: {_LINGER_S:g}, with depth: 8", changed
+
+
+def _slower(fleet: Fleet, stream_ids: Sequence[int], name: str) -> Iterator[tuple[str, Fleet]]:
+    for factor in _SLOWER:
+        offers = [
+            offer.altered(offer.stream, offer.every_s * factor)
+            if offer.stream.stream_id in stream_ids
+            else offer
+            for offer in fleet.offers
+        ]
+        periods = sorted(
+            {offer.every_s for offer in offers if offer.stream.stream_id in stream_ids}
+        )
+        every = f"every {periods[0]:g} s" if len(periods) == 1 else f"{factor:g} times as rarely"
+        yield f"{name}: {every}", _with(fleet, offers=offers)
+
+
+def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:
+    """Return the fleet with other streams.
+
+    Raises:
+        ConfigError: A stream cannot be so.
+    """
+    tables = {address: _table(table, changes) for address, table in fleet.tables.items()}
+    any_table = next(iter(tables.values()))
+    offers = [
+        offer.altered(any_table.by_id(offer.stream.stream_id), offer.every_s)
+        for offer in fleet.offers
+    ]
+    return _with(fleet, offers=offers, tables=tables)
+
+
+def _table(table: StreamTable, changes: Mapping[int, Respecify]) -> StreamTable:
+    specs = [
+        changes[each.stream_id](each.spec) if each.stream_id in changes else each.spec
+        for each in table
+    ]
+    return StreamTable(specs, types=table.types, nodes=table.nodes, wire=table.wire)
+
+
+def _replace(spec: StreamSpec, **fields: object) -> StreamSpec:
+    return msgspec.structs.replace(spec, **fields)
+
+
+def _with(fleet: Fleet, **fields: object) -> Fleet:
+    return msgspec.structs.replace(fleet, **fields)

@@ -1,0 +1,50 @@
+"""What the exchanges of the model need of the walk: the clock, the nodes, whom to tell."""
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from zacoustic.core.arq.timing import PeerTiming
+from zacoustic.core.qos import Stamp
+from zacoustic.tools.plan.offers import Offer
+from zacoustic.tools.plan.speaker import Speaker
+
+_ID_BYTES: Final = 1
+
+
+class Clockwork(Protocol):
+    """What exchanges need of the walk."""
+
+    @property
+    def now(self) -> int:
+        """The instant, ns."""
+        ...
+
+    def later(self, at: int, action: Callable[[], object]) -> None:
+        """Do something at an instant, ns."""
+        ...
+
+    def speaker(self, address: int) -> Speaker:
+        """Return a node."""
+        ...
+
+    def timing(self, source: int, target: int) -> PeerTiming:
+        """Return how long a node takes to answer another one."""
+        ...
+
+    def serve(self, address: int) -> None:
+        """Let a node speak, if it may."""
+        ...
+
+    def went(self, offer: Offer) -> None:
+        """What was said is on the water for the first time."""
+        ...
+
+    def delivered(self, offer: Offer, began_at: int) -> None:
+        """Something has arrived that was said then."""
+        ...
+
+
+def head_bytes_of(offer: Offer) -> int:
+    """Return what stands before the payload of a best-effort sample: id, wildcards, age."""
+    stamped = offer.stream.qos.stamp is Stamp.AGE
+    return _ID_BYTES + len(offer.instance) + stamped

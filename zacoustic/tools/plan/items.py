@@ -1,0 +1,124 @@
+"""What waits at a node in the model: its size, whom it is for, what follows from its arrival.
+
+The real queue (`zacoustic.core.queue`) has records; here are their sizes, and their rules: first
+in, first out in a lane, as deep as the stream says, nothing too old, the lane of the highest value
+first.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.dense import DenseSample
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
+
+_BEFORE_ALL: Final = -(1 << 62)
+NO_STREAM: Final = 0
+
+
+class Item:
+    """A record, a control or a fragment that waits.
+
+    Args:
+        stream_id: Whom its airtime is for; 0: nobody.
+        destination: Address, or `BROADCAST`.
+        size_bytes: Of the record, prefixes included, LEN excepted.
+        queued_at: When it began to wait, ns.
+    """
+
+    __slots__ = (
+        "alone", "begins", "dense", "destination", "ends", "expires_at", "for_one_node", "heard",
+        "is_control", "lost", "open_ended", "queued_at", "rides", "size_bytes", "stream_id",
+        "wait_ns",
+    )  # fmt: skip
+
+    def __init__(self, stream_id: int, destination: int, size_bytes: int, queued_at: int) -> None:
+        self.stream_id = stream_id
+        self.destination = destination
+        self.size_bytes = size_bytes
+        self.queued_at = queued_at
+        self.wait_ns = 0
+        """How long it waits for company, ns."""
+        self.rides = False
+        """It is no reason for a frame, and goes with any."""
+        self.expires_at: int | None = None
+        self.open_ended = False
+        """It does not show its end."""
+        self.is_control = False
+        """It shows its end in any frame."""
+        self.for_one_node = False
+        """It rides in no broadcast frame."""
+        self.alone = False
+        """It fills its frame: a fragment."""
+        self.dense: DenseSample | None = None
+        self.begins: Callable[[int], None] | None = None
+        """Told when its frame begins."""
+        self.ends: Callable[[int], None] | None = None
+        """Told when its frame has left."""
+        self.heard: Callable[[int, int], None] | None = None
+        """Told who has got it, and when."""
+        self.lost: Callable[[int, int], None] | None = None
+        """Told who has not got it, and when."""
+
+    def bytes_in(self, destination: int) -> int:
+        """Return its size in a frame: in a broadcast one a control names whom it concerns."""
+        named = self.is_control and destination == BROADCAST != self.destination
+        return self.size_bytes + named
+
+
+class Lane:
+    """What waits of one key, in its order."""
+
+    __slots__ = ("depth", "held_until", "items", "min_interval_ns", "patience_ns", "taken_at")
+
+    def __init__(self, qos: Qos, depth: int | None = None) -> None:
+        self.items: deque[Item] = deque()
+        self.depth = qos.depth if depth is None else depth
+        self.min_interval_ns = seconds_to_ns(qos.min_interval_s)
+        self.patience_ns = (
+            _BEFORE_ALL if qos.priority is Priority.REAL_TIME else PATIENCE_NS[qos.priority]
+        )
+        self.taken_at: int | None = None
+        self.held_until = 0
+        """Its airtime is used up until then, ns."""
+
+    @property
+    def is_urgent(self) -> bool:
+        """REAL_TIME."""
+        return self.patience_ns == _BEFORE_ALL
+
+    @property
+    def next_at(self) -> int:
+        """Instant from which the first one may go, ns."""
+        if self.taken_at is None:
+            return self.held_until
+        return max(self.held_until, self.taken_at + self.min_interval_ns)
+
+    @property
+    def due_at(self) -> int | None:
+        """Instant at which the first one is a reason for a frame, ns."""
+        first = self.items[0]
+        return None if first.rides else max(first.queued_at + first.wait_ns, self.next_at)
+
+    @property
+    def rank(self) -> int:
+        """The smaller, the sooner."""
+        return self.items[0].queued_at + self.patience_ns
+
+    def push(self, item: Item) -> int:
+        """Add one; returns how many older ones it has pushed out."""
+        pushed = 0
+        while len(self.items) >= self.depth:
+            self.items.popleft()
+            pushed += 1
+        self.items.append(item)
+        return pushed
+
+    def expire(self, now: int) -> int:
+        """Forget what is too old; returns how many."""
+        old = [each for each in self.items if each.expires_at is not None and each.expires_at < now]
+        for each in old:
+            self.items.remove(each)
+        return len(old)

@@ -1,0 +1,297 @@
+"""Figures of a recording: delivery, latency, airtime and link quality.
+
+What is promised of them: the bytes of a node are those of its frames, and its ledger sums to them,
+exactly, or `ledger_is_exact` is false. A latency is from the command to the arrival, between the
+clocks of two nodes where they are not the same.
+"""
+
+import msgspec
+
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.stats import NO_STREAM
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.recording.channels import SENT
+from zacoustic.tools.recordings.facts import Facts, match
+
+
+class Spread(msgspec.Struct, frozen=True, kw_only=True):
+    """How numbers are spread."""
+
+    count: int
+    """How many."""
+    mean: float
+    """Their mean."""
+    p50: float
+    """Their median."""
+    p95: float
+    """95th percentile."""
+    least: float
+    """The least."""
+    greatest: float
+    """The greatest."""
+
+
+class StreamFigures(msgspec.Struct, kw_only=True):
+    """Of one stream."""
+
+    stream_id: int
+    """Its id."""
+    name: str
+    """Its name."""
+    kind: str
+    """`topic`, `service` or `action`."""
+    published: int = 0
+    """Samples published, calls made or goals sent by recorded nodes."""
+    expected: int = 0
+    """Samples that would have arrived at recorded nodes if nothing were lost; calls and goals."""
+    delivered: int = 0
+    """Samples of recorded nodes that have arrived at recorded nodes; calls and goals answered."""
+    arrived: int = 0
+    """Samples that have arrived at recorded nodes, from anywhere."""
+    failed: int = 0
+    """Calls and goals that ended without an answer."""
+    refused: int = 0
+    """What the engine has not taken."""
+    latency_s: Spread | None = None
+    """From publication to arrival, from call or goal to its end, s."""
+    age_s: Spread | None = None
+    """How old samples were when their frames were composed, s, where they are stamped."""
+    outcomes: dict[str, int] = {}
+    """How reliable samples ended, as their publishers were told."""
+    transmitted_bytes: int = 0
+    """Given to the links for it, with headers and repetitions."""
+    airtime_s: float = 0.0
+    """Its share of the airtime by its bytes, s."""
+
+
+class NodeFigures(msgspec.Struct, kw_only=True):
+    """Of one node's link."""
+
+    node: int
+    """Its address."""
+    lives: int
+    """How many were recorded."""
+    frames: int = 0
+    """Sent."""
+    frame_bytes: int = 0
+    """Their sizes."""
+    ledger_bytes: int | None = None
+    """Sum of the ledgers of all lives; None: none is in the recording."""
+    ledger_is_exact: bool | None = None
+    """The two are the same."""
+    airtime_s: float = 0.0
+    """How long they sound, s."""
+    utilisation: float = 0.0
+    """Share of the time, 0…1."""
+    outcomes: dict[str, int] = {}
+    """What became of the transmissions."""
+    by_cause: dict[str, int] = {}
+    """Bytes of the ledger by cause."""
+
+
+class LinkFigures(msgspec.Struct, kw_only=True):
+    """Of what one node says and another one hears."""
+
+    source: int
+    """Who speaks."""
+    node: int
+    """Who hears."""
+    heard: int = 0
+    """Frames that arrived."""
+    sent: int | None = None
+    """Frames for it, or for everybody; None: the speaker is not recorded."""
+    loss: float | None = None
+    """Share of them that did not arrive, for whatever reason, 0…1."""
+    snr_db: Spread | None = None
+    """Signal-to-noise ratio, dB."""
+    propagation_s: Spread | None = None
+    """Propagation delay, s."""
+
+
+class Figures(msgspec.Struct, kw_only=True):
+    """What a recording amounts to."""
+
+    files: list[str]
+    """The recordings."""
+    began_utc_ns: int
+    """First message, ns since 1970."""
+    duration_s: float
+    """To the last message, s."""
+    utilisation: float
+    """Airtime of all recorded nodes together, as a share of the time."""
+    streams: list[StreamFigures]
+    """By id."""
+    nodes: list[NodeFigures]
+    """By address."""
+    links: list[LinkFigures]
+    """By speaker and hearer."""
+    notes: list[str]
+    """What somebody should know who reads them, a line each."""
+
+
+def figures_of(facts: Facts) -> Figures:
+    """Make the figures."""
+    match(facts)
+    nodes = [_node(facts, node) for node in facts.nodes]
+    return Figures(
+        files=facts.files,
+        began_utc_ns=facts.began_ns,
+        duration_s=facts.duration_s,
+        utilisation=sum(each.utilisation for each in nodes),
+        streams=_streams(facts),
+        nodes=nodes,
+        links=_links(facts),
+        notes=_notes(facts, nodes),
+    )
+
+
+def spread_of(numbers: list[float]) -> Spread | None:
+    """Return how numbers are spread; None without any."""
+    if not numbers:
+        return None
+    ordered = sorted(numbers)
+    last = len(ordered) - 1
+    return Spread(
+        count=len(ordered),
+        mean=sum(ordered) / len(ordered),
+        p50=ordered[min(last, len(ordered) * 50 // 100)],
+        p95=ordered[min(last, len(ordered) * 95 // 100)],
+        least=ordered[0],
+        greatest=ordered[-1],
+    )
+
+
+def _streams(facts: Facts) -> list[StreamFigures]:
+    found = {
+        stream_id: StreamFigures(stream_id=stream_id, name=stream.name, kind=_kind(stream))
+        for stream_id, stream in sorted(facts.streams.items())
+    }
+    latencies: dict[int, list[float]] = {}
+    ages: dict[int, list[float]] = {}
+    for published in facts.published:
+        figures = found[published.stream_id]
+        figures.published += 1
+        if published.delete:
+            continue
+        stream = facts.streams[published.stream_id]
+        hearers = [
+            node for node in facts.tables if node != published.node and stream.may_subscribe(node)
+        ]
+        figures.expected += len(hearers)
+        figures.delivered += len(published.arrived)
+        latencies.setdefault(published.stream_id, []).extend(
+            (at_ns - published.at_ns) / 1e9 for at_ns in published.arrived.values()
+        )
+    for arrived in facts.arrived:
+        if arrived.stream_id in found:
+            found[arrived.stream_id].arrived += 1
+            if arrived.age_s is not None and arrived.age_s < float("inf"):
+                ages.setdefault(arrived.stream_id, []).append(arrived.age_s)
+    for asked in facts.asked:
+        figures = found[asked.stream_id]
+        figures.published += 1
+        figures.expected += 1
+        if asked.failure:
+            figures.failed += 1
+        elif asked.ended_at_ns is not None:
+            figures.delivered += 1
+            latencies.setdefault(asked.stream_id, []).append(
+                (asked.ended_at_ns - asked.at_ns) / 1e9
+            )
+    for stream_id, figures in found.items():
+        figures.latency_s = spread_of(latencies.get(stream_id, []))
+        figures.age_s = spread_of(ages.get(stream_id, []))
+        figures.refused = facts.refused.get(stream_id, 0)
+        figures.outcomes = facts.outcomes.get(stream_id, {})
+    for _, ledger in sorted(facts.ledgers.items()):
+        per_byte_s = ledger.airtime_s / ledger.bytes if ledger.bytes else 0.0
+        for row in ledger.rows:
+            if row.stream_id != NO_STREAM and row.stream_id in found:
+                found[row.stream_id].transmitted_bytes += row.transmitted_bytes
+                found[row.stream_id].airtime_s += row.transmitted_bytes * per_byte_s
+    return list(found.values())
+
+
+def _kind(stream: Stream) -> str:
+    if isinstance(stream.spec, ServiceSpec):
+        return "service"
+    return "action" if isinstance(stream.spec, ActionSpec) else "topic"
+
+
+def _node(facts: Facts, node: int) -> NodeFigures:
+    found = NodeFigures(node=node, lives=facts.lives.get(node, 0))
+    for _, frame in facts.frames:
+        if frame.node == node and frame.direction == SENT:
+            found.frames += 1
+            found.frame_bytes += frame.size_bytes
+            found.airtime_s += frame.airtime_s or 0.0
+    for _, report in facts.reports:
+        if report.node == node:
+            found.outcomes[report.outcome] = found.outcomes.get(report.outcome, 0) + 1
+    for (whose, _), ledger in facts.ledgers.items():
+        if whose == node:
+            rows = sum(row.transmitted_bytes for row in ledger.rows)
+            found.ledger_bytes = (found.ledger_bytes or 0) + rows
+            for row in ledger.rows:
+                known = found.by_cause.get(row.cause, 0)
+                found.by_cause[row.cause] = known + row.transmitted_bytes
+    if found.ledger_bytes is not None and found.lives:
+        found.ledger_is_exact = found.ledger_bytes == found.frame_bytes
+    if facts.duration_s > 0:
+        found.utilisation = found.airtime_s / facts.duration_s
+    return found
+
+
+def _links(facts: Facts) -> list[LinkFigures]:
+    heard: dict[tuple[int, int], int] = {}
+    sent: dict[tuple[int, int], int] = {}
+    snr_db: dict[tuple[int, int], list[float]] = {}
+    propagation_s: dict[tuple[int, int], list[float]] = {}
+    recorded = facts.nodes
+    for _, frame in facts.frames:
+        if frame.direction == SENT:
+            for node in recorded:
+                if node != frame.node and frame.destination in (node, BROADCAST):
+                    sent[frame.node, node] = sent.get((frame.node, node), 0) + 1
+        elif frame.destination in (frame.node, BROADCAST):
+            pair = (frame.source, frame.node)
+            heard[pair] = heard.get(pair, 0) + 1
+            if frame.snr_db is not None:
+                snr_db.setdefault(pair, []).append(frame.snr_db)
+            if frame.propagation_s is not None:
+                propagation_s.setdefault(pair, []).append(frame.propagation_s)
+    found = []
+    for source, node in sorted({*heard, *sent}):
+        if source == 0:
+            continue  # the link does not tell who speaks
+        figures = LinkFigures(source=source, node=node, heard=heard.get((source, node), 0))
+        if source in recorded:
+            figures.sent = sent.get((source, node), 0)
+            if figures.sent:
+                figures.loss = max(0.0, 1 - figures.heard / figures.sent)
+        figures.snr_db = spread_of(snr_db.get((source, node), []))
+        figures.propagation_s = spread_of(propagation_s.get((source, node), []))
+        found.append(figures)
+    return found
+
+
+def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
+    notes = [f"{file} ends early: {reason}" for file, reason in facts.damage.items()]
+    others = sorted(
+        {arrived.source for arrived in facts.arrived if arrived.source not in facts.tables} - {0}
+    )
+    if others and facts.tables:
+        names = ", ".join(str(node) for node in others)
+        notes.append(
+            f"node {names} is not recorded: what it published is not known, only what arrived"
+        )
+    if not facts.tables:
+        notes.append("no engine was recorded: what was published is not known, only what arrived")
+    notes += [
+        f"node {each.node}: the ledger sums to {each.ledger_bytes} bytes, the frames to "
+        f"{each.frame_bytes}: something of it is not in the recording"
+        for each in nodes
+        if each.ledger_is_exact is False
+    ]
+    return notes

@@ -1,0 +1,205 @@
+"""The frames of a recording in words: opened as the link had them, and decoded by the table."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+from zacoustic.core.envelope import Damaged, Envelope
+from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.wireprofile import WireProfile
+from zacoustic.errors import ConfigError
+from zacoustic.recording.channels import SENT, FrameRecord, LinkRecord
+from zacoustic.recording.life import Table
+from zacoustic.recording.reading import ReadMessage, RecordingReader
+from zacoustic.recording.samples import TABLE_TOPIC
+from zacoustic.tools.decode import FrameDecoder
+from zacoustic.tools.decoded import DecodedItem
+from zacoustic.tools.recordings.lives import LifeReader, NewLife
+
+T = TypeVar("T")
+
+
+class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame of a recording."""
+
+    utc_ns: int
+    """When, ns since 1970."""
+    node: int
+    """Whose link."""
+    direction: str
+    """`sent` or `received`."""
+    source: int
+    """Who has sent it; 0: not known."""
+    destination: int
+    """Whom it is for; 255: everybody."""
+    frame: str
+    """As the link had it, in hexadecimal."""
+    items: tuple[DecodedItem, ...]
+    """What it says."""
+    fault: str = ""
+    """Why it says nothing; empty: it does."""
+
+
+class _LinkDocument(msgspec.Struct):
+    """What is needed of the health document `link`."""
+
+    capabilities: LinkCapabilities | None = None
+
+
+class _TableMessage(msgspec.Struct):
+    """The table of a recording that has no lives."""
+
+    table: Table
+
+
+class FrameReader:
+    """Decodes frames, one recording after the other.
+
+    Args:
+        table: The streams, instead of those of the recording.
+        wire: What is spoken, instead of what the table says.
+    """
+
+    def __init__(
+        self, table: StreamTable | None = None, *, wire: WireProfile | None = None
+    ) -> None:
+        self._given = table
+        self._wire = wire
+        self._found: StreamTable | None = None
+        self._lives = LifeReader()
+        self._tables: dict[int, StreamTable] = {}
+        self._capabilities: dict[int, LinkCapabilities] = {}
+        self._decoders: dict[int, FrameDecoder] = {}
+        self._envelopes: dict[tuple[int, str, int], Envelope] = {}
+
+    def read(self, message: ReadMessage) -> Iterator[DecodedFrame]:
+        """Decode the frame that a message has, if it has one."""
+        place, _, name = message.topic.rpartition("/")
+        node = _node_of(place)
+        if message.topic == TABLE_TOPIC and message.encoding == "msgpack":
+            self._found = _table(message.data)
+        elif node is None:
+            return
+        elif name == "engine":
+            self._read_life(message, node)
+        elif name == "links" or place.startswith("/@acoustic"):
+            self._read_link(message, node, name)
+        if node is not None and name == "frames" and message.encoding == "json":
+            record = _parsed(message.data, FrameRecord)
+            if record is not None:
+                yield from self._decode(record, message.utc_ns)
+
+    def _read_life(self, message: ReadMessage, node: int) -> None:
+        if b"life" in message.data[:8]:
+            part = self._lives.read(message)
+            if isinstance(part, NewLife):
+                self._tables[node] = part.life.table.table()
+                self._decoders.pop(node, None)
+
+    def _read_link(self, message: ReadMessage, node: int, name: str) -> None:
+        kinds: dict[str, type[LinkRecord] | type[_LinkDocument]]
+        kinds = {"links": LinkRecord, "link": _LinkDocument}
+        if name in kinds:
+            found = _parsed(message.data, kinds[name])
+            if found is not None and found.capabilities is not None:
+                if self._capabilities.get(node) != found.capabilities:
+                    self._envelopes.clear()
+                self._capabilities[node] = found.capabilities
+
+    def _decode(self, record: FrameRecord, utc_ns: int) -> Iterator[DecodedFrame]:
+        node = record.node
+        decoder = self._decoders.get(node)
+        if decoder is None:
+            table = self._given or self._tables.get(node) or self._found
+            decoder = self._decoders[node] = FrameDecoder(table, wire=self._wire)
+        for source, destination, records, fault in self._open(record):
+            items: list[DecodedItem] = []
+            if not fault:
+                unicast = destination != BROADCAST
+                items = decoder.decode(records, source=source, unicast=unicast)
+            yield DecodedFrame(
+                utc_ns=utc_ns,
+                node=node,
+                direction=record.direction,
+                source=source,
+                destination=destination,
+                frame=record.frame.hex(),
+                items=tuple(items),
+                fault=fault,
+            )
+
+    def _open(self, record: FrameRecord) -> Iterator[tuple[int, int, bytes, str]]:
+        """Take off what was put around for the link; gives source, destination, records, fault."""
+        capabilities = self._capabilities.get(record.node)
+        if capabilities is None or self._wire is WireProfile.RMW_DESERT:
+            yield record.source, record.destination, record.frame, ""
+            return
+        table = self._tables.get(record.node) or self._given or self._found
+        if table is not None and table.wire is WireProfile.RMW_DESERT:
+            yield record.source, record.destination, record.frame, ""
+            return
+        key = (record.node, record.direction, record.source)
+        envelope = self._envelopes.get(key)
+        if envelope is None:
+            envelope = self._envelopes[key] = Envelope(capabilities, record.node)
+        received = ReceivedFrame(
+            frame_bytes=record.frame,
+            received_at=record.at,
+            source=record.source,
+            destination=record.destination,
+        )
+        for opened in envelope.open(received):
+            if isinstance(opened, Damaged):
+                yield record.source, record.destination, b"", f"damaged: {opened.reason}"
+            else:
+                yield opened.source, opened.destination, opened.records, ""
+
+
+def decode_recording(
+    path: str | Path, table: StreamTable | None = None, *, wire: WireProfile | None = None
+) -> Iterator[DecodedFrame]:
+    """Decode the frames of a recording.
+
+    Args:
+        path: The file.
+        table: The streams, instead of those of the recording.
+        wire: What is spoken, instead of what the table says.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    frames = FrameReader(table, wire=wire)
+    for message in RecordingReader(path):
+        yield from frames.read(message)
+
+
+def line_of(frame: DecodedFrame, began_ns: int) -> str:
+    """Return what is known of a frame before what it says."""
+    whom = "everybody" if frame.destination == BROADCAST else f"node {frame.destination}"
+    who = f"node {frame.source}" if frame.source else "somebody"
+    where = "" if frame.direction == SENT else f", heard by node {frame.node}"
+    at_s = (frame.utc_ns - began_ns) / 1e9
+    size = len(frame.frame) // 2
+    return f"{at_s:10.3f} s  {who} to {whom}{where}, {size} bytes: {frame.frame}"
+
+
+def _node_of(place: str) -> int | None:
+    last = place.rpartition("/")[2]
+    return int(last) if last.isdecimal() else None
+
+
+def _parsed(data: bytes, kind: type[T]) -> T | None:
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.DecodeError, RecursionError):
+        return None
+
+
+def _table(data: bytes) -> StreamTable | None:
+    try:
+        return msgspec.msgpack.decode(data, type=_TableMessage).table.table()
+    except (msgspec.DecodeError, ConfigError):
+        return None

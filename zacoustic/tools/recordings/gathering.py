@@ -1,0 +1,325 @@
+"""What happened, out of one or more recordings: the facts that figures are made of.
+
+Of an engine all of it is known: what was asked for, what arrived, every frame. Of a recorded
+network the frames of its gateways are known, and what came off the water there.
+"""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.envelope import Envelope, Opened
+from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.types import TypeTable
+from zacoustic.errors import ZacousticError
+from zacoustic.recording.calls import TYPES, Recorded, read_outcome
+from zacoustic.recording.channels import (
+    RECEIVED,
+    FrameRecord,
+    LedgerRecord,
+    LedgerRow,
+    LinkRecord,
+    ReportRecord,
+)
+from zacoustic.recording.life import Table
+from zacoustic.recording.reading import ReadMessage, RecordingReader
+from zacoustic.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord
+from zacoustic.tools.recordings.facts import Arrived, Asked, Command, Facts, Published
+from zacoustic.tools.recordings.lives import LifeReader, NewLife
+
+
+def gather(paths: Iterable[str | Path]) -> Facts:
+    """Read recordings.
+
+    Raises:
+        ConfigError: A file is none.
+    """
+    facts = Facts()
+    for path in paths:
+        source = RecordingReader(path)
+        facts.files.append(str(path))
+        add_messages(facts, source)
+        if source.damage:
+            facts.damage[str(path)] = source.damage
+    return facts
+
+
+def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
+    """Take in what the messages of one recording say."""
+    gatherer = _Gatherer(facts)
+    for message in messages:
+        gatherer.take(message)
+
+
+_COMMANDS: Final = (
+    "demand.want", "ranging.request", "ranging.repeat", "orders.send", "silence.begin",
+    "silence.resume",
+)  # fmt: skip
+
+
+class _Gatherer:
+    def __init__(self, facts: Facts) -> None:
+        self._facts = facts
+        self._lives = LifeReader()
+        self._offsets: dict[int, int] = {}
+        self._calls: dict[tuple[int, object], Asked] = {}
+        self._envelopes: dict[int, Envelope] = {}
+        self._table: StreamTable | None = None
+        """Of a recording without lives."""
+
+    def take(self, message: ReadMessage) -> None:
+        facts = self._facts
+        if not facts.began_ns or message.utc_ns < facts.began_ns:
+            facts.began_ns = message.utc_ns
+        facts.ended_ns = max(facts.ended_ns, message.utc_ns)
+        place, _, name = message.topic.rpartition("/")
+        node = place.rpartition("/")[2]
+        if message.topic == TABLE_TOPIC:
+            self._take_table(message)
+        elif message.topic == SAMPLES_TOPIC:
+            self._take_sample(message)
+        elif name == "engine" and message.encoding == "msgpack":
+            self._take_engine(message)
+        elif node.isdecimal() and message.encoding == "json":
+            self._take_record(message, int(node), name, is_network=place.startswith("/@acoustic"))
+
+    # Frames, reports, ledgers
+
+    def _take_record(self, message: ReadMessage, node: int, name: str, *, is_network: bool) -> None:
+        facts, data = self._facts, message.data
+        match name:
+            case "frames":
+                frame = msgspec.json.decode(data, type=FrameRecord)
+                facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
+            case "reports":
+                report = msgspec.json.decode(data, type=ReportRecord)
+                facts.reports.append((message.utc_ns, report))
+            case "links":
+                link = msgspec.json.decode(data, type=LinkRecord)
+                if link.capabilities is not None:
+                    facts.capabilities[node] = link.capabilities
+            case "link" if is_network:
+                found = msgspec.json.decode(data, type=_LinkDocument)
+                if found.capabilities is not None:
+                    facts.capabilities[node] = found.capabilities
+            case "ledger" if is_network:
+                facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
+            case "ledger":
+                ledger = msgspec.json.decode(data, type=LedgerRecord)
+                facts.ledgers[node, ledger.epoch] = ledger
+            case _:
+                pass
+
+    def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
+        """Give frames with their senders, also where the link does not tell them."""
+        capabilities = self._facts.capabilities.get(frame.node)
+        if frame.direction != RECEIVED or frame.source or capabilities is None:
+            yield frame
+            return
+        envelope = self._envelopes.get(frame.node)
+        if envelope is None:
+            envelope = self._envelopes[frame.node] = Envelope(capabilities, frame.node)
+        received = ReceivedFrame(
+            frame_bytes=frame.frame, received_at=frame.at, destination=frame.destination
+        )
+        for opened in envelope.open(received):
+            if isinstance(opened, Opened):
+                yield msgspec.structs.replace(
+                    frame, source=opened.source, destination=opened.destination
+                )
+
+    # A recorded network
+
+    def _take_table(self, message: ReadMessage) -> None:
+        self._table = msgspec.msgpack.decode(message.data, type=_TableMessage).table.table()
+        self._know(self._table)
+
+    def _take_sample(self, message: ReadMessage) -> None:
+        record = msgspec.json.decode(message.data, type=SampleRecord)
+        if self._table is None or record.source is None or record.deleted:
+            return
+        found = self._table.find(record.key, record.source)
+        if found is not None:
+            self._facts.arrived.append(
+                Arrived(
+                    at_ns=message.utc_ns,
+                    node=0,
+                    source=record.source,
+                    stream_id=found[0].stream_id,
+                    instance=found[1],
+                    age_s=record.age_s,
+                )
+            )
+
+    # A recorded engine
+
+    def _take_engine(self, message: ReadMessage) -> None:
+        part = self._lives.read(message)
+        if isinstance(part, NewLife):
+            node = part.life.address
+            table = self._facts.tables[node] = part.life.table.table()
+            self._know(table)
+            self._offsets[node] = part.life.utc_offset_ns
+            self._facts.births.append((message.utc_ns, part.life))
+            self._facts.lives[node] = self._facts.lives.get(node, 0) + 1
+            self._calls = {key: asked for key, asked in self._calls.items() if key[0] != node}
+        elif part is not None:
+            for call in part.calls:
+                self._take_call(part.node, call, message.utc_ns)
+
+    def _know(self, table: StreamTable) -> None:
+        self._facts.streams.update({stream.stream_id: stream for stream in table})
+
+    def _take_call(self, node: int, call: Recorded, utc_ns: int) -> None:
+        if call.name == "poll_event":
+            outcome = read_outcome(call.outcome)
+            if outcome is not None:
+                self._take_event(node, outcome[0], outcome[1], utc_ns)
+        elif call.name in ("publish", "call", "actions.send_goal"):
+            at_ns = (call.now or 0) + self._offsets[node]
+            outcome = read_outcome(call.outcome)
+            stream_id = call.arguments["stream_id"]
+            stream = self._facts.tables[node].get(stream_id)
+            if stream is None or (isinstance(outcome, list) and outcome[0] == "raised"):
+                self._facts.refused[stream_id] = self._facts.refused.get(stream_id, 0) + 1
+            elif call.name == "publish":
+                self._publish(node, stream, call.arguments, at_ns)
+            else:
+                asked = Asked(
+                    at_ns=at_ns,
+                    node=node,
+                    stream_id=stream_id,
+                    value=call.arguments.get("value"),
+                    timeout_s=call.arguments.get("timeout_s"),
+                )
+                self._facts.asked.append(asked)
+                name = outcome if call.name == "call" else str(outcome[1])
+                self._calls[node, name] = asked
+        elif call.name == "declare":
+            self._redeclare(node, call)
+        elif call.name in _COMMANDS and call.now is not None:
+            said = {name: each for name, each in call.arguments.items() if name != "now"}
+            at_ns = call.now + self._offsets[node]
+            self._facts.commands.append(Command(at_ns, node, call.name, said))
+        else:
+            self._facts.reactions.note_call(node, call, (call.now or 0) + self._offsets[node])
+
+    def _redeclare(self, node: int, call: Recorded) -> None:
+        table = self._facts.tables[node]
+        table.types = TypeTable(call.arguments.get(TYPES, ()))
+        try:
+            table.declare(call.arguments["spec"])
+        except ZacousticError:
+            return  # as it was refused then
+        self._know(table)
+
+    def _publish(self, node: int, stream: Stream, arguments: dict[str, Any], at_ns: int) -> None:
+        instance = arguments.get("instance", ())
+        delete = bool(arguments.get("delete"))
+        value = arguments.get("value")
+        payload = b"" if delete else _payload(stream, value)
+        published = Published(
+            at_ns=at_ns,
+            node=node,
+            stream_id=stream.stream_id,
+            instance=instance,
+            payload=payload,
+            value=value,
+            delete=delete,
+            encoding=arguments.get("encoding"),
+        )
+        self._facts.published.append(published)
+
+    def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
+        if kind == "SampleReceived" and not said["deleted"]:
+            self._arrive(node, said)
+        elif kind == "RequestReceived":
+            stream_id = said["call"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["call"], stream_id, said["value"], utc_ns
+            )
+        elif kind == "GoalReceived":
+            stream_id = said["goal"]["stream_id"]
+            self._facts.reactions.note_question(
+                node, said["goal"], stream_id, said["value"], utc_ns
+            )
+        elif kind in ("ResponseReceived", "CallFailed"):
+            self._end(node, said["call_id"], said, utc_ns)
+        elif kind in ("ResultReceived", "GoalFailed") or (
+            kind == "GoalAnswered" and not said["accepted"]
+        ):
+            self._end(node, str(said["goal"]), said, utc_ns)
+        elif kind == "DeliveryEnded":
+            counts = self._facts.outcomes.setdefault(said["stream_id"], {})
+            counts[said["outcome"]] = counts.get(said["outcome"], 0) + 1
+
+    def _end(self, node: int, name: object, said: dict[str, Any], utc_ns: int) -> None:
+        asked = self._calls.pop((node, name), None)
+        if asked is not None:
+            failure = said.get("failure")
+            asked.ended_at_ns, asked.answer = utc_ns, said.get("value")
+            asked.failure = "" if failure is None else str(failure)
+
+    def _arrive(self, node: int, said: dict[str, Any]) -> None:
+        stream = self._facts.tables[node].get(said["stream_id"])
+        if stream is None:
+            return
+        at_ns = said["received_at"] + self._offsets[node]
+        instance = tuple(said["instance"])
+        payload = _payload(stream, said["value"])
+        arrived = Arrived(
+            at_ns=at_ns,
+            node=node,
+            source=said["source"],
+            stream_id=stream.stream_id,
+            instance=instance,
+            payload=payload,
+            value=said["value"],
+            age_s=said["age_s"],
+        )
+        self._facts.arrived.append(arrived)
+
+
+class _TableMessage(msgspec.Struct):
+    table: Table
+
+
+class _LinkDocument(msgspec.Struct):
+    capabilities: LinkCapabilities | None = None
+
+
+class _LedgerEntry(msgspec.Struct):
+    id: int
+    stream: str
+    cause: str
+    bytes: int
+
+
+class _LedgerDocument(msgspec.Struct):
+    bytes: int
+    airtime_s: float
+    entries: list[_LedgerEntry]
+
+    def of(self, node: int) -> LedgerRecord:
+        rows = tuple(
+            LedgerRow(
+                stream_id=each.id,
+                stream=each.stream,
+                cause=each.cause,
+                transmitted_bytes=each.bytes,
+            )
+            for each in self.entries
+        )
+        return LedgerRecord(
+            node=node, epoch=0, frames=0, bytes=self.bytes, airtime_s=self.airtime_s, rows=rows
+        )
+
+
+def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)
+    try:
+        return stream.codec.encode(value)
+    except ZacousticError:
+        return b""

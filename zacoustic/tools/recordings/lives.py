@@ -1,0 +1,142 @@
+"""The lives of nodes in a recording, one message after the other."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.engine import Engine
+from zacoustic.core.tap import call_engine
+from zacoustic.core.types import TypeTable
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.recording.calls import TYPES, CallReader, Recorded, outcome_of
+from zacoustic.recording.life import FORMAT, Life, decode_life
+from zacoustic.recording.reading import ReadMessage, RecordingReader
+
+_RECORD_HINT: Final = "record with --record at the gateway, the Node or zacoustic sim"
+
+
+class NewLife(msgspec.Struct, frozen=True):
+    """A node has begun a life."""
+
+    life: Life
+    """What its engine was made of."""
+
+
+class Calls(msgspec.Struct, frozen=True):
+    """Calls of the present life of a node."""
+
+    node: int
+    """Which."""
+    calls: tuple[Recorded, ...]
+    """In their order."""
+
+
+Part = NewLife | Calls
+
+
+class _Written(msgspec.Struct):
+    """A message of the channel of an engine."""
+
+    life: msgspec.Raw = msgspec.Raw()
+    calls: msgspec.Raw = msgspec.Raw()
+
+
+class LifeReader:
+    """Takes the messages of a recording and finds lives and calls in them."""
+
+    def __init__(self) -> None:
+        self.lives = 0
+        """How many have begun."""
+        self._readers: dict[int, CallReader] = {}
+        self._decoder = msgspec.msgpack.Decoder(_Written)
+
+    def read(self, message: ReadMessage) -> Part | None:
+        """Return what a message says of a life; None: nothing.
+
+        Raises:
+            ConfigError: It was recorded by a program that this one does not understand.
+        """
+        if not message.topic.endswith("/engine") or message.encoding != "msgpack":
+            return None
+        try:
+            written = self._decoder.decode(message.data)
+        except msgspec.DecodeError as error:
+            raise ConfigError(f"{message.topic}: {error}") from error
+        if len(bytes(written.life)):
+            life = decode_life(bytes(written.life))
+            if life.format != FORMAT:
+                raise ConfigError(
+                    f"{message.topic}: format {life.format}; allowed: {FORMAT}",
+                    hint=f"replay it with zacoustic {life.program}",
+                )
+            self.lives += 1
+            self._readers[life.address] = CallReader(life.calls)
+            return NewLife(life)
+        node = int(message.metadata.get("node", "0"))
+        reader = self._readers.get(node)
+        if reader is None:
+            return None  # of a life whose beginning is not in the file
+        return Calls(node, tuple(reader.read(bytes(written.calls))))
+
+
+def read_parts(path: str | Path) -> Iterator[Part]:
+    """Read lives and calls of a recording.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no life in it.
+    """
+    reader = LifeReader()
+    for message in RecordingReader(path):
+        part = reader.read(message)
+        if part is not None:
+            yield part
+    must_have_lives(reader, str(path))
+
+
+def must_have_lives(reader: LifeReader, name: str) -> None:
+    """Complain of a recording without any life.
+
+    Raises:
+        ConfigError: There was none.
+    """
+    if not reader.lives:
+        raise ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
+
+
+def nodes_of(path: str | Path) -> list[int]:
+    """Return the addresses of the nodes whose engines are in a recording.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no life in it.
+    """
+    return sorted({part.life.address for part in read_parts(path) if isinstance(part, NewLife)})
+
+
+class Done(msgspec.Struct, frozen=True):
+    """A call that was made again."""
+
+    result: Any
+    """What came of it; None where it raised."""
+    outcome: bytes
+    """The same, as recordings have it."""
+    fault: Exception | None = None
+    """An exception that an engine must not raise."""
+
+
+def make_call(engine: Engine, call: Recorded) -> Done:
+    """Call an engine as it was called before."""
+    arguments = call.arguments
+    if call.name == "declare":
+        arguments = dict(arguments)
+        types = arguments.pop(TYPES, None)
+        if types:
+            engine.table.types = TypeTable(types)
+    try:
+        result = call_engine(engine, call.name, arguments)
+    except (ZacousticError, ValueError) as error:
+        return Done(None, outcome_of(None, error))
+    except Exception as error:  # whatever it is: it is what is looked for
+        return Done(None, outcome_of(None, error), error)
+    return Done(result, outcome_of(result))

@@ -1,0 +1,242 @@
+"""The documents of a gateway, as far as they are shown; what one lacks has its default."""
+
+from typing import Any
+
+import msgspec
+
+
+class NodeDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``node``: what does not change."""
+
+    name: str = ""
+    version: str = ""
+    wire: str = ""
+    link: str = ""
+    started_at_unix_s: float | None = None
+
+
+class Capabilities(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``link``: what the modem can do."""
+
+    mtu_bytes: int | None = None
+    bit_rate_bps: float | None = None
+
+
+class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``link``: state and counters."""
+
+    state: str = "unknown"
+    detail: str = ""
+    silent: bool = False
+    capabilities: Capabilities | None = None
+    frames_transmitted: int = 0
+    frames_received: int = 0
+    bytes_transmitted: int = 0
+    bytes_received: int = 0
+    airtime_s: float = 0.0
+    reports: dict[str, int] = {}
+
+
+class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``ledger``: bytes of one stream for one cause."""
+
+    id: int = 0
+    stream: str = ""
+    cause: str = ""
+    bytes: int = 0
+    airtime_s: float = 0.0
+
+
+class LedgerDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``ledger``: every byte on the link."""
+
+    entries: list[LedgerRow] = []
+
+
+class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``streams``: one stream."""
+
+    id: int
+    name: str = ""
+    kind: str = ""
+    jobs: list[str] = []
+    published: int = 0
+    transmitted: int = 0
+    received: int = 0
+    waiting: int = 0
+    delivering: int | None = None
+    delivered: int = 0
+    superseded: int = 0
+    expired: int = 0
+    refused: int = 0
+    cancelled: int = 0
+    deadline_missed: int | None = None
+    sent_at_unix_s: float | None = None
+    sent_period_s: float | None = None
+    heard_at_unix_s: float | None = None
+    heard_period_s: float | None = None
+    age_s: float | None = None
+
+
+class DifferRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``streams``: a stream that a peer defines in another way."""
+
+    id: int
+    peers: list[int] = []
+
+
+class StreamsDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``streams``: all of the table."""
+
+    digest: str = ""
+    streams: list[StreamRow] = []
+    differ: list[DifferRow] = []
+
+
+class Metrics(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``peers``: what the modem measured."""
+
+    snr_db: float | None = None
+    received_level_db: float | None = None
+    integrity: float | None = None
+    range_rate_m_s: float | None = None
+
+
+class PeerRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``peers``: one node."""
+
+    name: str = ""
+    same_table: bool | None = None
+    confirmed_us: bool = False
+    heard_at_unix_s: float | None = None
+    delivered: int = 0
+    not_delivered: int = 0
+    per: float | None = None
+    metrics: Metrics | None = None
+
+
+class RangeDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``peer/N/range``."""
+
+    range_m: float | None = None
+    propagation_s: float | None = None
+    measured_at_unix_s: float | None = None
+
+
+class LostDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``peer/N/lost``."""
+
+    lost: bool = False
+
+
+class LateDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``peer/N/late``."""
+
+    late: list[str] = []
+
+
+class TransferRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``objects``: one sample that is larger than a frame."""
+
+    stream: str | None = None
+    to: int | None = None
+    source: int | None = None
+    done_bytes: int = 0
+    sent_bytes: int | None = None
+    total_bytes: int | None = None
+    outcome: str | None = None
+
+
+class ObjectsDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``objects``."""
+
+    sending: list[TransferRow] = []
+    receiving: list[TransferRow] = []
+    ended: list[TransferRow] = []
+
+
+class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``water``: one frame."""
+
+    way: str = ""
+    peer: int | None = None
+    bytes: int = 0
+    streams: list[str] = []
+    begun_unix_s: float = 0.0
+    airtime_s: float = 0.0
+    outcome: str = ""
+
+
+class WaterDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``water``: what is being sent, and what was sent and heard last."""
+
+    transmitting: FrameRow | None = None
+    last: list[FrameRow] = []
+
+
+class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``journal``."""
+
+    kept: bool = False
+    failure: str = ""
+
+
+class DroppedDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``dropped``."""
+
+    water: dict[str, int] = {}
+    island: dict[str, dict[str, int]] = {}
+    expired: dict[str, int] = {}
+    superseded: dict[str, int] = {}
+    unsubscribed: dict[str, int] = {}
+
+
+class EventRow(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``events``: something that was worth a line."""
+
+    at_unix_s: float = 0.0
+    event: str = ""
+    trouble: bool = False
+    text: str = ""
+
+
+class EventsDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``events``."""
+
+    events: list[EventRow] = []
+
+
+class ModemDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``modem``."""
+
+    firmware: str = ""
+    battery_v: float | None = None
+
+
+class ClockDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``clock``: answered to a `get` only."""
+
+    now_unix_s: float
+
+
+DOCUMENTS: dict[str, Any] = {
+    "node": NodeDocument,
+    "link": LinkDocument,
+    "ledger": LedgerDocument,
+    "peers": dict[int, PeerRow],
+    "streams": StreamsDocument,
+    "objects": ObjectsDocument,
+    "water": WaterDocument,
+    "journal": JournalDocument,
+    "dropped": DroppedDocument,
+    "events": EventsDocument,
+    "modem": ModemDocument,
+    "clock": ClockDocument,
+}
+"""Type of each document, by the end of its key."""
+PEER_DOCUMENTS: dict[str, Any] = {
+    "range": RangeDocument,
+    "lost": LostDocument,
+    "late": LateDocument,
+}
+"""Type of each document about a node, by the end of its key."""

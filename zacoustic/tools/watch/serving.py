@@ -1,0 +1,51 @@
+"""The dashboard's server: one lookout, a page for each browser that comes."""
+
+import asyncio
+import socket
+
+from nicegui import app, ui
+
+from zacoustic.serving import cannot_listen
+from zacoustic.tools.watch.lookout import Lookout
+from zacoustic.tools.watch.page import Page
+
+
+def serve(lookout: Lookout, host: str, port: int) -> None:
+    """Serve the page until it is interrupted.
+
+    Args:
+        lookout: What is shown; runs as long as the server does.
+        host: Where it listens.
+        port: Where it listens.
+    """
+    working: list[asyncio.Task[None]] = []
+
+    async def start() -> None:
+        working.append(asyncio.create_task(lookout.run()))
+
+    async def stop() -> None:
+        for task in working:
+            task.cancel()
+        await asyncio.gather(*working, return_exceptions=True)
+
+    def root() -> None:
+        Page(lookout)
+
+    app.on_startup(start)
+    app.on_shutdown(stop)
+    ui.run(root, host=host, port=port, title="zacoustic", reload=False, show=False,
+           show_welcome_message=False)  # fmt: skip
+
+
+def free_place(host: str, port: int) -> int:
+    """Return the port to listen at: a free one where it is 0.
+
+    Raises:
+        LinkOpenError: It cannot be listened at.
+    """
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        with socket.create_server((host, port), family=family) as probe:
+            return int(probe.getsockname()[1])
+    except OSError as error:
+        raise cannot_listen(host, port, error, rival="another dashboard") from error
