@@ -112,7 +112,7 @@ class Habits:
         places: tuple[int, ...]
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
-            places: tuple[int, ...] = (coder.pick(_ends(self.present), place),)
+            places = (coder.pick(_ends(self.present), place),)
         else:
             flag = coder.flag
             places = tuple(
