@@ -8,7 +8,8 @@ then `layout`, `attitude`, `course`, `adaptation`, `habits`, `restcodec`, `text`
 
 A nav message of nine fields takes some 0.2 ms at both ends together in pure Python, of which its
 airtime is four hundred times as long. Where that matters (many nodes in one process), `mypyc` makes
-it less than half, without a change: of `arithmetic`, `curve`, `course`, `leastsquares`, `rowmodel`.
+it half, without a change: of `arithmetic`, `curve`, `course`, `leastsquares`, `rowmodel`. How is in
+docs/design.md.
 
 Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
 end does beforehand, and in `attitude`, before rounding and after decoding.
