@@ -170,13 +170,12 @@ class Stream:
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
         if spec.codec != "cbor":
             head.append(f"codec {spec.codec}")
-        # 60 and 60.0 are one time, whoever has written it, and two in JSON.
         if isinstance(spec, ActionSpec):
             feedback = self.feedback_type.canonical().decode() if self.feedback_type else None
-            times = (float(spec.timeout_s), float(spec.result_timeout_s))
+            times = (_seconds(spec.timeout_s), _seconds(spec.result_timeout_s))
             return ["action", *head, feedback, spec.server, *times]
         if isinstance(spec, ServiceSpec):
-            return ["service", *head, spec.server, float(spec.timeout_s)]
+            return ["service", *head, spec.server, _seconds(spec.timeout_s)]
         wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
         nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
         audience = [
@@ -353,3 +352,8 @@ def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None
         return None
     type_spec = type_spec or _OCTETS
     return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec
+
+
+def _seconds(time_s: float) -> float:
+    """Return a time as it is in a description: 60 and 60.0 are one, whoever has written it."""
+    return int(time_s) if time_s == int(time_s) else time_s
