@@ -111,7 +111,7 @@ class Habits:
         ids = list(self._streams)
         if coder.flag(self.single, len(streams) == 1):
             place = ids.index(streams[0]) if streams else 0
-            places = (coder.pick(_ends(self.present), place),)
+            places: tuple[int, ...] = (coder.pick(_ends(self.present), place),)
         else:
             flag = coder.flag
             places = tuple(
