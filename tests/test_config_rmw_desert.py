@@ -193,7 +193,9 @@ def test_the_example_is_valid_and_finds_its_file() -> None:
 def test_the_page_shows_a_valid_file_of_fifteen_lines_at_most(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     (written,) = re.findall(r"^```json5\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
-    (topics,) = re.findall(r"^```json\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (topics,) = re.findall(
+        r"^```json ros_allowed_topics.conf\n(.*?)^```$", page, re.DOTALL | re.MULTILINE
+    )
     (tmp_path / "shore.json5").write_text(written, encoding="utf-8")
     (tmp_path / "ros_allowed_topics.conf").write_text(topics, encoding="utf-8")
     (stream,) = read_config(tmp_path / "shore.json5").table

@@ -265,7 +265,6 @@ def test_numbers_of_a_spec_are_kept_as_they_were_written() -> None:
     def service(timeout_s: float, stream_id: int = 20) -> ServiceSpec:
         return ServiceSpec(stream_id=stream_id, name=f"s{stream_id}", server=1, timeout_s=timeout_s)
 
-    assert StreamTable([service(60)]).digest != StreamTable([service(60.0)]).digest
     for timeout_s in (60, 60.0):
         recorder, sink = recorded()
         table = StreamTable([service(timeout_s)])

@@ -96,6 +96,12 @@ class Logbook:
         return sum(frame.frame_bytes for frame in self.frames)
 
     @property
+    def ledger_bytes(self) -> int:
+        """Bytes that the gateways have handed to their modems, by their ledgers."""
+        lanes = sum(lane.transmitted_bytes or 0 for lane in self.lanes)
+        return lanes + sum(self.overhead_bytes.values())
+
+    @property
     def has_all_crossed(self) -> bool:
         """Both clients are done, and nothing is missing."""
         return {"vehicle", "console"} <= self.done and not any(lane.missing for lane in self.lanes)

@@ -107,8 +107,17 @@ class Mission:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(self._duration_s + TAIL_S):
                 await self._over.wait()
+        await self._settle()
+
+    async def _settle(self) -> None:
+        """Wait until what the gateways have handed to their modems has left them."""
         assert self._ledgers is not None
-        await self._ledgers.refresh()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(TAIL_S):
+                await self._ledgers.refresh()
+                while self._logbook.ledger_bytes != self._logbook.transmitted_bytes:
+                    await asyncio.sleep(_TICK_S)
+                    await self._ledgers.refresh()
 
     async def _start(self, folder: Path) -> None:
         program = (sys.executable, "-m", "zacoustic.cli")
