@@ -63,7 +63,7 @@ def console(*arguments: str) -> Iterator[Running]:
         except subprocess.TimeoutExpired:
             process.kill()
             raise
-    assert errors == ""
+    assert errors == "", errors
     assert output.endswith("stopped\n")
     assert process.returncode == 0
 
