@@ -161,7 +161,7 @@ class Engine:
             if reason is None and isinstance(opened, Opened):
                 if is_known:
                     self.measurements.note(opened.source, frame.metrics, frame.received_at)
-                port.heard(opened.source, now)
+                port.heard(opened.source, len(frame.frame_bytes), now)
                 streams = self._protocols.receive(opened, frame, now)
                 self._trace.note(
                     now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams

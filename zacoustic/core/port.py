@@ -168,10 +168,10 @@ class LinkPort:
         self.access.handle_carrier(busy, now)
         self.listening.handle_carrier(busy, now)
 
-    def heard(self, source: int, now: int) -> None:
+    def heard(self, source: int, size_bytes: int, now: int) -> None:
         """A frame of `source` that concerns this node has arrived."""
         self.access.handle_heard(source, now)
-        self.listening.heard_frame(source, now)
+        self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
 
     def handle_control(
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int

@@ -249,8 +249,8 @@ class Repeater:
                 room[peer] = left_bytes - repetition.record.size_bytes
                 timing = self._timing(peer)
                 timing.unanswered(now, self._times)
-                pause_ns = timing.pause_ns(self._times, 0, self._rng)
-                timing.quiet_until = max(timing.quiet_until, now + pause_ns)
+                pause_ns = timing.pause_ns(self._times, 0, self._rng, repetition.qos.priority)
+                timing.await_answer(now, now + pause_ns)
                 self._push_again(repetition)
 
     def next_due_at(self) -> int | None:
@@ -281,11 +281,11 @@ class Repeater:
                     self._push_again(repetition)
                     continue
                 timing = self._timing(repetition.record.destination)
-                pause_ns = timing.pause_ns(times, 0, self._rng)
-                if not timing.is_doubtful:
+                pause_ns = timing.pause_ns(times, 0, self._rng, priority)
+                if not timing.is_doubtful(priority):
                     pause_ns = shorten_pause(pause_ns, priority, times, at)
                 repetition.due_at = at + pause_ns
-                timing.quiet_until = max(timing.quiet_until, repetition.due_at)
+                timing.await_answer(at, repetition.due_at)
 
     def _timing(self, address: int) -> PeerTiming:
         timing = self._timings.get(address)
@@ -294,8 +294,10 @@ class Repeater:
         return timing
 
     def _ready_at(self, repetition: Repetition) -> int:
+        if self._times is None:
+            return repetition.due_at
         timing = self._timing(repetition.record.destination)
-        return max(repetition.due_at, timing.quiet_until)
+        return max(repetition.due_at, timing.ready_at(self._times, repetition.qos.priority))
 
     def _push_again(self, repetition: Repetition) -> None:
         if repetition.wholes_left <= 0 and repetition.reminder is not None:

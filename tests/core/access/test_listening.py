@@ -132,7 +132,7 @@ def test_short_frame_is_aimed_into_the_pause_of_the_other() -> None:
         started_at = talker.send()
         _, ended_at, said = talker.sent[-1]
         heard_at = ended_at + way_ns
-        listener.heard_frame(1, heard_at)
+        listener.heard_frame(1, ended_at - started_at, heard_at)
         if said:
             listener.heard_pause(1, Turn.decode(said[1:]).span_ns, started_at, way_ns, heard_at)
     checked = 0
@@ -142,7 +142,7 @@ def test_short_frame_is_aimed_into_the_pause_of_the_other() -> None:
         for started_at, sent_until, said in talker.sent:
             if sent_until + way_ns > now:
                 break
-            fresh.heard_frame(1, sent_until + way_ns)
+            fresh.heard_frame(1, sent_until - started_at, sent_until + way_ns)
             if said:
                 span_ns = Turn.decode(said[1:]).span_ns
                 fresh.heard_pause(1, span_ns, started_at, way_ns, sent_until + way_ns)
@@ -179,7 +179,7 @@ def test_who_is_heard_in_the_pause_is_heard_out() -> None:
     heard_out_at = ended_at + S // 4 + LARGEST_NS
     assert talker.listening.pauses_until(0, after, is_urgent=False) == heard_out_at
     talker.listening.handle_carrier(False, after + 5)
-    talker.listening.heard_frame(2, after + 5)
+    talker.listening.heard_frame(2, S // 4, after + 5)
     assert talker.listening.pauses_until(0, after + 5, is_urgent=False) == 0
 
 
@@ -275,7 +275,7 @@ class Pausing:
         self.listening.handle_carrier(True, begun_at)
         self.listening.handle_carrier(False, ended_at)
         if understood:
-            self.listening.heard_frame(2, ended_at)
+            self.listening.heard_frame(2, ended_at - begun_at, ended_at)
         return ended_at
 
     def silent_until(self, at: int) -> int:
@@ -298,7 +298,7 @@ def test_a_copy_is_awaited_behind_a_sound_that_was_not_understood() -> None:
     third_at = second_at + S // 4 + GAP_NS
     pausing.listening.handle_carrier(True, third_at)
     pausing.listening.handle_carrier(False, third_at + S // 4)
-    pausing.listening.heard_frame(2, third_at + S // 4)
+    pausing.listening.heard_frame(2, S // 4, third_at + S // 4)
     assert pausing.silent_until(third_at + S // 4) <= third_at + S // 4
 
 
@@ -321,3 +321,20 @@ def test_endless_noise_is_heard_out_for_little_more_than_a_frame() -> None:
         from_ns = pausing.hear(from_ns) - pausing.pause_at + GAP_NS
     late_ns = pausing.silent_until(pausing.pause_until) - pausing.pause_until
     assert LARGEST_NS <= late_ns <= LARGEST_NS + LINK.airtime_ns(8)
+
+
+def test_a_rhythm_is_forgotten_when_a_frame_was_sent_in_its_pause() -> None:
+    way_ns = S
+    for runs in range(1, 4):
+        for into_ns in range(-LARGEST_NS - S, S, S // 10):
+            listener = Listening(LINK)
+            listener.heard_pause(1, 2 * S, 0, way_ns, way_ns)
+            period_ns = listener.period_ns
+            for number in range(runs):  # the pauses before are kept
+                listener.heard_frame(1, S // 4, way_ns + number * period_ns + S)
+            begun_at = 2 * S + (runs - 1) * period_ns + way_ns + into_ns
+            ended_at = begun_at + LARGEST_NS
+            middle_ns = listener.pause_ns // 2
+            listener.heard_frame(1, LARGEST_NS, ended_at)
+            is_known = listener.invited_at(ended_at) is not None
+            assert is_known is not (into_ns <= middle_ns <= into_ns + LARGEST_NS), into_ns

@@ -7,6 +7,7 @@ import pytest
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.qos import Priority
 
 LINK = LinkCapabilities(
     mtu_bytes=64,
@@ -19,10 +20,12 @@ LINK = LinkCapabilities(
 TIMES = LinkTimes(LINK)
 
 
-def pause_s(timing: PeerTiming, rank: int = 0, spread_ns: int = 0) -> float:
+def pause_s(
+    timing: PeerTiming, rank: int = 0, spread_ns: int = 0, priority: Priority = Priority.DATA
+) -> float:
     """The shortest pause that is drawn."""
     rng = random.Random(1)
-    drawn = [timing.pause_ns(TIMES, rank, rng, spread_ns=spread_ns) for _ in range(1000)]
+    drawn = [timing.pause_ns(TIMES, rank, rng, priority, spread_ns=spread_ns) for _ in range(1000)]
     assert max(drawn) - min(drawn) <= TIMES.doubt_ns
     return min(drawn) / NS_PER_S
 
@@ -81,7 +84,7 @@ def test_first_frame_of_a_silent_node_ends_half_of_the_doubt() -> None:
     timing = PeerTiming()
     assert not timing.heard()
     unanswered(timing, 14)
-    assert timing.is_doubtful
+    assert timing.is_doubtful(Priority.DATA)
     assert timing.heard()
     assert not timing.heard(), "it is not silent any more"
     assert 1 < pause_s(timing) / pause_s(PeerTiming()) < 32
@@ -93,5 +96,29 @@ def test_answer_ends_the_doubt_except_in_a_crowd() -> None:
         unanswered(timing, 14)
     alone.answered(in_crowd=False)
     crowded.answered()
-    assert not alone.is_doubtful
-    assert crowded.is_doubtful
+    assert not alone.is_doubtful(Priority.DATA)
+    assert crowded.is_doubtful(Priority.DATA)
+
+
+def test_emergency_is_repeated_as_often_while_the_node_is_heard() -> None:
+    timing = PeerTiming()
+    first_s = pause_s(timing)
+    for number in range(14):
+        timing.unanswered(number * TIMES.first_round_trip_ns, TIMES)
+        timing.heard()
+    assert pause_s(timing) > 8 * first_s
+    assert pause_s(timing, priority=Priority.REAL_TIME) == pytest.approx(first_s, abs=1e-2)
+    assert timing.is_doubtful(Priority.DATA)
+    assert not timing.is_doubtful(Priority.REAL_TIME)
+    unanswered(timing, 28)  # the first half of them is long ago
+    assert pause_s(timing, priority=Priority.REAL_TIME) > 8 * first_s
+
+
+def test_emergency_does_not_wait_for_the_answer_to_something_else() -> None:
+    timing = PeerTiming()
+    timing.await_answer(5 * NS_PER_S, 100 * NS_PER_S)
+    assert timing.ready_at(TIMES, Priority.DATA) == 100 * NS_PER_S
+    ready_at = 5 * NS_PER_S + TIMES.first_round_trip_ns
+    for priority, in_haste in ((Priority.REAL_TIME, False), (Priority.DATA, True)):
+        at = timing.ready_at(TIMES, priority, in_haste=in_haste)
+        assert at == pytest.approx(ready_at, abs=TIMES.doubt_ns)

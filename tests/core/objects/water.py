@@ -312,7 +312,8 @@ class Water:
         received = ReceivedFrame(
             frame_bytes=record, received_at=self.now, source=source, destination=destination
         )
-        node.listening.heard_frame(source, self.now)
+        airtime_ns = self.capabilities.airtime_ns(len(record))
+        node.listening.heard_frame(source, airtime_ns, self.now)
         if record[:1] == bytes((FRAGMENT_CODE,)):
             fragment = decode_fragment(record)
             if fragment is not None:

@@ -253,14 +253,23 @@ class Listening:
         rhythms = self._active(first_at)
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
-    def heard_frame(self, source: int, now: int) -> None:
-        """A frame of `source` has arrived: its run goes on."""
+    def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
+        """A frame of `source` has arrived: its run goes on.
+
+        If it was sent in what was taken for a pause, the rhythm is another one meanwhile, and it is
+        forgotten: whoever aims at old pauses is deaf, time and again, while the new ones are told.
+        """
         self._is_understood = True
         if self._busy_since is None and self._row_ends_at is not None:
             self._row_ends_at = min(self._row_ends_at, now)
         rhythm = self._rhythms.get(source)
-        if rhythm is not None:
-            rhythm.heard_at = now
+        if rhythm is None:
+            return
+        rhythm.heard_at = now
+        middle_at = rhythm.pause_at + rhythm.way_ns + self.pause_ns // 2
+        since_ns = now - middle_at
+        if since_ns >= 0 and since_ns % self.period_ns < airtime_ns:
+            del self._rhythms[source]
 
     def heard_pause(
         self, source: int, begins_in_ns: int, started_at: int, way_ns: int, now: int

@@ -12,6 +12,7 @@ from zacoustic.core.arq.copies import follow, is_doubled, is_emergency, shorten_
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
+from zacoustic.core.qos import Priority
 from zacoustic.core.streams import StreamTable
 
 _COPIED_AT_ONCE: Final = 2
@@ -93,16 +94,14 @@ class Pacing:
         """Return when a sample may be repeated: an answer to what was sent later is waited for."""
         if sample.follows or sample.asked:
             return sample.due_at
-        lacking, at_most_ns = lane.lacking(sample), self._at_most_ns(lane)
+        if self.times is None:
+            return self._before_end(sample, sample.due_at)
         # Of several receivers the first: one that is out of range does not hold back the others.
-        if at_most_ns is None or self.times is None:
-            quiet = (self.timing(address).quiet_until for address in lacking)
-        else:
-            times = self.times
-            quiet = (
-                min(each.quiet_until, each.quiet_since + each.least_pause_ns(times, rank=0))
-                for each in map(self.timing, lacking)
-            )
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
+        quiet = (
+            self.timing(each).ready_at(self.times, priority, in_haste=at_most_ns is not None)
+            for each in lane.lacking(sample)
+        )
         at = max(self._in_time(lane, sample, at_most_ns), min(quiet, default=0))
         return self._before_end(sample, at)
 
@@ -121,7 +120,8 @@ class Pacing:
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
-        return all(self.timing(address).is_doubtful for address in lane.lacking(sample))
+        priority, lacking = self._priority(lane), lane.lacking(sample)
+        return all(self.timing(each).is_doubtful(priority) for each in lacking)
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
@@ -132,7 +132,7 @@ class Pacing:
             # If it was lost it is asked for; if it is the last one, the next one is asked for.
             round_trips_ns = _ROUND_TRIPS_OF_ASKING * self.times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
-        priority = self._table.by_id(lane.key[0]).qos.priority
+        priority = self._priority(lane)
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
             sample.follows = follow(sample.waiting, priority, self.times, at)
@@ -155,10 +155,10 @@ class Pacing:
         assert self.times is not None
         times, lacking = self.times, lane.lacking(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
-        at_most_ns = self._at_most_ns(lane)
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
         pauses_ns = (
             self.timing(each).pause_ns(
-                times, rank, self._rng, spread_ns=spread_ns, at_most_ns=at_most_ns
+                times, rank, self._rng, priority, spread_ns=spread_ns, at_most_ns=at_most_ns
             )
             for each in lacking
         )
@@ -180,7 +180,10 @@ class Pacing:
             return sample.due_at
         lacking = lane.lacking(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, self.times)
-        pauses_ns = (self.timing(each).least_pause_ns(self.times, rank) for each in lacking)
+        priority = self._priority(lane)
+        pauses_ns = (
+            self.timing(each).least_pause_ns(self.times, rank, priority) for each in lacking
+        )
         least_ns = min(pauses_ns, default=self.times.first_round_trip_ns) + spread_ns
         longest_ns = max(least_ns, at_most_ns) + self.times.doubt_ns
         return min(sample.due_at, sample.sent_at + longest_ns)
@@ -199,9 +202,10 @@ class Pacing:
 
     def _await_answer(self, lane: SendLane, sample: Outgoing, since: int, until: int) -> None:
         for address in lane.lacking(sample):
-            timing = self.timing(address)
-            timing.quiet_since = max(timing.quiet_since, since)
-            timing.quiet_until = max(timing.quiet_until, until)
+            self.timing(address).await_answer(since, until)
+
+    def _priority(self, lane: SendLane) -> Priority:
+        return self._table.by_id(lane.key[0]).qos.priority
 
 
 def _order_of_answers(

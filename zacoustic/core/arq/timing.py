@@ -5,6 +5,8 @@ there, the ACK's own frame, and one short frame of doubt. Then it is measured, a
 from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
 half: sound is slow, and as slow the next time. Repetitions to a node of which nothing is heard come
 less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
+So do those to a node that is heard and does not answer, since the channel may be crowded; but not
+those of an emergency: as long as the node is heard at all, it is in range.
 """
 
 import random
@@ -14,6 +16,7 @@ from typing import Final
 from zacoustic.core.access.listening import Listening
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.qos import Priority
 
 _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
@@ -138,16 +141,16 @@ class PeerTiming:
         """The node has told that it has something of what it lacked; others may speak as well."""
         self._unanswered = self._unanswered // 2 if in_crowd else 0
 
-    @property
-    def is_doubtful(self) -> bool:
-        """Repetitions to it are unanswered again and again: more than one would be wasted."""
-        return _FACTORS[self._unanswered] > 1
+    def is_doubtful(self, priority: Priority) -> bool:
+        """Tell whether repetitions to it are in vain again and again: two would be wasted."""
+        return self._factor(priority) > 1
 
     def pause_ns(
         self,
         times: LinkTimes,
         rank: int,
         rng: random.Random,
+        priority: Priority,
         *,
         spread_ns: int = 0,
         at_most_ns: int | None = None,
@@ -158,26 +161,48 @@ class PeerTiming:
             times: Of the link.
             rank: How many receivers acknowledge before this one; what was measured has it in it.
             rng: Draws up to a short frame more, so that two ends do not repeat in step.
+            priority: Of what is repeated.
             spread_ns: Within which time they acknowledge, each at random.
             at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
                 than `least_pause_ns`; None: it may be.
         """
         round_trip_ns = self._round_trip_ns(times, rank)
-        pause_ns = round(round_trip_ns * _FACTORS[self._unanswered]) + spread_ns
+        pause_ns = round(round_trip_ns * self._factor(priority)) + spread_ns
         if at_most_ns is not None and pause_ns > at_most_ns:
             drawn_ns = rng.randint(round(_EARLIEST * at_most_ns), at_most_ns)
-            pause_ns = max(drawn_ns, self.least_pause_ns(times, rank) + spread_ns)
+            pause_ns = max(drawn_ns, self.least_pause_ns(times, rank, priority) + spread_ns)
         return pause_ns + rng.randrange(times.doubt_ns + 1)
 
-    def least_pause_ns(self, times: LinkTimes, rank: int) -> int:
+    def least_pause_ns(self, times: LinkTimes, rank: int, priority: Priority) -> int:
         """Return how long an answer is awaited, in whatever haste, ns.
 
         Args:
             times: Of the link.
             rank: How many receivers acknowledge before this one; what was measured has it in it.
+            priority: Of what is repeated.
         """
-        factor = min(_FACTORS[self._unanswered], _LEAST_FACTOR)
+        factor = min(self._factor(priority), _LEAST_FACTOR)
         return round(self._round_trip_ns(times, rank) * factor)
+
+    def await_answer(self, since: int, until: int) -> None:
+        """An answer is awaited from an instant on, and until another one, ns."""
+        self.quiet_since = max(self.quiet_since, since)
+        self.quiet_until = max(self.quiet_until, until)
+
+    def ready_at(self, times: LinkTimes, priority: Priority, *, in_haste: bool = False) -> int:
+        """Return from when on something may be repeated to it, ns.
+
+        Others may have decided to leave the node in peace for long: that holds neither for an
+        emergency, nor for what has a deadline (`in_haste`).
+        """
+        if priority is not Priority.REAL_TIME and not in_haste:
+            return self.quiet_until
+        least_ns = self.least_pause_ns(times, 0, priority)
+        return min(self.quiet_until, self.quiet_since + least_ns)
+
+    def _factor(self, priority: Priority) -> float:
+        in_vain = self._unheard if priority is Priority.REAL_TIME else self._unanswered
+        return _FACTORS[in_vain]
 
     def _round_trip_ns(self, times: LinkTimes, rank: int) -> int:
         if self._smooth_ns is None:

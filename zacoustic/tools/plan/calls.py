@@ -108,7 +108,8 @@ class Call:
             if again is not None:
                 if self._tries[what] > 1:
                     timing.unanswered(at, self._times)
-                pause_ns = timing.pause_ns(self._times, 0, self._rng)
+                priority = self._offer.stream.qos.priority
+                pause_ns = timing.pause_ns(self._times, 0, self._rng, priority)
                 self._walk.later(at + pause_ns, again)
 
         item.ends = ends

@@ -193,6 +193,7 @@ class ReliableLane:
                 self._times,
                 0 if again else len(self._receptions) - 1,
                 self._rng,
+                self._qos.priority,
                 spread_ns=self._spread_ns if again else 0,
             )
             for each in sample.lacking or self._receptions

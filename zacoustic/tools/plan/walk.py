@@ -358,7 +358,7 @@ class Walk:
         is_received = reception.is_received and reception.corrupt_seed is None
         self.found.lost_frames += not is_received
         if is_received:
-            speaker.port.heard(arrival.source, self.now)
+            speaker.port.heard(arrival.source, said.size_bytes, self.now)
             self._control(speaker, arrival, said)
             speaker.heard(arrival.source, said, self.now)
         for item in said.items:
