@@ -11,7 +11,8 @@ it is given, the reader the one that it found. So a model is one piece of code t
 reader.
 
 All arithmetic is on integers. The writer keeps the lower end as one integer of any length, so a
-carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide.
+carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide. Numbers
+on a curve divide it by as much as all their shares are together.
 
 The end. A string of n bytes stands for the number that it is followed by zeros. Of the strings of
 the shortest sufficient length, several may lie in the interval: which of them is sent is a choice
@@ -21,11 +22,23 @@ that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a 
 The first byte's two highest bits are the marker of a dense frame, and no part of the number.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
 
-from zacoustic.core.dense.curve import Curve, find, span
+from zacoustic.core.dense.curve import (
+    CURVES,
+    HALF_STEP,
+    HOLD_SHIFT,
+    LISTED,
+    ODDS,
+    POINT_BITS,
+    WHOLE,
+    Curve,
+    span,
+)
+from zacoustic.core.dense.offcurve import beyond, wide
 from zacoustic.core.payload import PayloadError
 
 TOTAL_BITS: Final = 28
@@ -48,6 +61,7 @@ _WIDTH_BITS: Final = 48
 _ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
+_POINT_MASK: Final = (1 << POINT_BITS) - 1
 
 
 class Writer:
@@ -130,18 +144,43 @@ class Writer:
 
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
-        return self.near(*curve, value)
+        return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold, value)
 
-    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int) -> int:
+    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int) -> int:
         """Write a number that lies on the `Curve` of all these, without having made it."""
-        start, end = span(size, center, scale, held, hold, value)
-        unit = self._width >> TOTAL_BITS  # as `narrow` does, which would cost a call
+        if grade >= LISTED:
+            return wide(self, size, center, grade, held, hold, value)
+        reach, last, curves = CURVES[grade]
+        center += HALF_STEP
+        sums = curves[center & _POINT_MASK]
+        first = (center >> POINT_BITS) - reach
+        odds = ODDS[hold >> HOLD_SHIFT]
+        unit = self._width // (WHOLE + odds)
+        place = value - first
+        if not 0 <= place <= last or not 0 < value < size - 1:
+            start, end = span(sums, first, size, held, odds, value)
+            self._take(unit, start, end)
+            if 0 <= place <= last:
+                return value
+            return beyond(self, size, first, first + last, value)
+        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do: calls would cost more
+        if value >= held:
+            end += odds
+            if value > held:
+                start += odds
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
         self._low = (self._low + unit * start) << lift
         self._width = width << lift
         self._shift += lift
         return value
+
+    def _take(self, unit: int, start: int, end: int) -> None:
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low = (self._low + unit * start) << lift
+        self._width = width << lift
+        self._shift += lift
 
     def finish(self, ways: int, check: int) -> bytes:
         """Return the shortest string.
@@ -276,23 +315,51 @@ class Reader:
 
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
-        return self.near(*curve)
+        return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold)
 
-    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0) -> int:
+    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int = 0) -> int:
         """Read a number that lies on the `Curve` of all these."""
-        unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
-        place = self._value // unit
-        if place >= TOTAL:
-            raise PayloadError("a string in the gap between the symbols")
-        value, start, end = find(size, center, scale, held, hold, place)
+        if grade >= LISTED:
+            return wide(self, size, center, grade, held, hold, value)
+        reach, last, curves = CURVES[grade]
+        center += HALF_STEP
+        sums = curves[center & _POINT_MASK]
+        first = (center >> POINT_BITS) - reach
+        odds = ODDS[hold >> HOLD_SHIFT]
+        unit = self._width // (WHOLE + odds)
+        share = self._value // unit
+        place = bisect_right(sums, share) - 1
+        held_place = held - first
+        if place >= held_place:
+            place = bisect_right(sums, share - odds) - 1
+            if place < held_place:
+                place = held_place
+        value = first + place
+        if not 0 <= place <= last or not 0 < value < size - 1:
+            # What is beyond the list or, where that reaches so far, the number's first or last.
+            if place < 0 < first:
+                value = min(first, size) - 1
+            elif place > last and first + last < size - 1:
+                value = max(first + last + 1, 0)
+            else:
+                value = min(max(value, 0), size - 1)
+            start, end = span(sums, first, size, held, odds, value)
+            self._take(unit, start, end)
+            if first <= value <= first + last:
+                return value
+            return beyond(self, size, first, first + last, value)
+        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do
+        if value >= held:
+            end += odds
+            if value > held:
+                start += odds
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift
         if left < 0:
             raise PayloadError("the string ends inside a value")
         self._width = width << lift
-        rest = self._value - unit * start
-        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        self._value = self._value - unit * start << lift | self._code >> left & (1 << lift) - 1
         return value
 
     def check(self, ways: int, check: int) -> None:
@@ -331,6 +398,18 @@ class Reader:
         width = unit * share
         value = self._value - unit * start
         if value >= width:
+            raise PayloadError("a string in the gap between the symbols")
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError("the string ends inside a value")
+        self._width = width << lift
+        self._value = value << lift | self._code >> left & (1 << lift) - 1
+
+    def _take(self, unit: int, start: int, end: int) -> None:
+        width = unit * (end - start)
+        value = self._value - unit * start
+        if not 0 <= value < width:
             raise PayloadError("a string in the gap between the symbols")
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift
