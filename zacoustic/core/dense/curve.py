@@ -179,7 +179,7 @@ def _curves() -> list[Listed]:
     """By grade."""
     tails, found = _tails(), []
     for octave in range(_LEAST_OCTAVE, _LEAST_OCTAVE + _LISTED_OCTAVES):
-        # Places closer to each other than a sixteenth or so of the scale are taken for one.
+        # Places within an eighth of the scale are taken for one.
         together = 1 << min(max(octave + 1, 0), POINT_BITS)
         for part in range(_QUARTER >> 1, GRADES, _QUARTER):
             scale = _scale(octave, part << GRADE_SHIFT)
@@ -208,7 +208,7 @@ SCALES: Final = [_SCALES[0]] * (NARROWER >> GRADE_SHIFT) + _SCALES
 """By grade: 2**-12 steps."""
 
 ODDS: Final = [
-    (hold << SHARE_BITS) // ((1 << 16) - (hold << HOLD_SHIFT) >> HOLD_SHIFT)
+    (hold << SHARE_BITS) // ((1 << 16 - HOLD_SHIFT) - hold)
     for hold in range((MOST_HOLD >> HOLD_SHIFT) + 1)
 ]
 """The share of a held value, beside the whole of the others, by hold less `HOLD_SHIFT` bits."""
