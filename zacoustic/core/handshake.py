@@ -244,6 +244,14 @@ class Handshake:
         """Tell whether a CONFIRM says that its sender knows our present epoch."""
         return confirm.epoch == self.epoch and self._is_about_us(confirm, unicast=unicast)
 
+    def heard_introduction(self, source: int) -> None:
+        """A frame for us alone confirms us, and introduces its source: it waits for an answer.
+
+        It has heard us, so the way back is open, and as long as it is not answered each of its
+        frames begins so. On broadcast, where others may be silent for ever, that is no haste.
+        """
+        self._peers[source].answer_pause.reset()
+
     def heard_confirm(
         self, source: int, confirm: Confirm, now: int, *, unicast: bool = False
     ) -> None:
@@ -257,8 +265,6 @@ class Handshake:
             self._introduce_soon(peer, now)
             return
         peer.is_vouching = unicast
-        # It has heard us: the way back is open.
-        peer.answer_pause.reset()
         if confirm.address == VOUCHED:
             self._heard_vouch(peer, now)
             return

@@ -170,6 +170,8 @@ class Receiver:
                     # A TAG, and that its sender shares our table: as good as a HELLO.
                     hello = Hello(WIRE_VERSION, tagged, self._table.digest)
                     self._handle_hello(source, hello, now, unicast=unicast)
+                    if unicast:
+                        self._handshake.heard_introduction(source)
                 self._handle_table_talk(opened, item, now)
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
