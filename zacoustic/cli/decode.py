@@ -4,9 +4,11 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
     from zacoustic.core.streams import StreamTable
@@ -50,12 +52,11 @@ class DecodeCommand(Command):
         """Print each frame; fails when something was not hexadecimal.
 
         Raises:
-            ConfigError: The configuration is wrong.
+            ConfigError: The configuration is wrong, or a file is none or has no frames in it.
         """
         import msgspec
 
         from zacoustic.core.wireprofile import WireProfile
-        from zacoustic.recording.reading import is_recording
         from zacoustic.tools.decode import FrameDecoder
 
         table = None
@@ -64,7 +65,10 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
-        if len(arguments.frames) == 1 and is_recording(arguments.frames[0]):
+        files = [each for each in arguments.frames if _is_file(each)]
+        if files:
+            if len(arguments.frames) > 1:
+                raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
             return _decode_recording(arguments, table)
         wire = None if arguments.wire is None else WireProfile(arguments.wire)
         decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
@@ -89,7 +93,11 @@ class DecodeCommand(Command):
 
 
 def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None") -> int:
-    """Print the frames of a recording."""
+    """Print the frames of a recording.
+
+    Raises:
+        ConfigError: It is none, or has no frames in it.
+    """
     import msgspec
 
     from zacoustic.core.wireprofile import WireProfile
@@ -106,6 +114,9 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
         else:
             print(line_of(frame, began_ns) + (f": {frame.fault}" if frame.fault else ""))
             print("".join(f"  {item.text}\n" for item in frame.items), end="")
+    if began_ns is None:
+        whose = f" of node {arguments.source}" if arguments.source else ""
+        raise ConfigError(f"{arguments.frames[0]}: no frames{whose} in it")
     return EXIT_OK
 
 
@@ -160,6 +171,11 @@ def _of_trace(text: str, record: dict[str, object]) -> _Written:
     if record.get("what") == "transmit":
         return _Written(text, node, peer)
     return _Written(text, peer)
+
+
+def _is_file(text: str) -> bool:
+    """Tell whether an argument is meant as a file, there or not: nothing else has such signs."""
+    return _from_hex(text) is None and (bool({".", "/"} & {*text}) or Path(text).exists())
 
 
 def _from_hex(text: str) -> bytes | None:

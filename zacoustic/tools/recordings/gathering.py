@@ -14,7 +14,7 @@ from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.types import TypeTable
-from zacoustic.errors import ZacousticError
+from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, Recorded, read_outcome
 from zacoustic.recording.channels import (
     RECEIVED,
@@ -35,15 +35,23 @@ def gather(paths: Iterable[str | Path]) -> Facts:
     """Read recordings.
 
     Raises:
-        ConfigError: A file is none.
+        ConfigError: A file is none, or nothing of a gateway or an engine is in them.
     """
     facts = Facts()
     for path in paths:
-        source = RecordingReader(path)
+        source = RecordingReader(path, tells=False)
         facts.files.append(str(path))
         add_messages(facts, source)
         if source.damage:
             facts.damage[str(path)] = source.damage
+    if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
+        why = "; ".join(f"{path} ends early: {damage}" for path, damage in facts.damage.items())
+        raise ConfigError(
+            f"{', '.join(facts.files)}: nothing of a gateway or an engine is in it"
+            + (f" ({why})" if why else ""),
+            hint="record with --record at the gateway, the Node or zacoustic sim, or with "
+            "zacoustic record",
+        )
     return facts
 
 
