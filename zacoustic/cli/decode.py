@@ -33,6 +33,10 @@ class DecodeCommand(Command):
         )  # fmt: skip
         parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
         parser.add_argument(
+            "--log", metavar="LINK",
+            help="the file is a log of the port of such a modem, both ways, as it was: evologics",
+        )  # fmt: skip
+        parser.add_argument(
             "--source", type=int, default=0, metavar="N", help="address of the sender"
         )
         parser.add_argument(
@@ -44,6 +48,7 @@ class DecodeCommand(Command):
             "example:\n"
             "  zacoustic decode b00100017d1f3a09b10001\n"
             "  zacoustic decode trial.mcap\n"
+            "  zacoustic decode --log evologics --config fleet.json5 serial.log\n"
             "  zacoustic sim water.json5 --trace trace.jsonl && "
             "zacoustic decode --config fleet.json5 < trace.jsonl"
         )
@@ -65,7 +70,9 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
-        files = [each for each in arguments.frames if _is_file(each)]
+        files = [each for each in arguments.frames if arguments.log or _is_file(each)]
+        if arguments.log and not files:
+            raise ConfigError("--log; allowed: with a file")
         if files:
             if len(arguments.frames) > 1:
                 raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
@@ -93,7 +100,7 @@ class DecodeCommand(Command):
 
 
 def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None") -> int:
-    """Print the frames of a recording.
+    """Print the frames of a recording, or of a log.
 
     Raises:
         ConfigError: It is none, or has no frames in it.
@@ -101,22 +108,27 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
     import msgspec
 
     from zacoustic.core.wireprofile import WireProfile
-    from zacoustic.tools.recordings.frames import decode_recording, line_of
+    from zacoustic.tools.recordings.frames import decode_log, decode_recording, line_of
 
     wire = None if arguments.wire is None else WireProfile(arguments.wire)
-    began_ns: int | None = None
-    for frame in decode_recording(arguments.frames[0], table, wire=wire):
+    began_ns, shown = 0, 0
+    path = arguments.frames[0]
+    if arguments.log is None:
+        frames = decode_recording(path, table, wire=wire)
+    else:
+        frames = decode_log(path, arguments.log, table, wire=wire)
+    for frame in frames:
         if arguments.source not in (0, frame.source):
             continue
-        began_ns = frame.utc_ns if began_ns is None else began_ns
+        began_ns, shown = began_ns or frame.utc_ns or 0, shown + 1
         if arguments.json:
             print(json.dumps(msgspec.to_builtins(frame), ensure_ascii=False))
         else:
             print(line_of(frame, began_ns) + (f": {frame.fault}" if frame.fault else ""))
             print("".join(f"  {item.text}\n" for item in frame.items), end="")
-    if began_ns is None:
+    if not shown:
         whose = f" of node {arguments.source}" if arguments.source else ""
-        raise ConfigError(f"{arguments.frames[0]}: no frames{whose} in it")
+        raise ConfigError(f"{path}: no frames{whose} in it")
     return EXIT_OK
 
 
