@@ -5,6 +5,7 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING
 
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json, add_node_file
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.serving import stopped_by_signals
@@ -23,13 +24,7 @@ class GatewayCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, address, locator and form of the output."""
-        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        parser.add_argument(
-            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
-        )
-        parser.add_argument(
-            "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
-        )
+        add_node_file(parser)
         parser.add_argument(
             "--listen",
             action="append",
@@ -43,7 +38,7 @@ class GatewayCommand(Command):
         parser.add_argument(
             "--record", metavar="FILE", help="record everything that crosses, as MCAP"
         )
-        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        add_json(parser, OBJECT_PER_LINE)
         parser.add_argument(
             "--log",
             choices=("text", "json"),

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import check_positive
 from zacoustic.cli.topics import add_watch_arguments, chosen, make_watch
 from zacoustic.command import EXIT_OK, Command
 
