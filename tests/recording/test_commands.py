@@ -105,7 +105,7 @@ def test_record_ends_after_its_time_and_counts(
         assert main(["record", "-o", str(tmp_path / "a.mcap"), *place]) == 0
     captured = capsys.readouterr()
     assert json.loads(captured.out) == {
-        "file": str(tmp_path / "a.mcap"), "messages": {}, "dropped": 0, "failure": "",
+        "file": str(tmp_path / "a.mcap"), "messages": {}, "dropped": 0, "failure": "", "gaps": 0,
     }  # fmt: skip
     assert "a/**, @acoustic/** into" in captured.err
 

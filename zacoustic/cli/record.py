@@ -89,5 +89,7 @@ def _print(found: "RecordedKeys", *, as_json: bool) -> None:
         return
     rows = [(key, str(number)) for key, number in found.messages.items()]
     print(align(("key", "samples"), rows, right=("samples",)))
+    if found.gaps:
+        print(f"the Zenoh router was gone {found.gaps} times: what was said then is not recorded")
     if found.dropped:
         print(f"{found.dropped} messages were dropped: the disk was too slow, or is full")
