@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json, add_node_file
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
 from zacoustic.errors import ConfigError, ZacousticError
-from zacoustic.serving import stopped_by_signals
+from zacoustic.serving import stopped_by_signals, until_stopped
 
 if TYPE_CHECKING:
     from zacoustic.gateway import Gateway, Notice
@@ -110,9 +110,9 @@ async def _run(arguments: argparse.Namespace) -> None:
         if arguments.log == "json":
             log_as_json({"node": gateway.config.address})
         try:
-            await _until(stop, asyncio.create_task(gateway.start()))
+            await until_stopped(stop, gateway.start())
             if not stop.is_set():
-                await _until(stop, asyncio.create_task(_failure(gateway)))
+                await until_stopped(stop, _failure(gateway))
         finally:
             await gateway.close()
 
@@ -126,19 +126,6 @@ async def _failure(gateway: "Gateway") -> None:
     except Exception as error:
         hint = "the traceback is above; please report it"
         raise ZacousticError(f"stopped by a fault: {error!r}", hint=hint) from error
-
-
-async def _until(stop: asyncio.Event, task: "asyncio.Task[None]") -> None:
-    """Wait for a task, or for the interrupt, which ends it."""
-    interrupted = asyncio.create_task(stop.wait())
-    try:
-        await asyncio.wait({task, interrupted}, return_when=asyncio.FIRST_COMPLETED)
-        if task.done():
-            task.result()
-    finally:
-        for each in (task, interrupted):
-            each.cancel()
-        await asyncio.gather(task, interrupted, return_exceptions=True)
 
 
 def _log(notice: "Notice") -> None:
