@@ -22,8 +22,8 @@ from zacoustic.tools.recordings.measuredwater import measure_water
 from zacoustic.tools.recordings.plots import plots_of
 from zacoustic.tools.recordings.reporttext import as_text
 from zacoustic.tools.recordings.spread import spread_of
-from zacoustic.tools.simulation import simulate
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
+from zacoustic.tools.sim.simulation import simulate
 
 
 @pytest.fixture

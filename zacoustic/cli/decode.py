@@ -62,7 +62,7 @@ class DecodeCommand(Command):
         import msgspec
 
         from zacoustic.core.wireprofile import WireProfile
-        from zacoustic.tools.decode import FrameDecoder
+        from zacoustic.tools.decode.decoder import FrameDecoder
 
         table = None
         if arguments.config is not None:
