@@ -137,9 +137,9 @@ def config_of(
 
 
 @contextmanager
-def zenoh_router() -> Iterator[int]:
+def zenoh_router(port: int | None = None) -> Iterator[int]:
     """Run a router without a gateway; gives its port."""
-    port = free_port()
+    port = port or free_port()
     with zenoh.open(zenoh_config("router", listen=port)):
         yield port
 
