@@ -134,7 +134,8 @@ def _config_error(error: Exception, source: str) -> ConfigError:
     text = _WHERE_IN_ZENOH.sub("", str(error))
     if grammar := _GRAMMAR.search(text):
         line, column, expected = grammar.groups()
-        return ConfigError(f"{source}:{line}:{column}: {expected.strip()}")
+        plain = expected.strip().replace("expected EOI", "something behind the end of the value")
+        return ConfigError(f"{source}:{line}:{column}: {plain}")
     if field := _FIELD.search(text):
         message, line, column = field.groups()
         place = f":{line}:{column}" if line else ""

@@ -23,7 +23,7 @@ nothing about streams. Rules, all proven by the conformance battery
 
 import asyncio
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import (
     Any,
     ClassVar,
@@ -67,6 +67,19 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     """What to do about it."""
 
 
+class LoggedFrame(msgspec.Struct, frozen=True, kw_only=True):
+    """A frame in a log of what went to a device and came from it."""
+
+    frame_bytes: bytes
+    """The frame."""
+    source: int
+    """Who has sent it; 0: the log does not tell."""
+    destination: int
+    """Whom it is for; 255: everybody."""
+    is_sent: bool
+    """It went to the device; otherwise it came off the water."""
+
+
 class LinkReceiver(Protocol):
     """Who hears from a link; called on the loop only. The runtime implements it."""
 
@@ -95,7 +108,8 @@ class Link(ABC):
     """One acoustic modem, or something that behaves like one.
 
     Must implement: `config_type`, `capabilities`, `from_locator`, `open`, `close`, `transmit`.
-    May override: `diagnostics`, `examine`, `assess`. Everything else has its default here.
+    May override: `diagnostics`, `examine`, `assess`, `read_log`. Everything else has its default
+    here.
     """
 
     link_api: ClassVar[int] = LINK_API
@@ -178,6 +192,15 @@ class Link(ABC):
             health: The documents below `@acoustic/ADDRESS/`, by name: `link`, `dropped`, `modem`, …
         """
         return []
+
+    @classmethod
+    def read_log(cls, log: bytes) -> Iterator[LoggedFrame]:
+        """Find the frames in a log of the port of such a device; for `zacoustic decode --log`.
+
+        Args:
+            log: Bytes of both directions as they were, perhaps with something in between.
+        """
+        return iter(())
 
 
 class _Onlooker:

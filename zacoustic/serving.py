@@ -10,11 +10,13 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from typing import Final, Self
+from collections.abc import Coroutine, Iterator
+from typing import Any, Final, Self, TypeVar
 
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.errors import ConfigError, LinkOpenError
+
+T = TypeVar("T")
 
 LINES_LIMIT: Final = 10_000
 """Lines that may wait for a reader."""
@@ -109,6 +111,22 @@ def stopped_by_signals(stop: asyncio.Event) -> Iterator[None]:
         else:
             for number in numbers:
                 loop.remove_signal_handler(number)
+
+
+async def until_stopped(stop: asyncio.Event, work: Coroutine[Any, Any, T]) -> T | None:
+    """Wait for some work, or for `stop`, which cancels it and waits until it has ended.
+
+    Returns:
+        What came of it; None: it was stopped.
+    """
+    task, stopped = asyncio.ensure_future(work), asyncio.ensure_future(stop.wait())
+    try:
+        await asyncio.wait((task, stopped), return_when=asyncio.FIRST_COMPLETED)
+        return task.result() if task.done() else None
+    finally:
+        for each in (task, stopped):
+            each.cancel()
+        await asyncio.gather(task, stopped, return_exceptions=True)
 
 
 class LineWriter:

@@ -2,15 +2,11 @@
 
 import asyncio
 import contextlib
-import signal
 import socket
 import sys
 import tempfile
 from pathlib import Path
-from types import FrameType
 from typing import Any, Final
-
-from nicegui import app, ui
 
 from examples.auv.desk import Desk
 from examples.auv.expedition import Expedition, expedition
@@ -19,6 +15,7 @@ from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
 from zacoustic.errors import ZacousticError
+from zacoustic.tools.webpage import serve_page
 
 _HOST: Final = "127.0.0.1"
 _PERIOD_S: Final = 0.2
@@ -49,10 +46,6 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
             sys.stderr.write(f"{error}\n")
 
     async def start() -> None:
-        # In place of the server's: it would raise the signal once more when all is over, and a
-        # second one would not wait until the processes are stopped.
-        for each in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(each, _interrupted)
         working.append(asyncio.create_task(work()))
         print(f"the console is at http://{_HOST}:{port}; Ctrl+C ends everything", flush=True)
 
@@ -65,16 +58,13 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
     def root() -> None:
         Page(desk)
 
-    app.on_startup(start)
-    app.on_shutdown(stop)
-    ui.run(
+    serve_page(
         root,
         host=_HOST,
         port=port,
+        start=start,
+        stop=stop,
         dark=True,
-        reload=False,
-        show=False,
-        show_welcome_message=False,
         message_history_length=_HISTORY,
     )
     print("stopped", flush=True)
@@ -105,11 +95,6 @@ def _why_not(port: int) -> str | None:
             reason = error.strerror or str(error)
             return f"--port {port}: {reason}; name another one, as --port {port + 1}"
     return None
-
-
-def _interrupted(number: int, _: FrameType | None) -> None:
-    """End everything, in order; at most some seconds."""
-    app.shutdown()
 
 
 def _ignore(name: str, said: dict[str, Any]) -> None:

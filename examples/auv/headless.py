@@ -13,7 +13,9 @@ from examples.auv.expedition import expedition
 from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
+from zacoustic.command import EXIT_INTERRUPTED
 from zacoustic.errors import ZacousticError
+from zacoustic.serving import stopped_by_signals, until_stopped
 
 _PAUSE_S = 0.2
 ACCOUNT_LIMIT_S: Final = 150.0
@@ -22,7 +24,14 @@ _SHOWN = ("event", "lost", "status", "text", "service", "accepted", "reason")
 
 
 async def headless(*, loss: float = 0.0, ros: bool = False) -> int:
-    """Run the dive; returns the exit code."""
+    """Run the dive, until it is over or interrupted; returns the exit code."""
+    stop = asyncio.Event()
+    with stopped_by_signals(stop):
+        code = await until_stopped(stop, _dive(loss=loss, ros=ros))
+    return EXIT_INTERRUPTED if code is None else code
+
+
+async def _dive(*, loss: float, ros: bool) -> int:
     begun = time.monotonic()
 
     def note(line: str) -> None:

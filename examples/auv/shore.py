@@ -8,7 +8,7 @@ between, the vehicle is within two standard deviations as often as that promises
 
 import math
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
@@ -42,6 +42,9 @@ GAUGE_M: Final = 0.1
 SOUND_S: Final = 1.5
 """How much older a report is than its stamp says, where nobody has measured it: airtime and way of
 the frame, s."""
+
+
+_REPORTS: Final[dict[str, type[Nav] | type[Status]]] = {NAV: Nav, STATUS: Status}
 
 
 class Answer:
@@ -130,7 +133,7 @@ class Shore:
     def hear(
         self,
         topic: str,
-        value: Nav | Status | bytes,
+        value: Nav | Status | bytes | dict[str, Any],
         now_s: float,
         age_s: float = 0.0,
         way_s: float = SOUND_S,
@@ -139,12 +142,14 @@ class Shore:
 
         Args:
             topic: Its name.
-            value: The sample.
+            value: The sample, or the map that it crossed as.
             now_s: The instant.
             age_s: How old it was when its frame was composed.
             way_s: How long the frame took from then on.
         """
         made_at_s = now_s - age_s - way_s
+        if isinstance(value, dict):
+            value = msgspec.convert(value, _REPORTS[topic])
         if topic == NAV and isinstance(value, Nav):
             if made_at_s > self.nav_made_at_s:
                 self.nav, self.nav_made_at_s = value, made_at_s

@@ -21,22 +21,8 @@ import msgspec
 import zenoh
 
 from examples.auv.craft import Craft
-from examples.auv.messages import (
-    ARM,
-    GOTO,
-    HOLD,
-    JOINTS,
-    NAV,
-    PHOTO,
-    STATUS,
-    STOP,
-    TAKE_PHOTO,
-    Arm,
-    Done,
-    Hold,
-    Setpoint,
-    Waypoint,
-)
+from examples.auv.messages import GOTO, NAV, PHOTO, STATUS, STOP, Waypoint
+from examples.auv.orders import SERVICES, TOPICS, obey, serve
 from examples.auv.session import open_session
 from examples.auv.speech import Act, Later, Question, Said, Speech, ZenohSpeech, said_of
 from examples.auv.start import NAV_PERIOD_S, PLACE_PERIOD_S, START, STATUS_PERIOD_S, VEHICLE
@@ -68,9 +54,9 @@ class Vehicle:
         self._ended: dict[object, Said] = {}
         self._waiting: dict[object, list[Question]] = {}
         self._speech = _speech(session, self._acts.put, ros=ros)
-        for topic in (STOP, *JOINTS):
+        for topic in TOPICS:
             self._speech.subscribe(topic, partial(self._hear, topic))
-        for service in (ARM, HOLD, TAKE_PHOTO):
+        for service in SERVICES:
             self._speech.serve(service, partial(self._serve, service))
         for part in ("send_goal", "cancel_goal", "get_result"):
             self._speech.serve(f"{GOTO}/_action/{part}", partial(self._pursue, part))
@@ -127,22 +113,14 @@ class Vehicle:
         self._acts.put(act)
 
     def _hear(self, topic: str, said: Said) -> None:
+        obey(self._craft, topic, said)
         if topic == STOP:
-            self._craft.stop()
             tell("stopped")
         else:
-            value = msgspec.convert(said, Setpoint).data
-            self._craft.set_joint(topic, value)
-            tell("set-point", topic=topic, value=value)
+            tell("set-point", topic=topic, value=said["data"])
 
     def _serve(self, service: str, question: Question) -> None:
-        picture = b""
-        if service == ARM:
-            done = self._craft.arm(msgspec.convert(question.asked, Arm).armed)
-        elif service == HOLD:
-            done = self._craft.hold(msgspec.convert(question.asked, Hold))
-        else:
-            picture, done = self._craft.take_photo(), Done(True)
+        done, picture = serve(self._craft, service, question.asked)
         tell("served", service=service, accepted=done.accepted, reason=done.reason)
         question.answer(said_of(done))
         if picture:

@@ -14,24 +14,17 @@ import msgspec
 from examples.auv.craft import Craft
 from examples.auv.dive import Dive
 from examples.auv.messages import (
-    ARM,
     GOTO,
-    HOLD,
-    JOINTS,
     NAV,
     PHOTO,
     STATUS,
     STOP,
-    TAKE_PHOTO,
-    Arm,
     Done,
-    Hold,
-    Nav,
     Progress,
     Reached,
-    Status,
     Waypoint,
 )
+from examples.auv.orders import obey, serve
 from examples.auv.shore import Answer, Carrier, Shore
 from examples.auv.start import (
     NAV_PERIOD_S,
@@ -252,11 +245,9 @@ class VirtualDive(Carrier):
             case SampleReceived():
                 topic = self._names[event.stream_id]
                 self._arrived(topic)
+                obey(craft, topic, event.value)
                 if topic == STOP:
-                    craft.stop()
                     self.stopped_at_s = self.now_s
-                elif topic in JOINTS:
-                    craft.set_joint(topic, event.value["data"])
             case RequestReceived():
                 self._serve(event)
             case GoalReceived():
@@ -278,15 +269,7 @@ class VirtualDive(Carrier):
     def _serve(self, event: RequestReceived) -> None:
         service = self._names[event.call.stream_id]
         self._arrived(service)
-        picture = b""
-        match service:
-            case "auv1/arm":
-                done = self.craft.arm(msgspec.convert(event.value, Arm).armed)
-            case "auv1/hold":
-                done = self.craft.hold(msgspec.convert(event.value, Hold))
-            case _:
-                picture = self.craft.take_photo()
-                done = Done(True)
+        done, picture = serve(self.craft, service, event.value)
         answer = msgspec.to_builtins(done)
         self.network.apply(VEHICLE, lambda engine, now: engine.reply(event.call, answer, now))
         if picture:
@@ -332,15 +315,7 @@ class VirtualDive(Carrier):
                 pass
 
     def _hear(self, event: SampleReceived) -> None:
-        topic = self._names[event.stream_id]
-        value: Nav | Status | bytes
-        if topic == NAV:
-            value = msgspec.convert(event.value, Nav)
-        elif topic == STATUS:
-            value = msgspec.convert(event.value, Status)
-        else:
-            value = event.value
-        self.shore.hear(topic, value, self.now_s, event.age_s or 0.0)
+        self.shore.hear(self._names[event.stream_id], event.value, self.now_s, event.age_s or 0.0)
 
     def _arrived(self, name: str) -> None:
         """Note how long the newest order of a name has taken."""
@@ -352,7 +327,3 @@ class VirtualDive(Carrier):
 
 def _repeat_range(to: int, every_s: float, engine: Engine, now: int) -> None:
     engine.ranging.repeat(to, every_s, now)
-
-
-ORDERS: Final = (*JOINTS, STOP, ARM, HOLD, TAKE_PHOTO, GOTO)
-"""Everything that the shore sends."""

@@ -22,10 +22,8 @@ from examples.auv.messages import (
     PHOTO,
     STATUS,
     Done,
-    Nav,
     Progress,
     Reached,
-    Status,
     Waypoint,
 )
 from examples.auv.roswords import from_ros, name_in_ros, to_ros
@@ -50,6 +48,7 @@ class ZenohShore(Carrier):
         shore: What is known of the vehicle.
         watch: Keeps what the gateway tells.
         ros: The table is that of `fleet_ros.json5`.
+        wake: Is called, by any thread, when something waits to be drained.
     """
 
     def __init__(
@@ -59,9 +58,11 @@ class ZenohShore(Carrier):
         watch: LinkWatch | None = None,
         *,
         ros: bool = False,
+        wake: Callable[[], None] | None = None,
     ) -> None:
         self._session = session
         self._ros = ros
+        self._wake = wake
         self._shore = shore
         self._watch = LinkWatch() if watch is None else watch
         self._came: queue.SimpleQueue[Callable[[float], None]] = queue.SimpleQueue()
@@ -166,8 +167,13 @@ class ZenohShore(Carrier):
             errors = [reply.err.payload.to_string() for reply in replies if reply.err is not None]
             answer.failed(errors[0] if errors else "no answer")
 
-        handler = zenoh.handlers.Callback(replies.append, lambda: self._came.put(over))
+        handler = zenoh.handlers.Callback(replies.append, lambda: self._later(over))
         self._session.get(key, handler, payload=to_cbor(value), encoding=CBOR, timeout=limit_s)
+
+    def _later(self, take: Callable[[float], None]) -> None:
+        self._came.put(take)
+        if self._wake is not None:
+            self._wake()
 
     def _hear(self, sample: zenoh.Sample) -> None:
         topic, payload = str(sample.key_expr), sample.payload
@@ -181,16 +187,12 @@ class ZenohShore(Carrier):
                 said = from_cbor(payload)
             if self._ros:
                 said = from_ros(topic, said)
-            if topic == PHOTO:
-                shore.hear(topic, said, now_s)
-            elif topic == NAV:
-                shore.hear(topic, msgspec.convert(said, Nav), now_s, age_s, way_s)
-            elif topic == STATUS:
-                shore.hear(topic, msgspec.convert(said, Status), now_s, age_s, way_s)
+            if topic in (NAV, STATUS, PHOTO):
+                shore.hear(topic, said, now_s, age_s, way_s)
             else:
                 shore.progress = msgspec.convert(said["feedback"], Progress)
 
-        self._came.put(take)
+        self._later(take)
 
     def _hear_health(self, sample: zenoh.Sample, *, is_answer: bool = False) -> None:
         name, text = str(sample.key_expr).removeprefix(_HEALTH), sample.payload.to_string()
@@ -200,7 +202,7 @@ class ZenohShore(Carrier):
             if not (is_answer and name in self._watch.documents):
                 self._watch.take(name, json.loads(text), now_s)
 
-        self._came.put(take)
+        self._later(take)
 
     def _hear_answer(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:

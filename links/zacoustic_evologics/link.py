@@ -2,14 +2,14 @@
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Self, assert_never
 
 from zacoustic.bytestream import ByteStream
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.linktypes import LinkState, Transmission
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
-from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
+from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver, LoggedFrame
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.events import (
@@ -23,6 +23,7 @@ from zacoustic_evologics.driver.events import (
     TransmissionEnded,
 )
 from zacoustic_evologics.examination import assess, examine
+from zacoustic_evologics.portlog import read_port_log
 
 
 class EvologicsLink(Link):
@@ -144,6 +145,11 @@ class EvologicsLink(Link):
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
         """Judge what the modem has told a gateway that runs."""
         return assess(health, self._config)
+
+    @classmethod
+    def read_log(cls, log: bytes) -> Iterator[LoggedFrame]:
+        """Find the frames in a log of the port; those sent and those received."""
+        return read_port_log(log)
 
     # What the stream calls
 

@@ -5,9 +5,10 @@ import math
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -27,28 +28,41 @@ from examples.auv.messages import (
 from examples.auv.shore import Shore
 from tests.auv.desks import Clock, desk_at, nav, topics
 
+if TYPE_CHECKING:
+    from nicegui.testing import User
+
+    from examples.auv.page import Page
+
 ROOT = Path(__file__).parents[2]
 
 
-def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
+@asynccontextmanager
+async def visitor(desk: Desk) -> "AsyncIterator[tuple[User, list[Page]]]":
+    """Open the page of a desk without a browser; gives who does, and the pages that there are."""
     pytest.importorskip("nicegui")
-    from nicegui import ui
-    from nicegui.events import GenericEventArguments
     from nicegui.testing.user_simulation import user_simulation
 
     from examples.auv.page import Page
 
+    pages: list[Page] = []
+
+    def root() -> None:
+        pages.append(Page(desk))
+
+    async with user_simulation(root) as user:
+        await user.open("/")
+        yield user, pages
+
+
+def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
+    ui = pytest.importorskip("nicegui.ui")
+    from nicegui.events import GenericEventArguments
+
     clock = Clock()
     desk, carrier = desk_at(clock)
 
-    pages: list[Page] = []
-
     async def visit() -> None:
-        def root() -> None:
-            pages.append(Page(desk))
-
-        async with user_simulation(root) as user:
-            await user.open("/")
+        async with visitor(desk) as (user, pages):
             await user.should_see("not heard yet")
             user.find("arm").click()
             assert await until(lambda: ARM in topics(carrier))
@@ -96,20 +110,10 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
 
 
 def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
-    pytest.importorskip("nicegui")
-    from nicegui.testing.user_simulation import user_simulation
-
-    from examples.auv.page import Page
-
     desk = Desk(Shore(), Clock())
-    pages: list[Page] = []
 
     async def visit() -> None:
-        def root() -> None:
-            pages.append(Page(desk))
-
-        async with user_simulation(root) as user:
-            await user.open("/")
+        async with visitor(desk) as (user, pages):
             await user.should_see("vehicle start")
             user.find("STOP").click()  # there is nothing to be stopped, and nothing fails
             desk.trouble = "gateway 1 ended with code 1"
@@ -121,20 +125,10 @@ def test_page_says_that_everything_starts_and_then_what_has_died() -> None:
 
 
 def test_what_one_page_moves_the_other_shows() -> None:
-    pytest.importorskip("nicegui")
-    from nicegui.testing.user_simulation import user_simulation
-
-    from examples.auv.page import Page
-
     desk, _ = desk_at(Clock())
-    pages: list[Page] = []
 
     async def visit() -> None:
-        def root() -> None:
-            pages.append(Page(desk))
-
-        async with user_simulation(root) as user:
-            await user.open("/")
+        async with visitor(desk) as (user, pages):
             await user.open("/")
             here, there = (page._sliders[THRUST] for page in pages[-2:])
             here.value = 9.0

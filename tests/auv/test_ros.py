@@ -37,14 +37,13 @@ from examples.auv.shore import Answer, Shore
 from examples.auv.start import SHORE, START, VEHICLE
 from examples.auv.vehicle import Vehicle
 from examples.auv.zenohshore import ZenohShore
-from tests.gateway.islands import LIMIT_S, Water, island, run
+from tests.gateway.islands import Water, island, run, until
 from tests.gateway.rosnode import Node, ros_session
 from zacoustic.config import config_from_mapping
 from zacoustic.ros.names import stream_name
 from zacoustic.ros.tokens import Entity, read_token
 
 FLOAT = "std_msgs/msg/Float64"
-_POLL_S = 0.02
 
 
 def section_of(address: int) -> dict[str, Any]:
@@ -81,21 +80,52 @@ def test_shore_section_is_without_ros_and_relative_to_no_folder() -> None:
     assert Path(section["ros"]["packages"]) == FLEET.parent / "interfaces"
 
 
+class Changes:
+    """What threads bring about, for whoever waits on the loop."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._event = asyncio.Event()
+
+    def tell(self) -> None:
+        """Something may be another way now; from any thread."""
+        self._loop.call_soon_threadsafe(self._event.set)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Wait until something holds."""
+        await until(condition, self._event)
+
+
+class WatchedCraft(Craft):
+    """Tells of each of its steps."""
+
+    def __init__(self, changes: Changes) -> None:
+        super().__init__(START)
+        self._changes = changes
+
+    def advance(self, now_s: float) -> None:
+        super().advance(now_s)
+        self._changes.tell()
+
+
 class Dive:
     """Two islands, the vehicle in a thread, and the console's carrier."""
 
-    def __init__(self, craft: Craft, carrier: ZenohShore, port: int) -> None:
+    def __init__(self, craft: WatchedCraft, near: zenoh.Session, port: int, it: Changes) -> None:
         self.craft = craft
         self.shore = Shore()
-        self.carrier = carrier
+        self.carrier = ZenohShore(near, self.shore, ros=True, wake=it.tell)
         self.vehicle_port = port
+        self.changes = it
 
     async def until(self, condition: Callable[[], object]) -> None:
-        """Wait until something holds that Zenoh's threads bring about."""
-        async with asyncio.timeout(LIMIT_S):
-            while not condition():
-                self.carrier.drain(asyncio.get_running_loop().time())
-                await asyncio.sleep(_POLL_S)
+        """Wait until something holds that Zenoh's threads, or the vehicle's, bring about."""
+
+        def holds() -> object:
+            self.carrier.drain(asyncio.get_running_loop().time())
+            return condition()
+
+        await self.changes.until(holds)
 
     async def answered(self, answer: Answer) -> Answer:
         """Wait for the end of a call."""
@@ -119,25 +149,25 @@ def vehicle_at(port: int, craft: Craft) -> Iterator[zenoh.Session]:
 
 @asynccontextmanager
 async def dive() -> AsyncIterator[Dive]:
-    water, craft, shore = Water(), Craft(START), Shore()
+    water, changes = Water(), Changes()
+    craft = WatchedCraft(changes)
     async with (
         island(SHORE, water, section=section_of(SHORE)) as near,
         island(VEHICLE, water, section=section_of(VEHICLE)) as far,
     ):
         with vehicle_at(far.port, craft), near.client() as session:
-            found = Dive(craft, ZenohShore(session, shore, ros=True), far.port)
-            found.shore = shore
-            yield found
+            yield Dive(craft, session, far.port, changes)
 
 
-def watch_tokens(session: zenoh.Session, node: str) -> set[tuple[Entity, str]]:
-    """Return what a node announces, by kind and topic; it grows."""
+def watch_tokens(session: zenoh.Session, node: str, it: Changes) -> set[tuple[Entity, str]]:
+    """Return what a node announces, by kind and topic; it grows, and that is told."""
     seen: set[tuple[Entity, str]] = set()
 
     def see(sample: zenoh.Sample) -> None:
         token = read_token(str(sample.key_expr))
         if token is not None and token.full_node_name == node:
             seen.add((token.kind, token.topic))
+            it.tell()
 
     session.liveliness().declare_subscriber("@ros2_lv/0/**", see, history=True)
     return seen
@@ -185,7 +215,8 @@ def test_nodes_of_its_island_find_it_as_a_node() -> None:
     async def look() -> None:
         async with dive() as here:
             with ros_session(here.vehicle_port) as session:
-                other, seen = Node(session, "pilot"), watch_tokens(session, "/auv1/vehicle")
+                other = Node(session, "pilot")
+                seen = watch_tokens(session, "/auv1/vehicle", here.changes)
                 action = f"/{GOTO}/_action"
                 expected = {
                     (Entity.NODE, ""),
@@ -217,18 +248,19 @@ def test_it_goes_up_when_its_gateway_has_lost_the_shore_and_waits_when_that_is_b
         return found
 
     async def lose() -> None:
-        water, craft = Water(), Craft(START)
+        water, changes = Water(), Changes()
+        craft = WatchedCraft(changes)
         async with island(VEHICLE, water, section=section(VEHICLE)) as far:
             with vehicle_at(far.port, craft):
                 async with island(SHORE, water, section=section(SHORE)) as near:
                     with near.client() as session:
-                        carrier = ZenohShore(session, Shore(), ros=True)
-                        here = Dive(craft, carrier, far.port)
-                        await here.answered(carrier.call(ARM, Arm(True)))
-                        await here.answered(carrier.call(HOLD, Hold(True, 9.0, 0.0, 1.0)))
+                        here = Dive(craft, session, far.port, changes)
+                        await here.answered(here.carrier.call(ARM, Arm(True)))
+                        held = here.carrier.call(HOLD, Hold(True, 9.0, 0.0, 1.0))
+                        await here.answered(held)
                         assert craft.mode is Mode.HOLD
-                await here.until(lambda: craft.mode is Mode.SURFACING)
+                await changes.until(lambda: craft.mode is Mode.SURFACING)
                 async with island(SHORE, water, section=section(SHORE)):
-                    await here.until(lambda: craft.mode is Mode.HOLD)
+                    await changes.until(lambda: craft.mode is Mode.HOLD)
 
     run(lose())

@@ -45,6 +45,9 @@ def test_script_knows_every_verb(shell: str, capsys: pytest.CaptureFixture[str])
         (["ping", "--"], {"--count", "--interval", "--timeout", "--json"}, {"--once"}),
         (["completion", ""], set(SHELLS), set()),
         (["check", "fle"], {"fleet.json5"}, {"folder"}),
+        (["decode", "fle"], {"fleet.json5"}, set()),
+        (["doctor", "a", "--recording", "fle"], {"fleet.json5"}, set()),
+        (["replay", "a", "--through", "fle"], {"fleet.json5"}, set()),
     ],
 )
 def test_bash_completes(

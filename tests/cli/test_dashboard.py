@@ -16,6 +16,8 @@ from zacoustic.cli import main
 
 pytest.importorskip("nicegui")
 
+PATHS = ("/", "/favicon.ico", "/none", "/_nicegui_ws/socket.io/?EIO=4&transport=polling")
+
 
 def test_page_is_served_until_ctrl_c() -> None:
     async def scene() -> None:
@@ -31,13 +33,26 @@ def test_page_is_served_until_ctrl_c() -> None:
             async with asyncio.timeout(LIMIT_S):
                 line = (await process.stdout.readline()).decode()
                 url = line.removeprefix("page ").strip()
+                await asyncio.to_thread(fetch, url)
+                await asyncio.to_thread(leave_early, url)
                 page = await asyncio.to_thread(fetch, url)
-                process.send_signal(signal.SIGINT)
+                for _ in range(2):  # somebody is impatient
+                    process.send_signal(signal.SIGINT)
                 _, errors = await process.communicate()
             assert "zacoustic" in page
             assert (process.returncode, errors.decode()) == (0, "")
 
     run(scene())
+
+
+def leave_early(url: str) -> None:
+    """Ask for this and that, speak no HTTP, and never wait for an answer."""
+    port = int(url.rpartition(":")[2])
+    asked = [f"GET {path} HTTP/1.1\r\nHost: us\r\n\r\n" for path in PATHS]
+    for said in [*asked, "who is there?\r\n\r\n"]:
+        for _ in range(5):
+            with socket.create_connection(("127.0.0.1", port)) as connection:
+                connection.sendall(said.encode())
 
 
 def fetch(url: str) -> str:

@@ -95,11 +95,13 @@ def test_a_wrong_scenario_is_one_line_with_file_and_what_is_allowed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     scenario.write_text(SCENARIO.replace(written, instead), encoding="utf-8")
-    assert main(["sim", str(scenario)]) == 2
+    recording = scenario.parent / "trial.mcap"
+    assert main(["sim", str(scenario), "--record", str(recording)]) == 2
     error = capsys.readouterr().err
     assert "water.json5" in error
     assert expected in error
     assert error.count("\n") == 1
+    assert not recording.exists()
 
 
 FAULTS = """{ channel: "none", seed: 3,

@@ -356,7 +356,9 @@ def zenoh_threads() -> list[str]:
     return [name for name in names if name == "zenoh" or "pyo3" in name]
 
 
-def test_the_connection_to_the_router_is_an_event() -> None:
+def test_the_connection_to_the_router_is_an_event_and_its_loss_is_logged(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     async def main() -> None:
         with router() as (endpoint, session):
             async with Node("x", connect=endpoint) as node:
@@ -368,8 +370,14 @@ def test_the_connection_to_the_router_is_an_event() -> None:
                         break
                     await asyncio.to_thread(session.close)
                 assert states == [LinkState.UP, LinkState.DOWN]
+        with router() as (endpoint, _):
+            async with Node("y", connect=endpoint) as node:
+                await anext(node.events())
 
     run_on_zenoh(main())
+    assert [record.message for record in caplog.records] == [
+        "the Zenoh router is gone; nothing comes or goes until it is back"
+    ]
 
 
 def test_the_file_of_a_router_tells_where_to_connect() -> None:

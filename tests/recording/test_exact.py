@@ -17,6 +17,7 @@ from tests.virtual.fleet import line
 from tests.virtual.goalstory import GoalStory
 from tests.virtual.orderstory import OrderStory
 from zacoustic.core.engine import Engine
+from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
@@ -27,7 +28,7 @@ from zacoustic.recording.recorder import EngineRecorder
 from zacoustic.testing.stories import random_story, tell
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.recordings.checking import Verdict, check_messages
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 
 
 def checked(recorder: EngineRecorder, sink: MemorySink) -> Verdict:
@@ -142,6 +143,34 @@ def run_survey(network: VirtualNetwork, *, until_s: float = 1500.0) -> None:
     network.at(1200.0, lambda: network.crash(1, reboots=True))
     network.at(1205.0, lambda: network.start(1))
     network.run(until_s=until_s)
+
+
+def measure(
+    network: VirtualNetwork, at_s: float, node: int, peer: int, metrics: LinkMetrics
+) -> None:
+    """Let a modem measure something of another one."""
+
+    def tell(engine: Engine, now: int) -> None:
+        measured = PeerMeasured(address=peer, measured_at=now, metrics=metrics)
+        engine.handle_measurement(measured, now)
+
+    network.at(at_s, lambda: network.apply(node, tell))
+
+
+def test_what_modems_measure_is_an_input_like_others() -> None:
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800), survey(), build=recorder.make)
+    for at_s in (4.0, 50.0):
+        measure(network, at_s, 1, 2, LinkMetrics(range_m=800.0, propagation_s=0.533))
+
+    def read(engine: Engine, now: int) -> None:
+        engine.handle_measurement(ModemRead(read_at=now, firmware="1.9", battery_v=24.1), now)
+
+    network.at(6.0, lambda: network.apply(2, read))
+    run_survey(network, until_s=100)
+    events = [life.events for life in checked(recorder, sink).lives]
+    assert [each.get("PeerMeasured", 0) for each in events] == [2, 0]
+    assert [each.get("ModemRead", 0) for each in events] == [0, 1]
 
 
 @pytest.mark.parametrize("seed", range(2))

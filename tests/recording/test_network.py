@@ -22,6 +22,7 @@ from tests.gateway.islands import (
     matched,
     run,
     until,
+    zenoh_config,
     zenoh_router,
 )
 from zacoustic.config import Config, config_from_mapping
@@ -156,6 +157,27 @@ async def until_sent(water: Water, address: int) -> None:
 
 def data_of(message: ReadMessage) -> Any:
     return json.loads(message.data)
+
+
+def test_a_router_that_is_gone_for_a_while_is_said_and_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def main() -> RecordedKeys:
+        with zenoh_router() as port:
+            recording = Recording(tmp_path / "a.mcap", port, "free/**")
+            await recording.ready()
+        with zenoh_router(port), zenoh.open(zenoh_config("client", connect=port)) as other:
+            await matched(other, "free/word")  # the recorder comes back by itself
+            other.put("free/word", b"hello")
+            await recording.until("free/word")
+            return await recording.end()
+
+    found = run(main())
+    assert found.gaps == 1
+    assert [record.message for record in caplog.records] == [
+        "the Zenoh router is gone; nothing comes or goes until it is back",
+        "the Zenoh router is back",
+    ]
 
 
 def test_frames_are_put_only_while_somebody_subscribes() -> None:

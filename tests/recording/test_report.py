@@ -9,17 +9,21 @@ import msgspec
 import pytest
 
 from tests.recording.memory import recorded
-from tests.recording.test_exact import run_survey, survey
+from tests.recording.test_exact import measure, run_survey, survey
 from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
 from zacoustic.cli import main
+from zacoustic.core.linktypes import LinkMetrics
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 from zacoustic.tools.recordings.facts import Facts
-from zacoustic.tools.recordings.figures import Figures, figures_of, spread_of
+from zacoustic.tools.recordings.figures import Figures, figures_of
 from zacoustic.tools.recordings.gathering import add_messages, gather
+from zacoustic.tools.recordings.measuredwater import measure_water
 from zacoustic.tools.recordings.plots import plots_of
-from zacoustic.tools.simulation import simulate
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.recordings.reporttext import as_text
+from zacoustic.tools.recordings.spread import spread_of
+from zacoustic.tools.sim.recorder import recorded_to
+from zacoustic.tools.sim.simulation import simulate
 
 
 @pytest.fixture
@@ -99,6 +103,52 @@ def test_a_ledger_that_is_not_that_of_the_frames_is_said() -> None:
     figures = figures_of(facts)
     assert [node.ledger_is_exact for node in figures.nodes] == [True, False]
     assert "something of it is not in the recording" in figures.notes[0]
+
+
+def test_a_recording_that_ends_early_is_held_against_its_last_ledger() -> None:
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800), survey(), build=recorder.make)
+    run_survey(network, until_s=300)
+    facts = Facts()
+    last = max(at for at, each in enumerate(sink.messages) if b'"direction":"sent"' in each.data)
+    add_messages(facts, sink.messages[: last + 1])
+    nodes = figures_of(facts).nodes
+    assert [node.ledger_is_exact for node in nodes] == [True, True]
+    assert sum(node.frame_bytes - (node.covered_bytes or 0) for node in nodes) > 0
+
+
+def test_what_modems_measure_besides_frames_is_in_the_figures_and_in_the_water() -> None:
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800), survey(), build=recorder.make)
+    for number, range_m in enumerate((600.0, 610.0, 620.0)):
+        metrics = LinkMetrics(range_m=range_m, propagation_s=range_m / 1500)
+        measure(network, 20.0 * number, 1, 2, metrics)
+    run_survey(network, until_s=100)
+    facts = Facts()
+    recorder.finish()
+    add_messages(facts, sink.messages)
+    link = next(each for each in figures_of(facts).links if (each.source, each.node) == (2, 1))
+    assert link.range_m is not None
+    assert (link.range_m.count, link.range_m.p50) == (3, 610.0)
+    assert "range 50 %, m" in as_text(figures_of(facts))
+    facts.frames.clear()  # on which these modems measure delays, and many do not
+    places = [node.position for node in measure_water(facts, seed=1).scenario.nodes]
+    assert places == [(0.0, 0.0, 10.0), (pytest.approx(610.0), 0.0, 10.0)]
+
+
+def test_nobody_is_blamed_for_what_is_sent_when_the_other_end_is_not_recorded() -> None:
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800), survey(), build=recorder.make)
+    network.at(150.0, lambda: network.crash(2))
+    run_survey(network, until_s=500)
+    recorder.finish()
+    facts = Facts()
+    add_messages(facts, sink.messages)
+    link = next(each for each in figures_of(facts).links if (each.source, each.node) == (1, 2))
+    assert link.loss is not None
+    assert link.loss < 0.2
+    assert figures_of(facts).nodes[0].frames > 2 * (link.sent or 0)
+    assert measure_water(facts, seed=1).losses["1 to 2"] < 0.2
 
 
 def test_links_without_addresses_have_figures_as_well() -> None:

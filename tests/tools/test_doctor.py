@@ -19,10 +19,13 @@ from tests.links.desert.desert_rig import config as desert_config
 from tests.tools.ward import (
     STREAMS,
     TDMA,
+    beside,
+    complaint,
     examine,
     full_disk,
     gateway,
     link,
+    modem_file,
     modems,
     time_server,
     unprivileged,
@@ -70,9 +73,7 @@ def readable() -> Iterator[Path]:
 
 def test_a_healthy_modem_on_the_network_and_a_journal(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems() as server:
-            place = await server.listen(1, "127.0.0.1", 0)
-            path = write(tmp_path, links=link(f"evologics/{place.locator}"), journal="journal")
+        async with modem_file(tmp_path, journal="journal") as path:
             told = await examine(path)
             assert (told.code, told.findings) == (0, []), told
 
@@ -117,11 +118,7 @@ def test_two_healthy_gateways_that_run(tmp_path: Path) -> None:
                 session.put("auv1/nav", b"here")
                 other.put("cmd", b"there")
                 await until(lambda: water.sent_by(1) and water.sent_by(2), water.changed)
-            path = write(
-                tmp_path,
-                links=link("sim/127.0.0.1:1"),
-                zenoh=zenoh_settings("router", listen=shore.port),
-            )
+            path = beside(tmp_path, shore, "sim/127.0.0.1:1")
             told = await examine(path)
             assert (told.code, told.findings) == (0, []), told
             assert any("gateway that runs has it" in each for each in told.left_out)
@@ -131,16 +128,15 @@ def test_two_healthy_gateways_that_run(tmp_path: Path) -> None:
 
 def test_a_healthy_schedule_with_a_right_clock_and_a_router(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems() as server, time_server() as clock:
-            place = await server.listen(1, "127.0.0.1", 0)
-            water = Water()
-            async with gateway(3, water.medium.link(3), nodes=[], streams=[]) as router:
-                path = write(
-                    tmp_path,
-                    links=link(f"evologics/{place.locator}", TDMA),
-                    zenoh=zenoh_settings("client", connect=router.port),
-                )
-                told = await examine(path, "--ntp", clock)
+        water = Water()
+        async with (
+            time_server() as clock,
+            gateway(3, water.medium.link(3), nodes=[], streams=[]) as router,
+            modem_file(
+                tmp_path, access=TDMA, zenoh=zenoh_settings("client", connect=router.port)
+            ) as path,
+        ):
+            told = await examine(path, "--ntp", clock)
         assert (told.code, told.findings) == (0, []), told
 
     run(main())
@@ -156,8 +152,7 @@ def test_a_wrong_baud_rate(tmp_path: Path) -> None:
             path = write(
                 tmp_path, links=link(f"evologics/{place.locator}#baudrate=19200&reply_s=0.3")
             )
-            told = await examine(path)
-        assert told.code == 1
+            told = await complaint(path)
         assert "no modem at 19200 baud, one answers at 9600" in told.text
         assert told.findings[0]["cure"] == "baudrate=9600 in the locator"
 
@@ -204,15 +199,9 @@ def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
                 for number in range(1, 4):
                     session.put("auv1/nav", b"here")
                     await _until_document(watching, 2, "dropped", partial(_has_own, number))
-            path = write(
-                tmp_path,
-                address=2,
-                links=link(f"desert/{server.addresses[1]}"),
-                zenoh=zenoh_settings("router", listen=first.port),
-            )
-            told = await examine(path)
+            path = beside(tmp_path, first, f"desert/{server.addresses[1]}", address=2)
+            told = await complaint(path)
         await server.close()
-        assert told.code == 1
         assert "address clash" in told.text
 
     run(main())
@@ -220,10 +209,8 @@ def test_an_address_clash_in_the_water(tmp_path: Path) -> None:
 
 def test_an_address_clash_of_modem_and_node(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems(settings={"AL": 2}) as server:
-            place = await server.listen(1, "127.0.0.1", 0)
-            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
-        assert told.code == 1
+        async with modem_file(tmp_path, {"AL": 2}) as path:
+            told = await complaint(path)
         assert "the modem has address 2, this node 1" in told.text
 
     run(main())
@@ -243,13 +230,8 @@ def test_a_table_mismatch_between_ends(tmp_path: Path) -> None:
                 await _until_document(
                     watching, 1, "peers", lambda it: it["2"]["same_table"] is False
                 )
-            path = write(
-                tmp_path,
-                links=link("sim/127.0.0.1:1"),
-                zenoh=zenoh_settings("router", listen=shore.port),
-            )
-            told = await examine(path)
-        assert told.code == 1
+            path = beside(tmp_path, shore, "sim/127.0.0.1:1")
+            told = await complaint(path)
         assert "table mismatch: node 2" in told.text
 
     run(main())
@@ -259,13 +241,8 @@ def test_a_gateway_that_runs_with_another_file(tmp_path: Path) -> None:
     async def main() -> None:
         water = Water()
         async with gateway(1, water.medium.link(1)) as shore:
-            path = write(
-                tmp_path,
-                streams=STREAMS[:1],
-                zenoh=zenoh_settings("router", listen=shore.port),
-            )
-            told = await examine(path)
-        assert told.code == 1
+            path = beside(tmp_path, shore, streams=STREAMS[:1])
+            told = await complaint(path)
         assert "table mismatch: the gateway that runs has table" in told.text
 
     run(main())
@@ -286,14 +263,9 @@ def test_an_mtu_above_the_read_length_of_desert(tmp_path: Path) -> None:
                 for number in range(1, 5):
                     session.put("auv1/nav", bytes(150))
                     await _until_document(watching, 1, "link", partial(_has_cut, number))
-            path = write(
-                tmp_path,
-                links=link(f"desert/{server.addresses[0]}#max_read_length=256"),
-                zenoh=zenoh_settings("router", listen=shore.port),
-            )
-            told = await examine(path)
+            path = beside(tmp_path, shore, f"desert/{server.addresses[0]}#max_read_length=256")
+            told = await complaint(path)
         await server.close()
-        assert told.code == 1
         assert "frames come in pieces" in told.text
         assert "max_read_length of the link is 256, and they are cut after 64 bytes" in told.text
 
@@ -302,11 +274,9 @@ def test_an_mtu_above_the_read_length_of_desert(tmp_path: Path) -> None:
 
 def test_a_clock_that_is_off_by_more_than_the_schedule_bears(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems() as server, time_server(ahead_s=-2.5) as clock:
-            place = await server.listen(1, "127.0.0.1", 0)
-            path = write(tmp_path, links=link(f"evologics/{place.locator}", TDMA))
-            told = await examine(path, "--ntp", clock)
-        assert told.code == 1
+        ahead = time_server(ahead_s=-2.5)
+        async with modem_file(tmp_path, access=TDMA) as path, ahead as clock:
+            told = await complaint(path, "--ntp", clock)
         skew = re.search(r"clock skew: the clock is \+(\S+) s off", told.text)
         assert skew is not None
         assert float(skew[1]) == pytest.approx(2.5, abs=0.5)
@@ -317,8 +287,7 @@ def test_a_clock_that_is_off_by_more_than_the_schedule_bears(tmp_path: Path) -> 
 def test_desert_that_is_not_started(tmp_path: Path) -> None:
     async def main() -> None:
         path = write(tmp_path, links=link(f"desert/127.0.0.1:{free_port()}"))
-        told = await examine(path, "--patience", "0.5")
-        assert told.code == 1
+        told = await complaint(path, "--patience", "0.5")
         assert "DESERT does not answer at 127.0.0.1" in told.text
 
     run(main())
@@ -328,8 +297,7 @@ def test_a_router_that_is_not_there(tmp_path: Path) -> None:
     async def main() -> None:
         port = free_port()
         path = write(tmp_path, zenoh=zenoh_settings("client", connect=port))
-        told = await examine(path)
-        assert told.code == 1
+        told = await complaint(path)
         assert f"no Zenoh router at tcp/127.0.0.1:{port}" in told.text
 
     run(main())
@@ -343,8 +311,7 @@ def test_a_serial_port_that_the_user_may_not_open(readable: Path) -> None:
             # Who may open it finds nothing wrong; and what is imported late is there then.
             assert (await examine(path)).code == 0
             with unprivileged(place.locator.removeprefix("serial:")):
-                told = await examine(path)
-        assert told.code == 1
+                told = await complaint(path)
         assert "Permission denied" in told.text
         assert "dialout" in told.findings[0]["cure"]
 
@@ -355,8 +322,7 @@ def test_a_disk_that_is_full_for_the_journal(tmp_path: Path) -> None:
     async def main() -> None:
         path = write(tmp_path, journal="journal")
         with full_disk():
-            told = await examine(path)
-        assert told.code == 1
+            told = await complaint(path)
         assert "the journal cannot be written to" in told.text
 
     run(main())
@@ -366,8 +332,7 @@ def test_a_disk_that_is_full_for_the_journal(tmp_path: Path) -> None:
 def test_more_is_planned_than_fits(tmp_path: Path) -> None:
     async def main() -> None:
         status = {**STREAMS[0], "topic": "auv1/status", "min_interval_s": 0.5}
-        told = await examine(write(tmp_path, streams=[status, STREAMS[1]]))
-        assert told.code == 1
+        told = await complaint(write(tmp_path, streams=[status, STREAMS[1]]))
         assert "auv1/status alone takes" in told.text
         assert "auv1/status: every" in told.findings[0]["cure"]
 
@@ -376,23 +341,18 @@ def test_more_is_planned_than_fits(tmp_path: Path) -> None:
 
 def test_a_source_level_for_the_bench(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems(settings={"L": 3}) as server:
-            place = await server.listen(1, "127.0.0.1", 0)
-            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
-            assert told.code == 1
-            assert "source level is 3, -20 dB" in told.text
-            on_deck = link(f"evologics/{place.locator}#deck=true")
-            assert (await examine(write(tmp_path, links=on_deck))).code == 0
+        async with modem_file(tmp_path, {"L": 3}) as path:
+            assert "source level is 3, -20 dB" in (await complaint(path)).text
+        async with modem_file(tmp_path, {"L": 3}, behind="#deck=true") as path:
+            assert (await examine(path)).code == 0
 
     run(main())
 
 
 def test_a_firmware_that_nobody_knows(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems(firmware="3.0-beta") as server:
-            place = await server.listen(1, "127.0.0.1", 0)
-            told = await examine(write(tmp_path, links=link(f"evologics/{place.locator}")))
-        assert told.code == 1
+        async with modem_file(tmp_path, firmware="3.0-beta") as path:
+            told = await complaint(path)
         assert "firmware of the modem is unknown: it answers '3.0-beta'" in told.text
 
     run(main())
@@ -424,14 +384,21 @@ def test_a_gateway_that_runs_is_asked_about_its_modem(tmp_path: Path) -> None:
             place = server.open_terminal(1)
             locator = f"evologics/{place.locator}"
             async with gateway(1, registry.create(locator, 1)) as shore:
-                path = write(
-                    tmp_path,
-                    links=link(locator),
-                    zenoh=zenoh_settings("router", listen=shore.port),
-                )
-                told = await examine(path)
-        assert told.code == 1
+                path = beside(tmp_path, shore, locator)
+                told = await complaint(path)
         assert [each["what"][:17] for each in told.findings] == ["source level is 3"]
+
+    run(main())
+
+
+def test_a_gateway_that_was_given_its_modem_on_the_command_line(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modems(settings={"L": 3}) as server:
+            locator = f"evologics/{server.open_terminal(1).locator}"
+            modem = registry.create(locator, 1)
+            async with gateway(1, modem, links=link(locator)) as shore:
+                told = await complaint(beside(tmp_path, shore))
+        assert "source level is 3, -20 dB" in told.text
 
     run(main())
 
@@ -440,13 +407,8 @@ def test_a_link_of_a_running_gateway_that_is_down(tmp_path: Path) -> None:
     async def main() -> None:
         locator = f"desert/127.0.0.1:{free_port()}"
         async with gateway(1, registry.create(locator, 1)) as shore:
-            path = write(
-                tmp_path,
-                links=link(locator),
-                zenoh=zenoh_settings("router", listen=shore.port),
-            )
-            told = await examine(path)
-        assert told.code == 1
+            path = beside(tmp_path, shore, locator)
+            told = await complaint(path)
         assert "the link of the running gateway is " in told.text
         assert "waits for DESERT at" in told.text
 
@@ -496,8 +458,7 @@ def test_nothing_is_transmitted_and_nothing_is_set(tmp_path: Path) -> None:
 def test_a_link_without_checks_of_its_own_is_opened_and_closed(tmp_path: Path) -> None:
     async def main() -> None:
         locator = f"sim/127.0.0.1:{free_port()}#wait_s=0.2"
-        told = await examine(write(tmp_path, links=link(locator)))
-        assert told.code == 1
+        told = await complaint(write(tmp_path, links=link(locator)))
         assert "the modem cannot be used: " in told.text
 
     run(main())

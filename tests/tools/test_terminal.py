@@ -62,8 +62,21 @@ def test_complete_picture_has_the_quiet_streams_too() -> None:
     assert line_with(drawn(is_complete=True), "quiet")[:2] == ["12", "quiet"]
 
 
-def test_narrow_terminal_gets_no_line_that_is_too_long() -> None:
-    assert max(map(len, drawn(width=70).splitlines())) <= 70
+@pytest.mark.parametrize(
+    ("width", "columns"),
+    [
+        (120, "id stream sent ago rate heard ago rate age waits airtime"),
+        (100, "id stream sent ago heard ago age waits airtime"),
+        (60, "id stream sent heard age waits"),
+    ],
+)
+def test_narrow_terminal_gets_fewer_columns_and_no_line_that_is_too_long(
+    width: int, columns: str
+) -> None:
+    text = drawn(width=width)
+    assert max(map(len, text.splitlines())) <= width
+    assert " ".join(line_with(text, "waits")) == columns
+    assert line_with(text, "10   auv1/nav")[:3] == ["10", "auv1/nav", "20"]
 
 
 @pytest.mark.parametrize(

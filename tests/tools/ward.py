@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import msgspec
 
-from tests.gateway.islands import Island, config_of, free_port, zenoh_config
+from tests.gateway.islands import Island, config_of, free_port, zenoh_config, zenoh_settings
 from zacoustic.cli import main
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
@@ -109,6 +109,46 @@ async def modems(
         yield server
     finally:
         await server.close()
+
+
+@asynccontextmanager
+async def modem_file(
+    folder: Path,
+    settings: dict[str, int] | None = None,
+    *,
+    firmware: str = "1.9",
+    behind: str = "",
+    access: dict[str, Any] | None = None,
+    **section: Any,
+) -> AsyncIterator[Path]:
+    """Run emulated modems, and write the file of node 1, which has the first of them by TCP.
+
+    Args:
+        folder: Of the file.
+        settings: Of the modem.
+        firmware: Of the modem.
+        behind: What the locator says behind the address.
+        access: Medium access of the link.
+        section: What else the file says.
+    """
+    async with modems(settings, firmware=firmware) as server:
+        place = await server.listen(1, "127.0.0.1", 0)
+        locator = f"evologics/{place.locator}{behind}"
+        yield write(folder, links=link(locator, access), **section)
+
+
+def beside(folder: Path, island: Island, locator: str = "", **section: Any) -> Path:
+    """Write the file of a node whose gateway runs, and is the router of an island."""
+    if locator:
+        section = {**section, "links": link(locator)}
+    return write(folder, zenoh=zenoh_settings("router", listen=island.port), **section)
+
+
+async def complaint(path: Path, *more: str) -> Told:
+    """Run the command, which has to find something."""
+    told = await examine(path, *more)
+    assert told.code == 1, told
+    return told
 
 
 @asynccontextmanager

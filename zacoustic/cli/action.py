@@ -5,7 +5,8 @@ import asyncio
 import sys
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.cli.pub import add_node_arguments, check_positive, make_node, print_line
+from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.serving import stopped_by_signals

@@ -1,13 +1,11 @@
 """The verb `zacoustic bench`: measures, of which there is one kind so far, `telemetry`."""
 
 import argparse
-import json
 import sys
 
+from zacoustic.cli.arguments import add_json, add_telemetry, print_result, window_of
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
-from zacoustic.errors import ConfigError
 
-_DEFAULT_WINDOW_S = 10.0
 _DEFAULT_SEED = 1
 
 
@@ -27,23 +25,16 @@ class TelemetryBench(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, configuration, losses and form of the output."""
-        parser.add_argument(
-            "recordings", metavar="FILE", nargs="+",
-            help='MCAP, or JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
-        )  # fmt: skip
-        parser.add_argument(
-            "--config", metavar="FILE", required=True,
-            help="file with the streams, the types and, perhaps, the model",
-        )  # fmt: skip
-        parser.add_argument(
-            "--window", type=float, default=_DEFAULT_WINDOW_S, metavar="S",
-            help="length of the time whose samples share a frame, s (default: %(default)g)",
-        )  # fmt: skip
+        add_telemetry(
+            parser,
+            config="the streams, the types and, perhaps, the model",
+            window="length of the time whose samples share a frame",
+        )
         parser.add_argument(
             "--seed", type=int, default=_DEFAULT_SEED, metavar="N",
             help="of the losses (default: %(default)d)",
         )  # fmt: skip
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "exits with 1 when anything is decoded to something else than what was sent\n\n"
             "example:\n"
@@ -56,24 +47,17 @@ class TelemetryBench(Command):
         Raises:
             ConfigError: A file or an argument is wrong.
         """
-        import msgspec
-
         from zacoustic.tools.telemetry.fleet import read_fleet
         from zacoustic.tools.telemetry.measuretext import as_text
         from zacoustic.tools.telemetry.measuring import measure
         from zacoustic.tools.telemetry.recording import read_recordings
 
-        window_s: float = arguments.window
-        if not 0 < window_s < float("inf"):
-            raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+        window_s = window_of(arguments)
         table = read_fleet(arguments.config, with_model=True).table
         files: list[str] = arguments.recordings
         recordings = read_recordings(files, table, only_dense=False, window_s=window_s)
         report = measure(files, recordings, table, window_s=window_s, seed=arguments.seed)
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
-        else:
-            print(as_text(report))
+        print_result(report, as_text, as_json=arguments.json)
         if report.different:
             what = f"{report.different} of {report.decoded} frames were decoded to something else"
             print(f"zacoustic bench telemetry: {what}", file=sys.stderr)

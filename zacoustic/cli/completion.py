@@ -9,7 +9,7 @@ SHELLS: Final = ("bash", "zsh", "fish")
 """Shells for which there is a script."""
 
 # What stands for a file or a folder in our parsers: the shell completes names there.
-_FILES: Final = ("FILE", "RECORDING", "SCENARIO")
+_FILES: Final = ("FILE", "RECORDING", "SCENARIO", "CONFIG", "MODEL", "PAGE", "HEX|FILE")
 _FOLDERS: Final = ("FOLDER",)
 
 _EXAMPLE: Final = """Make it anew after an update: it knows the verbs and options of this version,

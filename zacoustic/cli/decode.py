@@ -4,9 +4,11 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
     from zacoustic.core.streams import StreamTable
@@ -31,6 +33,10 @@ class DecodeCommand(Command):
         )  # fmt: skip
         parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
         parser.add_argument(
+            "--log", metavar="LINK",
+            help="the file is a log of the port of such a modem, both ways, as it was: evologics",
+        )  # fmt: skip
+        parser.add_argument(
             "--source", type=int, default=0, metavar="N", help="address of the sender"
         )
         parser.add_argument(
@@ -42,6 +48,7 @@ class DecodeCommand(Command):
             "example:\n"
             "  zacoustic decode b00100017d1f3a09b10001\n"
             "  zacoustic decode trial.mcap\n"
+            "  zacoustic decode --log evologics --config fleet.json5 serial.log\n"
             "  zacoustic sim water.json5 --trace trace.jsonl && "
             "zacoustic decode --config fleet.json5 < trace.jsonl"
         )
@@ -50,13 +57,12 @@ class DecodeCommand(Command):
         """Print each frame; fails when something was not hexadecimal.
 
         Raises:
-            ConfigError: The configuration is wrong.
+            ConfigError: The configuration is wrong, or a file is none or has no frames in it.
         """
         import msgspec
 
         from zacoustic.core.wireprofile import WireProfile
-        from zacoustic.recording.reading import is_recording
-        from zacoustic.tools.decode import FrameDecoder
+        from zacoustic.tools.decode.decoder import FrameDecoder
 
         table = None
         if arguments.config is not None:
@@ -64,7 +70,12 @@ class DecodeCommand(Command):
 
             table = read_config(arguments.config).table
         code = EXIT_OK
-        if len(arguments.frames) == 1 and is_recording(arguments.frames[0]):
+        files = [each for each in arguments.frames if arguments.log or _is_file(each)]
+        if arguments.log and not files:
+            raise ConfigError("--log; allowed: with a file")
+        if files:
+            if len(arguments.frames) > 1:
+                raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
             return _decode_recording(arguments, table)
         wire = None if arguments.wire is None else WireProfile(arguments.wire)
         decoder, destinations = FrameDecoder(table, wire=wire), _Destinations()
@@ -89,23 +100,35 @@ class DecodeCommand(Command):
 
 
 def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None") -> int:
-    """Print the frames of a recording."""
+    """Print the frames of a recording, or of a log.
+
+    Raises:
+        ConfigError: It is none, or has no frames in it.
+    """
     import msgspec
 
     from zacoustic.core.wireprofile import WireProfile
-    from zacoustic.tools.recordings.frames import decode_recording, line_of
+    from zacoustic.tools.recordings.frames import decode_log, decode_recording, line_of
 
     wire = None if arguments.wire is None else WireProfile(arguments.wire)
-    began_ns: int | None = None
-    for frame in decode_recording(arguments.frames[0], table, wire=wire):
+    began_ns, shown = 0, 0
+    path = arguments.frames[0]
+    if arguments.log is None:
+        frames = decode_recording(path, table, wire=wire)
+    else:
+        frames = decode_log(path, arguments.log, table, wire=wire)
+    for frame in frames:
         if arguments.source not in (0, frame.source):
             continue
-        began_ns = frame.utc_ns if began_ns is None else began_ns
+        began_ns, shown = began_ns or frame.utc_ns or 0, shown + 1
         if arguments.json:
             print(json.dumps(msgspec.to_builtins(frame), ensure_ascii=False))
         else:
             print(line_of(frame, began_ns) + (f": {frame.fault}" if frame.fault else ""))
             print("".join(f"  {item.text}\n" for item in frame.items), end="")
+    if not shown:
+        whose = f" of node {arguments.source}" if arguments.source else ""
+        raise ConfigError(f"{path}: no frames{whose} in it")
     return EXIT_OK
 
 
@@ -160,6 +183,11 @@ def _of_trace(text: str, record: dict[str, object]) -> _Written:
     if record.get("what") == "transmit":
         return _Written(text, node, peer)
     return _Written(text, peer)
+
+
+def _is_file(text: str) -> bool:
+    """Tell whether an argument is meant as a file, there or not: nothing else has such signs."""
+    return _from_hex(text) is None and (bool({".", "/"} & {*text}) or Path(text).exists())
 
 
 def _from_hex(text: str) -> bytes | None:

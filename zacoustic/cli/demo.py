@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -60,7 +60,10 @@ class DemoCommand(Command):
             )
         water = WATERS[arguments.link]()
         view = _view(arguments, water.title)
-        summary = asyncio.run(Mission(view, water, duration_s=duration_s).run())
+        mission = Mission(view, water, duration_s=duration_s)
+        summary = asyncio.run(mission.run())
+        if mission.is_interrupted:
+            return EXIT_INTERRUPTED
         view.conclude(summary)
         return EXIT_OK if summary.ok else EXIT_FAILED
 

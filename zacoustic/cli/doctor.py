@@ -2,9 +2,14 @@
 
 import argparse
 import asyncio
-import json
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import (
+    add_json,
+    add_load,
+    add_node_file,
+    check_positive,
+    print_result,
+)
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
@@ -16,13 +21,7 @@ class DoctorCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, node, where to look and form of the output."""
-        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        parser.add_argument(
-            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
-        )
-        parser.add_argument(
-            "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
-        )
+        add_node_file(parser)
         parser.add_argument(
             "--connect", action="append", default=[], metavar="ENDPOINT",
             help="Zenoh router of the gateway, instead of the file's; may be given again",
@@ -30,17 +29,15 @@ class DoctorCommand(Command):
         parser.add_argument(
             "--ntp", metavar="HOST[:PORT]", help="ask this time server how wrong the clock is"
         )
-        parser.add_argument(
-            "--recording", action="append", default=[], metavar="R",
-            help="how often things are said, for the airtime; may be given again",
-        )  # fmt: skip
-        parser.add_argument(
-            "--profile", metavar="NAME", help="modem of the airtimes (default: the EvoLogics 18/34)"
+        add_load(
+            parser,
+            recording="how often things are said, for the airtime",
+            profile=" of the airtimes",
         )
         parser.add_argument(
             "--patience", type=float, metavar="S", help="how long a modem may take to come, s (10)"
         )
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "nothing is transmitted, and nothing is set. Where a gateway of this node runs\n"
             "already, it is asked instead of its modem. Exits with 1 when something is wrong;\n"
@@ -54,11 +51,9 @@ class DoctorCommand(Command):
         Raises:
             ConfigError: The file or an argument is wrong.
         """
-        import msgspec
-
         from zacoustic.channel.profiles import DEFAULT_PROFILE
         from zacoustic.tools.doctor.doctor import DEFAULT_PATIENCE_S, Wishes, diagnose
-        from zacoustic.tools.doctortext import as_text
+        from zacoustic.tools.doctor.text import as_text
         from zacoustic.tools.plan.fleet import Water
 
         check_positive(arguments, "patience")
@@ -72,8 +67,5 @@ class DoctorCommand(Command):
             patience_s=arguments.patience or DEFAULT_PATIENCE_S,
         )
         report = asyncio.run(diagnose(arguments.file, wishes))
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
-        else:
-            print(as_text(report))
+        print_result(report, as_text, as_json=arguments.json)
         return EXIT_FAILED if report.findings else EXIT_OK

@@ -1,15 +1,12 @@
 """The verb `zacoustic fit`: a model of dense topics out of recordings."""
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
+from zacoustic.cli.arguments import add_json, add_telemetry, print_result, window_of
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
-
-DEFAULT_WINDOW_S = 10.0
-"""Time whose samples usually share a frame, s."""
 
 
 class FitCommand(Command):
@@ -20,12 +17,10 @@ class FitCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, configuration, model and form of the output."""
-        parser.add_argument(
-            "recordings", metavar="RECORDING", nargs="+",
-            help='MCAP, or JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
-        )  # fmt: skip
-        parser.add_argument(
-            "--config", metavar="FILE", required=True, help="file with the streams and types"
+        add_telemetry(
+            parser,
+            config="the streams and types",
+            window="samples of so long usually share a frame",
         )
         parser.add_argument(
             "--output",
@@ -33,11 +28,7 @@ class FitCommand(Command):
             metavar="MODEL",
             help="write the model, which the key `model` names",
         )
-        parser.add_argument(
-            "--window", type=float, default=DEFAULT_WINDOW_S, metavar="S",
-            help="samples of so long usually share a frame, s (default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "exits with 1 when frames are no smaller with the model; it is written all the same\n\n"
             "example:\n"
@@ -58,9 +49,7 @@ class FitCommand(Command):
         from zacoustic.tools.telemetry.modeltext import as_text
         from zacoustic.tools.telemetry.recording import read_recordings
 
-        window_s: float = arguments.window
-        if not 0 < window_s < float("inf"):
-            raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+        window_s = window_of(arguments)
         table = read_fleet(arguments.config, with_model=False).table
         if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
@@ -73,10 +62,7 @@ class FitCommand(Command):
         fitted, report = fit_recordings(recordings, table, window_s=window_s)
         if arguments.output is not None:
             _write(arguments.output, msgspec.json.encode(fitted, order="sorted") + b"\n")
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
-        else:
-            print(as_text(report))
+        print_result(report, as_text, as_json=arguments.json)
         if arguments.output is not None and not arguments.json:
             print(f"{arguments.output}: written; name it under the key model, at both ends")
         if not report.helps:

@@ -5,9 +5,10 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING
 
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json, add_node_file
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
 from zacoustic.errors import ConfigError, ZacousticError
-from zacoustic.serving import stopped_by_signals
+from zacoustic.serving import stopped_by_signals, until_stopped
 
 if TYPE_CHECKING:
     from zacoustic.gateway import Gateway, Notice
@@ -23,13 +24,7 @@ class GatewayCommand(Command):
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, address, locator and form of the output."""
-        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        parser.add_argument(
-            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
-        )
-        parser.add_argument(
-            "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
-        )
+        add_node_file(parser)
         parser.add_argument(
             "--listen",
             action="append",
@@ -43,7 +38,7 @@ class GatewayCommand(Command):
         parser.add_argument(
             "--record", metavar="FILE", help="record everything that crosses, as MCAP"
         )
-        parser.add_argument("--json", action="store_true", help="one JSON object per line")
+        add_json(parser, OBJECT_PER_LINE)
         parser.add_argument(
             "--log",
             choices=("text", "json"),
@@ -115,9 +110,9 @@ async def _run(arguments: argparse.Namespace) -> None:
         if arguments.log == "json":
             log_as_json({"node": gateway.config.address})
         try:
-            await _until(stop, asyncio.create_task(gateway.start()))
+            await until_stopped(stop, gateway.start())
             if not stop.is_set():
-                await _until(stop, asyncio.create_task(_failure(gateway)))
+                await until_stopped(stop, _failure(gateway))
         finally:
             await gateway.close()
 
@@ -131,19 +126,6 @@ async def _failure(gateway: "Gateway") -> None:
     except Exception as error:
         hint = "the traceback is above; please report it"
         raise ZacousticError(f"stopped by a fault: {error!r}", hint=hint) from error
-
-
-async def _until(stop: asyncio.Event, task: "asyncio.Task[None]") -> None:
-    """Wait for a task, or for the interrupt, which ends it."""
-    interrupted = asyncio.create_task(stop.wait())
-    try:
-        await asyncio.wait({task, interrupted}, return_when=asyncio.FIRST_COMPLETED)
-        if task.done():
-            task.result()
-    finally:
-        for each in (task, interrupted):
-            each.cancel()
-        await asyncio.gather(task, interrupted, return_exceptions=True)
 
 
 def _log(notice: "Notice") -> None:

@@ -3,16 +3,22 @@
 import argparse
 import asyncio
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import check_positive
 from zacoustic.cli.topics import add_watch_arguments, chosen, make_watch
 from zacoustic.command import EXIT_OK, Command
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from zacoustic.tools.watch.views import GatewayView
     from zacoustic.tools.watch.watching import Watch
+
+_PIPE_WIDTH = 120
+"""Columns of what goes into a file or a pipe."""
 
 _EXAMPLE = """Nothing of it costs anything on the water. Ctrl-C ends it.
 
@@ -69,11 +75,9 @@ def _show_once(views: "list[GatewayView]", arguments: argparse.Namespace) -> Non
     if arguments.json:
         _print_json(views)
         return
-    from rich.console import Console
-
     from zacoustic.tools.watch.terminal import picture
 
-    Console().print(picture(views, is_complete=arguments.all))
+    _console().print(picture(views, is_complete=arguments.all))
 
 
 async def _print_lines(watch: "Watch", arguments: argparse.Namespace) -> None:
@@ -90,18 +94,23 @@ def _print_json(views: "list[GatewayView]") -> None:
 
 
 async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:
-    from rich.console import Console
-
     from zacoustic.tools.watch.terminal import Terminal, picture, waiting_picture
 
     where = ", ".join(arguments.connect or [arguments.config or "this network"])
-    console = Console(file=sys.stdout)
-    with Terminal(console) as terminal:
+    with Terminal(_console()) as terminal:
         while True:
             views = _wanted(watch, arguments)
             drawn = picture(views, is_complete=arguments.all) if views else waiting_picture(where)
             terminal.show(drawn)
             await asyncio.sleep(arguments.interval)
+
+
+def _console() -> "Console":
+    """Return where to draw; what is no terminal has room."""
+    from rich.console import Console
+
+    has_width = sys.stdout.isatty() or "COLUMNS" in os.environ
+    return Console(file=sys.stdout, width=None if has_width else _PIPE_WIDTH)
 
 
 def _wanted(watch: "Watch", arguments: argparse.Namespace) -> "list[GatewayView]":

@@ -6,7 +6,8 @@ import contextlib
 import json
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.cli.pub import add_node_arguments, check_positive, make_node, print_line
+from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError
 

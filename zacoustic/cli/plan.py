@@ -1,9 +1,9 @@
 """The verb `zacoustic plan`: does what is to be said fit the channel?"""
 
 import argparse
-import json
 import math
 
+from zacoustic.cli.arguments import add_json, add_load, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -19,12 +19,8 @@ class PlanCommand(Command):
         parser.add_argument(
             "file", metavar="FILE", help="scenario with traffic, or config with plugins.acoustic"
         )
-        parser.add_argument(
-            "--recording", action="append", default=[], metavar="R",
-            help="take sizes and rates from this recording; may be given again",
-        )  # fmt: skip
-        parser.add_argument(
-            "--profile", metavar="NAME", help="modem, of a config (default: the EvoLogics 18/34)"
+        add_load(
+            parser, recording="take sizes and rates from this recording", profile=", of a config"
         )
         parser.add_argument(
             "--range", type=float, metavar="M", help="distance of the nodes of a config, m (1000)"
@@ -40,7 +36,7 @@ class PlanCommand(Command):
             "--transmit-w", type=float, metavar="W",
             help="what the modem takes while it transmits, W (default: from its source level)",
         )  # fmt: skip
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "how often something is said: the scenario's traffic, as in `zacoustic sim`; or the\n"
             "recording; or min_interval_s and deadline_s of the config. Exits with 1 when it does\n"
@@ -60,7 +56,7 @@ class PlanCommand(Command):
 
         from zacoustic.tools.plan.fleet import DEFAULT_RANGE_M, Water
         from zacoustic.tools.plan.report import DEFAULT_HOURS, plan
-        from zacoustic.tools.plantext import as_text
+        from zacoustic.tools.plan.text import as_text
 
         hours = _within("--hours", arguments.hours, DEFAULT_HOURS, 0.1, 240.0)
         transmit_w = arguments.transmit_w
@@ -76,10 +72,7 @@ class PlanCommand(Command):
             arguments.file, water=water, recordings=arguments.recording, hours=hours,
             transmit_w=transmit_w,
         )  # fmt: skip
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(report), ensure_ascii=False))
-        else:
-            print(as_text(report))
+        print_result(report, as_text, as_json=arguments.json)
         return EXIT_OK if report.fits else EXIT_FAILED
 
 

@@ -4,7 +4,7 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from zacoustic.cli.pub import print_line
+from zacoustic.cli.arguments import print_line
 
 if TYPE_CHECKING:
     from zacoustic.tools.following import Step

@@ -3,13 +3,19 @@
 import argparse
 import asyncio
 import contextlib
-import json
 import sys
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from zacoustic.cli.arguments import (
+    OBJECT_PER_LINE,
+    add_connect,
+    add_json,
+    check_positive,
+    print_line,
+)
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
@@ -191,15 +197,13 @@ async def _beats(rate_hz: float | None, count: int | None) -> AsyncIterator[None
 def add_node_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how a verb takes part: on Zenoh, or straight on a link."""
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-    )
+    add_connect(where)
     where.add_argument("--link", metavar="LOCATOR", help="straight on a link; needs --config")
     parser.add_argument("--config", metavar="FILE", help="file with the section plugins.acoustic")
     parser.add_argument(
         "--address", type=int, metavar="N", help="acoustic address, instead of the file's"
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    add_json(parser, OBJECT_PER_LINE)
 
 
 def make_node(arguments: argparse.Namespace) -> "Node":
@@ -219,20 +223,3 @@ def make_node(arguments: argparse.Namespace) -> "Node":
         connect=arguments.connect,
         address=arguments.address,
     )
-
-
-def check_positive(arguments: argparse.Namespace, *names: str) -> None:
-    """Refuse numbers that are not above 0.
-
-    Raises:
-        ConfigError: Names the argument and its value.
-    """
-    for name in names:
-        value = getattr(arguments, name)
-        if value is not None and not 0 < value < float("inf"):
-            raise ConfigError(f"--{name} {value}; allowed: above 0")
-
-
-def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
-    """Print one result at once: whoever reads a pipe wants each line when it happens."""
-    print(json.dumps(record, ensure_ascii=False) if as_json else text, flush=True)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import ONE_OBJECT, add_connect, add_json, check_positive
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.serving import stopped_by_signals
 
@@ -27,15 +27,13 @@ class RecordCommand(Command):
         """Declare file, network, keys and how long."""
         parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the recording")
         parser.add_argument("--config", metavar="FILE", help="file with the topics and their types")
-        parser.add_argument(
-            "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-        )
+        add_connect(parser)
         parser.add_argument(
             "--key", action="append", default=[], metavar="EXPRESSION",
             help="record this key expression as well; may be given several times",
         )  # fmt: skip
         parser.add_argument("--for", type=float, metavar="S", help="end after so long, s")
-        parser.add_argument("--json", action="store_true", help="one JSON object at the end")
+        add_json(parser, f"{ONE_OBJECT} at the end")
         parser.epilog = (
             "records the topics of the config, the health documents @acoustic/** and the frames\n"
             "of every gateway on that network, until Ctrl-C. What a gateway does inside is in its\n"
@@ -91,5 +89,7 @@ def _print(found: "RecordedKeys", *, as_json: bool) -> None:
         return
     rows = [(key, str(number)) for key, number in found.messages.items()]
     print(align(("key", "samples"), rows, right=("samples",)))
+    if found.gaps:
+        print(f"the Zenoh router was gone {found.gaps} times: what was said then is not recorded")
     if found.dropped:
         print(f"{found.dropped} messages were dropped: the disk was too slow, or is full")

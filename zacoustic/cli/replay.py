@@ -5,7 +5,7 @@ import asyncio
 import json
 from typing import TYPE_CHECKING
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import add_connect, add_json, check_positive, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 from zacoustic.serving import stopped_by_signals
@@ -43,9 +43,7 @@ class ReplayCommand(Command):
         )
         _add_changes(parser)
         onto = parser.add_argument_group("onto a Zenoh network, which is what it does otherwise")
-        onto.add_argument(
-            "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-        )
+        add_connect(onto)
         onto.add_argument(
             "--config", metavar="FILE",
             help="where the router is, and the keys of ROS topics; with --what-if: the streams "
@@ -62,7 +60,7 @@ class ReplayCommand(Command):
         onto.add_argument(
             "--node", type=int, metavar="N", help="whose samples, in a recording of several engines"
         )
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "--check exits with 1 when anything differs. What a recorded node had published is\n"
             "put as it was, so a gateway on that network sends it; what came off the water has\n"
@@ -112,8 +110,6 @@ def _add_changes(parser: argparse.ArgumentParser) -> None:
 
 
 def _what_if(arguments: argparse.Namespace) -> int:
-    import msgspec
-
     from zacoustic.tools.recordings.changes import Wanted, what_if
     from zacoustic.tools.recordings.whatiftext import as_text
 
@@ -124,10 +120,7 @@ def _what_if(arguments: argparse.Namespace) -> int:
     names = ("add_loss", "loss", "config", "access", "codec", "scenario", "seed")
     wanted = Wanted(**{name: getattr(arguments, name) for name in names})
     found = what_if(arguments.recordings, wanted)
-    if arguments.json:
-        print(json.dumps(msgspec.to_builtins(found), ensure_ascii=False))
-    else:
-        print(as_text(found))
+    print_result(found, as_text, as_json=arguments.json)
     return EXIT_OK
 
 
@@ -147,8 +140,6 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _through(arguments: argparse.Namespace) -> int:
-    import msgspec
-
     from zacoustic.tools.recordings.checktext import otherwise_as_text
     from zacoustic.tools.recordings.lives import nodes_of
     from zacoustic.tools.recordings.otherwise import replay_through
@@ -156,10 +147,7 @@ def _through(arguments: argparse.Namespace) -> int:
 
     configs = configs_for(arguments.through, nodes_of(arguments.recording))
     found = replay_through(arguments.recording, configs)
-    if arguments.json:
-        print(json.dumps(msgspec.to_builtins(found), ensure_ascii=False))
-    else:
-        print(otherwise_as_text(found))
+    print_result(found, otherwise_as_text, as_json=arguments.json)
     return EXIT_OK
 
 

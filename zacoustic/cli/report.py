@@ -1,9 +1,9 @@
 """The verb `zacoustic report`: what a recording amounts to, as text, JSON or a page."""
 
 import argparse
-import json
 from pathlib import Path
 
+from zacoustic.cli.arguments import add_json, print_result
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -21,7 +21,7 @@ class ReportCommand(Command):
             help="recordings, MCAP: those of both ends of one trial are put together",
         )  # fmt: skip
         parser.add_argument("--html", type=Path, metavar="PAGE", help="write a page with plots")
-        parser.add_argument("--json", action="store_true", help="one JSON object")
+        add_json(parser)
         parser.epilog = (
             "delivery and latency between two nodes need the recordings of both; with one there\n"
             "is what its node was told: outcomes of what is reliable, ages, link quality\n\n"
@@ -36,8 +36,6 @@ class ReportCommand(Command):
         Raises:
             ConfigError: A file or an argument is wrong.
         """
-        import msgspec
-
         from zacoustic.tools.recordings.figures import figures_of
         from zacoustic.tools.recordings.gathering import gather
         from zacoustic.tools.recordings.reporttext import as_text
@@ -50,12 +48,9 @@ class ReportCommand(Command):
 
             title = " and ".join(Path(name).name for name in arguments.recordings)
             _write(arguments.html, as_page(figures, plots_of(facts, figures), title=title))
-        if arguments.json:
-            print(json.dumps(msgspec.to_builtins(figures), ensure_ascii=False))
-        else:
-            print(as_text(figures))
-            if arguments.html is not None:
-                print(f"\n{arguments.html}: written")
+        print_result(figures, as_text, as_json=arguments.json)
+        if arguments.html is not None and not arguments.json:
+            print(f"\n{arguments.html}: written")
         return EXIT_OK
 
 

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.cli.pub import check_positive, print_line
+from zacoustic.cli.arguments import (
+    OBJECT_PER_LINE,
+    add_island,
+    add_json,
+    check_positive,
+    print_line,
+)
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -77,11 +83,8 @@ def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bo
         "--node", type=int, metavar="N", required=is_node_required,
         help=f"acoustic address of the node, on this island or beyond the water{default}",
     )  # fmt: skip
-    parser.add_argument(
-        "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-    )
-    parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
-    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    add_island(parser)
+    add_json(parser, OBJECT_PER_LINE)
     parser.add_argument(
         "--timeout", type=float, metavar="S",
         help=f"how long to try, s (default: {_BEYOND_S:g} for one node, else {_HERE_S:g})",

@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, Final
 
-from zacoustic.cli.pub import check_positive
+from zacoustic.cli.arguments import check_positive
 from zacoustic.cli.silence import add_order_arguments, give, make_order
 from zacoustic.command import Command
 from zacoustic.errors import ConfigError

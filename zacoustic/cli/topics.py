@@ -5,6 +5,7 @@ import asyncio
 import json
 from typing import TYPE_CHECKING, Any
 
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_island, add_json
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
@@ -66,11 +67,8 @@ def add_watch_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=int, metavar="N", help="address of one gateway (default: all that are here)"
     )
-    parser.add_argument(
-        "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
-    )
-    parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
-    parser.add_argument("--json", action="store_true", help="one JSON object per line")
+    add_island(parser)
+    add_json(parser, OBJECT_PER_LINE)
 
 
 def make_watch(arguments: argparse.Namespace) -> "Watch":

@@ -158,10 +158,12 @@ class Engine:
             is_known = isinstance(opened, Opened) and opened.source != UNKNOWN_SOURCE
             if isinstance(opened, Opened) and is_known and reason in (None, "not_for_us"):
                 self._protocols.contact.heard(opened.source, now)
+                port.heard(opened.source, len(frame.frame_bytes), now)
+                if reason is not None:
+                    self._protocols.overhear(opened, frame, now)
             if reason is None and isinstance(opened, Opened):
                 if is_known:
                     self.measurements.note(opened.source, frame.metrics, frame.received_at)
-                port.heard(opened.source, len(frame.frame_bytes), now)
                 streams = self._protocols.receive(opened, frame, now)
                 self._trace.note(
                     now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams
@@ -192,7 +194,7 @@ class Engine:
     ) -> None:
         """The link went up or down; `capabilities` come with UP, and when they change."""
         self._now = now
-        self._protocols.contact.begin(now)
+        self._protocols.begin(now)
         if capabilities is not None and capabilities != self.capabilities:
             self._transmitter.use_link(capabilities, now)
         if state is not self._transmitter.link_state:
@@ -216,7 +218,7 @@ class Engine:
         own jitter, and every ten seconds at least where the engine is driven at all.
         """
         self._now = now
-        self._protocols.contact.begin(now)
+        self._protocols.begin(now)
         self.silence.handle_clock(offset_ns, now)
         self._transmitter.handle_clock(offset_ns, error_ns, now)
 

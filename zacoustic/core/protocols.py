@@ -251,7 +251,16 @@ class Protocols:
         """Take a frame apart; returns the streams of what was in it."""
         return self.receiver.handle(opened, frame, now)
 
+    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+        """Learn from a frame for somebody else when its sender listens."""
+        self.receiver.overhear(opened, frame, now)
+
     # The life of the engine
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        self.contact.begin(now)
+        self.handshake.begin(now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
@@ -264,7 +273,7 @@ class Protocols:
 
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed()
+        self.handshake.table_changed(now)
         self.dense.epoch_changed()
         self._write_epoch()
         self.services.epoch_changed()

@@ -26,6 +26,12 @@ CLOSE_LIMIT_S: Final = 10.0
 CALLBACKS_LIMIT_S: Final = 2.0
 """How long the threads of callbacks may take to end behind the session, s."""
 
+WORDS: Final = {
+    False: "the Zenoh router is gone; nothing comes or goes until it is back",
+    True: "the Zenoh router is back",
+}
+"""What to say to people when the connection goes, and when it comes again."""
+
 _ENDPOINT: Final = re.compile(r"bound to (\S+): ")
 _ENDPOINTS: Final = re.compile(r"Single\(([^)]*)\)")
 _PROTOCOL: Final = re.compile(r"not supported for (\S+) protocol")

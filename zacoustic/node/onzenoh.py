@@ -39,7 +39,7 @@ from zacoustic.island.marker import read_marker
 from zacoustic.island.orderquestion import OrderQuestion
 from zacoustic.island.orders import read_state
 from zacoustic.island.question import Question
-from zacoustic.island.session import Island, one_line, zenoh_priority
+from zacoustic.island.session import WORDS, Island, one_line, zenoh_priority
 from zacoustic.island.values import said_encoding
 from zacoustic.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
 from zacoustic.node.crossing import Crossing
@@ -78,6 +78,7 @@ class ZenohCarrier:
         self._report = report
         self._stats = EngineStats()
         self._open_island: Island | None = None
+        self._is_up: bool | None = None
         self._ends: dict[object, Callable[[], None]] = {}
         self._calls: set[asyncio.Future[object]] = set()
         self.goals = ZenohGoals(lambda: self.island, self._keep)
@@ -299,6 +300,10 @@ class ZenohCarrier:
 
     def _report_connection(self, is_up: bool) -> None:
         state = LinkState.UP if is_up else LinkState.DOWN
+        if self._open_island is not None and self._is_up != is_up:
+            if self._is_up is not None:
+                _logger.warning("%s", WORDS[is_up])
+            self._is_up = is_up
         self._report(LinkStateChanged(state=state, changed_at=time.monotonic_ns()))
 
 

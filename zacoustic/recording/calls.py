@@ -161,7 +161,7 @@ class CallReader:
             if each in _VALUES or expected is Any:
                 found[each] = written
             else:
-                found[each] = msgspec.convert(written, expected)
+                found[each] = msgspec.convert(written, _kind(expected, written))
             if name == "declare" and each == "spec":
                 found[each] = exact_spec(found[each], written)
         if _LATER in parameters and name == "orders.obey":
@@ -178,6 +178,20 @@ def _parameters(name: str) -> dict[str, Any]:
     if name == "declare":
         hints[TYPES] = tuple[TypeSpec, ...]
     return hints
+
+
+def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any kind)
+    """Return what to read a parameter as: of records that have no tag the one with its fields."""
+    kinds = [
+        kind
+        for kind in typing.get_args(expected)
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+    ]
+    if len(kinds) < 2 or not isinstance(written, dict):
+        return expected
+    is_tagged = kinds[0].__struct_config__.tag is not None
+    named = (kind for kind in kinds if written.keys() <= {*kind.__struct_fields__})
+    return expected if is_tagged else next(named, kinds[0])
 
 
 def _heed(state: object) -> None:

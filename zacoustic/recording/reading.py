@@ -1,5 +1,7 @@
 """A recording, read from its beginning: also one that nobody has finished, or that is damaged."""
 
+import logging
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -12,6 +14,8 @@ MAGIC: Final = b"\x89MCAP0\r\n"
 """How a file of MCAP begins."""
 _LONGEST_BYTES: Final = 64 << 20
 _EXTRA: Final = "pip install 'zacoustic[recording]'"
+
+_logger = logging.getLogger(__name__)
 
 
 class ReadMessage(msgspec.Struct, frozen=True):
@@ -34,13 +38,15 @@ class RecordingReader:
 
     Args:
         path: The file.
+        tells: Log that it ends early; not for those who say so themselves.
 
     Raises:
         ConfigError: It cannot be opened, is no MCAP file, or the extra is missing.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, tells: bool = True) -> None:
         self.path = Path(path)
+        self._tells = tells
         self.damage = ""
         """Why reading ended before the end, known afterwards: a file that nobody has finished, or
         a damaged one; empty: it is whole."""
@@ -71,7 +77,9 @@ class RecordingReader:
                 try:
                     record = next(records, None)
                 except Exception as error:  # whatever a damaged file makes of the library
-                    self.damage = f"{type(error).__name__}: {error}".strip(": ")
+                    self.damage = _damage(error)
+                    if self._tells:
+                        _logger.warning("%s ends early: %s", self.path, self.damage)
                     return
                 if record is None:
                     return
@@ -86,6 +94,14 @@ class RecordingReader:
                         channel.metadata,
                         record.data,
                     )
+
+
+def _damage(error: Exception) -> str:
+    """Say what is wrong with a file, by what the library has made of it."""
+    from mcap.exceptions import EndOfFile
+
+    is_cut = isinstance(error, EndOfFile | struct.error)
+    return "it is cut off" if is_cut else f"it is damaged, {' '.join(str(error).split())}"
 
 
 def is_recording(path: str | Path) -> bool:

@@ -67,7 +67,7 @@ CommandMessage: TypeAlias = Command | InvalidCommand | RawData
 
 
 class _PayloadForm(msgspec.Struct, frozen=True):
-    record: Callable[..., Command]
+    record: "Callable[..., PayloadCommand]"
     columns: Columns
 
 
@@ -242,6 +242,35 @@ class CommandDecoder:
     def _end_line(self, end: int) -> None:
         self._after_cr = self._buffer[end : end + 1] == b"\r"
         del self._buffer[: end + 1]
+
+
+PayloadCommand: TypeAlias = SendIm | SendIms | SendPbm | SendBurst
+"""A command that ends with a payload."""
+
+
+def decode_payload_command(raw: bytes) -> tuple[PayloadCommand, int] | None:
+    """Read a command with payload from the beginning of some bytes.
+
+    Args:
+        raw: From its `AT` on, with its line end.
+
+    Returns:
+        The command and how many bytes it took, line end included; None: it is none, or not whole.
+    """
+    for token, form in _PAYLOAD_FORMS.items():
+        if raw.startswith(b"AT" + token):
+            header = read_header(raw[:HEADER_LIMIT_BYTES], width(form.columns), PAYLOAD_LIMIT_BYTES)
+            if isinstance(header, Gap):
+                return None
+            end = header.payload_end
+            try:
+                values = decode_columns(form.columns, header.values)
+                payload = raw[header.payload_start : end]
+                command = form.record(payload=payload, pid=header.pid, **values)
+            except ValueError:
+                return None
+            return (command, end + 1) if raw[end : end + 1] in (b"\r", b"\n") else None
+    return None
 
 
 def decode_command_line(raw: bytes) -> Command | InvalidCommand:

@@ -12,7 +12,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -59,6 +59,8 @@ class Mission:
     """
 
     def __init__(self, view: View, water: Water, *, duration_s: float = DURATION_S) -> None:
+        self.is_interrupted = False
+        """Somebody has pressed Ctrl-C."""
         self._view = view
         self._water = water
         self._duration_s = duration_s
@@ -81,7 +83,7 @@ class Mission:
             problems: tuple[str, ...] = ()
             self._failed: asyncio.Future[None] = asyncio.get_running_loop().create_future()
             self._view.begin(self._logbook)
-            with _signals_into(self._failed):
+            with _signals_into(self._end):
                 try:
                     await self._guarded(self._steps(folder))
                 except ZacousticError as error:
@@ -90,6 +92,11 @@ class Mission:
                     await self._stop()
                     self._view.stop()
             return summary_of(self._logbook, problems)
+
+    def _end(self, number: signal.Signals) -> None:
+        if not self._failed.done():
+            self.is_interrupted = number == signal.SIGINT
+            self._failed.set_exception(ChildDiedError(f"ended by {number.name}"))
 
     async def _steps(self, folder: Path) -> None:
         self._watch(self._tick())
@@ -209,17 +216,12 @@ def _fleet_table() -> StreamTable:
 
 
 @contextlib.contextmanager
-def _signals_into(failed: asyncio.Future[None]) -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the run as a failure; Ctrl-C is asyncio's own."""
+def _signals_into(end: Callable[[signal.Signals], None]) -> Iterator[None]:
+    """Let signals end the run, in order however many come; on Windows Ctrl-C is asyncio's own."""
     loop = asyncio.get_running_loop()
-
-    def fail(name: str) -> None:
-        if not failed.done():
-            failed.set_exception(ChildDiedError(f"ended by {name}"))
-
-    caught = [] if sys.platform == "win32" else [signal.SIGTERM, signal.SIGHUP]
+    caught = [] if sys.platform == "win32" else [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
     for number in caught:
-        loop.add_signal_handler(number, fail, number.name)
+        loop.add_signal_handler(number, end, number)
     try:
         yield
     finally:

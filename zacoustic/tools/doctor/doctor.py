@@ -107,7 +107,7 @@ class _Rounds:
         self.findings += found
         if running.is_joined or found:
             self.examined.append("router")
-        link = self._link()
+        link = self._link(running.locator)
         if running.health:
             self.examined.append(f"gateway of node {config.address}, which runs")
             self.findings += judge(config, running)
@@ -123,11 +123,13 @@ class _Rounds:
         await self._clock()
         await self._airtime(link)
 
-    def _link(self) -> Link | None:
-        if not self._config.links:
+    def _link(self, running: str) -> Link | None:
+        """Return the link; that of a gateway which runs may have come from its command line."""
+        locators = [each.locator for each in self._config.links]
+        if not running and not locators:
             self.left_out.append("the modem: the file names no link, and there is no --link")
             return None
-        locator = self._config.links[0].locator
+        locator = running or locators[0]
         try:
             return registry.create(locator, self._config.address)
         except LinkUnavailableError as error:

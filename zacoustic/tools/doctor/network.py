@@ -31,6 +31,13 @@ class Running(msgspec.Struct, kw_only=True):
     digests: tuple[str, ...] = ()
     """Tables of the gateways of this address."""
 
+    @property
+    def locator(self) -> str:
+        """Locator of that gateway's link; empty: none runs, or it has a link of its own making."""
+        node = self.health.get("node")
+        found = node.get("link", "") if isinstance(node, dict) else ""
+        return found if isinstance(found, str) and "/" in found else ""
+
 
 async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Finding]]:
     """Join the island, if there is one, and read what a gateway of this node says.

@@ -16,6 +16,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
 from zacoustic.recording.life import Table
 from zacoustic.tools.recordings.gathering import gather
+from zacoustic.tools.recordings.lives import no_engine
 from zacoustic.tools.recordings.measuredwater import measure_water, with_loss
 from zacoustic.tools.recordings.today import configs_for
 from zacoustic.tools.recordings.whatif import Change, WhatIf, compare, configured
@@ -55,6 +56,8 @@ def what_if(paths: Sequence[str], wanted: Wanted) -> WhatIf:
         ConfigError: A file is wrong, or nothing can be made of it.
     """
     facts = gather(paths)
+    if not facts.tables:
+        raise no_engine(", ".join(paths))
     measured = measure_water(facts, seed=wanted.seed)
     scenario, notes = measured.scenario, list(measured.notes)
     if wanted.scenario is not None:

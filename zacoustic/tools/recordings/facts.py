@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.linktypes import LinkCapabilities, PeerMeasured
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.recording.channels import FrameRecord, LedgerRecord, ReportRecord
 from zacoustic.recording.life import Life
@@ -124,8 +124,16 @@ class Facts:
         """With their instants, UTC, ns; where they end, for those that arrived."""
         self.reports: list[tuple[int, ReportRecord]] = []
         """With the instants of their ends, UTC, ns."""
+        self.measured: list[tuple[int, int, PeerMeasured]] = []
+        """What modems have measured of others besides frames: UTC, ns, whose modem, and what."""
+        self.spans_ns: dict[int, tuple[int, int]] = {}
+        """First and last message of each node, UTC, ns."""
         self.ledgers: dict[tuple[int, int], LedgerRecord] = {}
         """The last of each life, by node and epoch."""
+        self.sent_bytes: dict[int, int] = {}
+        """Of the frames of each node."""
+        self.covered_bytes: dict[int, int] = {}
+        """Of those of them that came before its last ledger."""
         self.began_ns = 0
         self.ended_ns = 0
 
@@ -138,6 +146,11 @@ class Facts:
     def nodes(self) -> list[int]:
         """Nodes whose link was recorded."""
         return sorted({*self.tables, *(frame.node for _, frame in self.frames)})
+
+    def is_recorded(self, node: int, utc_ns: int) -> bool:
+        """Tell whether something of a node was recorded before and after an instant."""
+        first_ns, last_ns = self.spans_ns.get(node, (0, 0))
+        return first_ns <= utc_ns <= last_ns
 
 
 def match(facts: Facts) -> None:

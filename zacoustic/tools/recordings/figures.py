@@ -7,29 +7,13 @@ clocks of two nodes where they are not the same.
 
 import msgspec
 
-from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.stats import NO_STREAM
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.recording.channels import SENT
 from zacoustic.tools.recordings.facts import Facts, match
-
-
-class Spread(msgspec.Struct, frozen=True, kw_only=True):
-    """How numbers are spread."""
-
-    count: int
-    """How many."""
-    mean: float
-    """Their mean."""
-    p50: float
-    """Their median."""
-    p95: float
-    """95th percentile."""
-    least: float
-    """The least."""
-    greatest: float
-    """The greatest."""
+from zacoustic.tools.recordings.linkfigures import LinkFigures, links_of
+from zacoustic.tools.recordings.spread import Spread, spread_of
 
 
 class StreamFigures(msgspec.Struct, kw_only=True):
@@ -78,6 +62,9 @@ class NodeFigures(msgspec.Struct, kw_only=True):
     """Their sizes."""
     ledger_bytes: int | None = None
     """Sum of the ledgers of all lives; None: none is in the recording."""
+    covered_bytes: int | None = None
+    """Of the frames that came before the last ledger: less than all of them in a recording that
+    ends early."""
     ledger_is_exact: bool | None = None
     """The two are the same."""
     airtime_s: float = 0.0
@@ -88,25 +75,6 @@ class NodeFigures(msgspec.Struct, kw_only=True):
     """What became of the transmissions."""
     by_cause: dict[str, int] = {}
     """Bytes of the ledger by cause."""
-
-
-class LinkFigures(msgspec.Struct, kw_only=True):
-    """Of what one node says and another one hears."""
-
-    source: int
-    """Who speaks."""
-    node: int
-    """Who hears."""
-    heard: int = 0
-    """Frames that arrived."""
-    sent: int | None = None
-    """Frames for it, or for everybody; None: the speaker is not recorded."""
-    loss: float | None = None
-    """Share of them that did not arrive, for whatever reason, 0…1."""
-    snr_db: Spread | None = None
-    """Signal-to-noise ratio, dB."""
-    propagation_s: Spread | None = None
-    """Propagation delay, s."""
 
 
 class Figures(msgspec.Struct, kw_only=True):
@@ -141,24 +109,8 @@ def figures_of(facts: Facts) -> Figures:
         utilisation=sum(each.utilisation for each in nodes),
         streams=_streams(facts),
         nodes=nodes,
-        links=_links(facts),
+        links=links_of(facts),
         notes=_notes(facts, nodes),
-    )
-
-
-def spread_of(numbers: list[float]) -> Spread | None:
-    """Return how numbers are spread; None without any."""
-    if not numbers:
-        return None
-    ordered = sorted(numbers)
-    last = len(ordered) - 1
-    return Spread(
-        count=len(ordered),
-        mean=sum(ordered) / len(ordered),
-        p50=ordered[min(last, len(ordered) * 50 // 100)],
-        p95=ordered[min(last, len(ordered) * 95 // 100)],
-        least=ordered[0],
-        greatest=ordered[-1],
     )
 
 
@@ -237,42 +189,10 @@ def _node(facts: Facts, node: int) -> NodeFigures:
                 known = found.by_cause.get(row.cause, 0)
                 found.by_cause[row.cause] = known + row.transmitted_bytes
     if found.ledger_bytes is not None and found.lives:
-        found.ledger_is_exact = found.ledger_bytes == found.frame_bytes
+        found.covered_bytes = facts.covered_bytes.get(node, found.frame_bytes)
+        found.ledger_is_exact = found.ledger_bytes == found.covered_bytes
     if facts.duration_s > 0:
         found.utilisation = found.airtime_s / facts.duration_s
-    return found
-
-
-def _links(facts: Facts) -> list[LinkFigures]:
-    heard: dict[tuple[int, int], int] = {}
-    sent: dict[tuple[int, int], int] = {}
-    snr_db: dict[tuple[int, int], list[float]] = {}
-    propagation_s: dict[tuple[int, int], list[float]] = {}
-    recorded = facts.nodes
-    for _, frame in facts.frames:
-        if frame.direction == SENT:
-            for node in recorded:
-                if node != frame.node and frame.destination in (node, BROADCAST):
-                    sent[frame.node, node] = sent.get((frame.node, node), 0) + 1
-        elif frame.destination in (frame.node, BROADCAST):
-            pair = (frame.source, frame.node)
-            heard[pair] = heard.get(pair, 0) + 1
-            if frame.snr_db is not None:
-                snr_db.setdefault(pair, []).append(frame.snr_db)
-            if frame.propagation_s is not None:
-                propagation_s.setdefault(pair, []).append(frame.propagation_s)
-    found = []
-    for source, node in sorted({*heard, *sent}):
-        if source == 0:
-            continue  # the link does not tell who speaks
-        figures = LinkFigures(source=source, node=node, heard=heard.get((source, node), 0))
-        if source in recorded:
-            figures.sent = sent.get((source, node), 0)
-            if figures.sent:
-                figures.loss = max(0.0, 1 - figures.heard / figures.sent)
-        figures.snr_db = spread_of(snr_db.get((source, node), []))
-        figures.propagation_s = spread_of(propagation_s.get((source, node), []))
-        found.append(figures)
     return found
 
 
@@ -290,7 +210,7 @@ def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
         notes.append("no engine was recorded: what was published is not known, only what arrived")
     notes += [
         f"node {each.node}: the ledger sums to {each.ledger_bytes} bytes, the frames to "
-        f"{each.frame_bytes}: something of it is not in the recording"
+        f"{each.covered_bytes}: something of it is not in the recording"
         for each in nodes
         if each.ledger_is_exact is False
     ]

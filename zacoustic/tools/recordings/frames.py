@@ -6,17 +6,18 @@ from typing import TypeVar
 
 import msgspec
 
+from zacoustic import registry
 from zacoustic.core.envelope import Damaged, Envelope
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
-from zacoustic.recording.channels import SENT, FrameRecord, LinkRecord
+from zacoustic.recording.channels import RECEIVED, SENT, FrameRecord, LinkRecord
 from zacoustic.recording.life import Table
 from zacoustic.recording.reading import ReadMessage, RecordingReader
 from zacoustic.recording.samples import TABLE_TOPIC
-from zacoustic.tools.decode import FrameDecoder
-from zacoustic.tools.decoded import DecodedItem
+from zacoustic.tools.decode.decoded import DecodedItem
+from zacoustic.tools.decode.decoder import FrameDecoder
 from zacoustic.tools.recordings.lives import LifeReader, NewLife
 
 T = TypeVar("T")
@@ -25,10 +26,10 @@ T = TypeVar("T")
 class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """A frame of a recording."""
 
-    utc_ns: int
-    """When, ns since 1970."""
+    utc_ns: int | None = None
+    """When, ns since 1970; None in a log, which does not tell."""
     node: int
-    """Whose link."""
+    """Whose link; 0 in a log."""
     direction: str
     """`sent` or `received`."""
     source: int
@@ -176,14 +177,52 @@ def decode_recording(
         yield from frames.read(message)
 
 
+def decode_log(
+    path: str | Path,
+    link: str,
+    table: StreamTable | None = None,
+    *,
+    wire: WireProfile | None = None,
+) -> Iterator[DecodedFrame]:
+    """Decode the frames in a log of a modem's port.
+
+    Args:
+        path: The file.
+        link: Name of the link to such a modem.
+        table: The streams.
+        wire: What is spoken, instead of what the table says.
+
+    Raises:
+        ConfigError: It cannot be read.
+        LinkUnavailableError: There is no such link.
+    """
+    kind = registry.load(link)
+    try:
+        log = Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    decoder = FrameDecoder(table, wire=wire)
+    for logged in kind.read_log(log):
+        unicast = logged.destination != BROADCAST
+        items = decoder.decode(logged.frame_bytes, source=logged.source, unicast=unicast)
+        yield DecodedFrame(
+            node=0,
+            direction=SENT if logged.is_sent else RECEIVED,
+            source=logged.source,
+            destination=logged.destination,
+            frame=logged.frame_bytes.hex(),
+            items=tuple(items),
+        )
+
+
 def line_of(frame: DecodedFrame, began_ns: int) -> str:
     """Return what is known of a frame before what it says."""
     whom = "everybody" if frame.destination == BROADCAST else f"node {frame.destination}"
     who = f"node {frame.source}" if frame.source else "somebody"
-    where = "" if frame.direction == SENT else f", heard by node {frame.node}"
-    at_s = (frame.utc_ns - began_ns) / 1e9
+    where = f", heard by node {frame.node}" if frame.direction != SENT and frame.node else ""
     size = len(frame.frame) // 2
-    return f"{at_s:10.3f} s  {who} to {whom}{where}, {size} bytes: {frame.frame}"
+    when = "" if frame.utc_ns is None else f"{(frame.utc_ns - began_ns) / 1e9:10.3f} s  "
+    return f"{when}{who} to {whom}{where}, {size} bytes: {frame.frame}"
 
 
 def _node_of(place: str) -> int | None:

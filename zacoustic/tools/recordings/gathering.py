@@ -4,6 +4,7 @@ Of an engine all of it is known: what was asked for, what arrived, every frame. 
 network the frames of its gateways are known, and what came off the water there.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -11,13 +12,20 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.envelope import Envelope, Opened
-from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkMetrics,
+    Measurement,
+    PeerMeasured,
+    ReceivedFrame,
+)
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.types import TypeTable
-from zacoustic.errors import ZacousticError
+from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, Recorded, read_outcome
 from zacoustic.recording.channels import (
     RECEIVED,
+    SENT,
     FrameRecord,
     LedgerRecord,
     LedgerRow,
@@ -35,15 +43,23 @@ def gather(paths: Iterable[str | Path]) -> Facts:
     """Read recordings.
 
     Raises:
-        ConfigError: A file is none.
+        ConfigError: A file is none, or nothing of a gateway or an engine is in them.
     """
     facts = Facts()
     for path in paths:
-        source = RecordingReader(path)
+        source = RecordingReader(path, tells=False)
         facts.files.append(str(path))
         add_messages(facts, source)
         if source.damage:
             facts.damage[str(path)] = source.damage
+    if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
+        why = "; ".join(f"{path} ends early: {damage}" for path, damage in facts.damage.items())
+        raise ConfigError(
+            f"{', '.join(facts.files)}: nothing of a gateway or an engine is in it"
+            + (f" ({why})" if why else ""),
+            hint="record with --record at the gateway, the Node or zacoustic sim, or with "
+            "zacoustic record",
+        )
     return facts
 
 
@@ -53,6 +69,10 @@ def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
     for message in messages:
         gatherer.take(message)
 
+
+# Whose a message is, and whom the document of a measurement is of.
+_WHOSE: Final = re.compile(r"/(?:@acoustic/)?([0-9]{1,3})/.+")
+_PEER: Final = re.compile(r"/@acoustic/([0-9]{1,3})/peer/([0-9]{1,3})/range")
 
 _COMMANDS: Final = (
     "demand.want", "ranging.request", "ranging.repeat", "orders.send", "silence.begin",
@@ -67,6 +87,8 @@ class _Gatherer:
         self._offsets: dict[int, int] = {}
         self._calls: dict[tuple[int, object], Asked] = {}
         self._envelopes: dict[int, Envelope] = {}
+        self._ranges: dict[tuple[int, int], int] = {}
+        """When the newest range of each pair was measured, UTC, ns."""
         self._table: StreamTable | None = None
         """Of a recording without lives."""
 
@@ -77,6 +99,8 @@ class _Gatherer:
         facts.ended_ns = max(facts.ended_ns, message.utc_ns)
         place, _, name = message.topic.rpartition("/")
         node = place.rpartition("/")[2]
+        if (whose := _WHOSE.match(message.topic)) is not None:
+            self._span(int(whose[1]), message.utc_ns)
         if message.topic == TABLE_TOPIC:
             self._take_table(message)
         elif message.topic == SAMPLES_TOPIC:
@@ -86,6 +110,10 @@ class _Gatherer:
         elif node.isdecimal() and message.encoding == "json":
             self._take_record(message, int(node), name, is_network=place.startswith("/@acoustic"))
 
+    def _span(self, node: int, utc_ns: int) -> None:
+        first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))
+        self._facts.spans_ns[node] = min(first_ns, utc_ns), max(last_ns, utc_ns)
+
     # Frames, reports, ledgers
 
     def _take_record(self, message: ReadMessage, node: int, name: str, *, is_network: bool) -> None:
@@ -94,6 +122,9 @@ class _Gatherer:
             case "frames":
                 frame = msgspec.json.decode(data, type=FrameRecord)
                 facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
+                if frame.direction == SENT:
+                    sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
+                    facts.sent_bytes[node] = sent_bytes
             case "reports":
                 report = msgspec.json.decode(data, type=ReportRecord)
                 facts.reports.append((message.utc_ns, report))
@@ -105,13 +136,26 @@ class _Gatherer:
                 found = msgspec.json.decode(data, type=_LinkDocument)
                 if found.capabilities is not None:
                     facts.capabilities[node] = found.capabilities
+            case "range" if is_network and (ends := _PEER.fullmatch(message.topic)):
+                self._take_range(int(ends[1]), int(ends[2]), message)
             case "ledger" if is_network:
                 facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
             case "ledger":
                 ledger = msgspec.json.decode(data, type=LedgerRecord)
                 facts.ledgers[node, ledger.epoch] = ledger
+                facts.covered_bytes[node] = facts.sent_bytes.get(node, 0)
             case _:
                 pass
+
+    def _take_range(self, node: int, peer: int, message: ReadMessage) -> None:
+        found = msgspec.json.decode(message.data, type=_RangeDocument)
+        metrics = LinkMetrics(range_m=found.range_m, propagation_s=found.propagation_s)
+        measured = PeerMeasured(address=peer, measured_at=0, metrics=metrics)
+        at_ns = round((found.measured_at_unix_s or message.utc_ns / 1e9) * 1e9)
+        # The document is put again for those who come late.
+        if self._ranges.get((node, peer)) != at_ns:
+            self._ranges[node, peer] = at_ns
+            self._facts.measured.append((at_ns, node, measured))
 
     def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
         """Give frames with their senders, also where the link does not tell them."""
@@ -200,12 +244,19 @@ class _Gatherer:
                 self._calls[node, name] = asked
         elif call.name == "declare":
             self._redeclare(node, call)
+        elif call.name == "handle_measurement":
+            self._measure(node, call.arguments["measurement"])
         elif call.name in _COMMANDS and call.now is not None:
             said = {name: each for name, each in call.arguments.items() if name != "now"}
             at_ns = call.now + self._offsets[node]
             self._facts.commands.append(Command(at_ns, node, call.name, said))
         else:
             self._facts.reactions.note_call(node, call, (call.now or 0) + self._offsets[node])
+
+    def _measure(self, node: int, measurement: Measurement) -> None:
+        if isinstance(measurement, PeerMeasured):
+            at_ns = measurement.measured_at + self._offsets[node]
+            self._facts.measured.append((at_ns, node, measurement))
 
     def _redeclare(self, node: int, call: Recorded) -> None:
         table = self._facts.tables[node]
@@ -289,6 +340,12 @@ class _TableMessage(msgspec.Struct):
 
 class _LinkDocument(msgspec.Struct):
     capabilities: LinkCapabilities | None = None
+
+
+class _RangeDocument(msgspec.Struct):
+    range_m: float | None = None
+    propagation_s: float | None = None
+    measured_at_unix_s: float | None = None
 
 
 class _LedgerEntry(msgspec.Struct):

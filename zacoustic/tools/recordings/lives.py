@@ -81,14 +81,18 @@ class LifeReader:
         return Calls(node, tuple(reader.read(bytes(written.calls))))
 
 
-def read_parts(path: str | Path) -> Iterator[Part]:
+def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
     """Read lives and calls of a recording.
+
+    Args:
+        path: The file.
+        tells: Log that it ends early.
 
     Raises:
         ConfigError: The file is none of ours, or has no life in it.
     """
     reader = LifeReader()
-    for message in RecordingReader(path):
+    for message in RecordingReader(path, tells=tells):
         part = reader.read(message)
         if part is not None:
             yield part
@@ -102,7 +106,12 @@ def must_have_lives(reader: LifeReader, name: str) -> None:
         ConfigError: There was none.
     """
     if not reader.lives:
-        raise ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
+        raise no_engine(name)
+
+
+def no_engine(name: str) -> ConfigError:
+    """Return the complaint of a recording that tells of no engine, though it should."""
+    return ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
 
 
 def nodes_of(path: str | Path) -> list[int]:
@@ -111,7 +120,9 @@ def nodes_of(path: str | Path) -> list[int]:
     Raises:
         ConfigError: The file is none of ours, or has no life in it.
     """
-    return sorted({part.life.address for part in read_parts(path) if isinstance(part, NewLife)})
+    # Whoever asks reads the file once more, for what is in these lives.
+    parts = read_parts(path, tells=False)
+    return sorted({part.life.address for part in parts if isinstance(part, NewLife)})
 
 
 class Done(msgspec.Struct, frozen=True):

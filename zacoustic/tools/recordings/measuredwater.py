@@ -17,7 +17,8 @@ from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.recording.channels import SENT, FrameRecord
 from zacoustic.testing.virtual import Modem
 from zacoustic.tools.recordings.facts import Facts
-from zacoustic.tools.recordings.figures import spread_of
+from zacoustic.tools.recordings.linkfigures import numbers_of
+from zacoustic.tools.recordings.spread import spread_of
 
 _SOUND_M_S: Final = 1500.0
 _DEPTH_M: Final = 10.0
@@ -97,10 +98,8 @@ def with_loss(scenario: Scenario, *, add: float = 0.0, instead: float | None = N
 def _delays(facts: Facts, nodes: list[int], notes: list[str]) -> dict[Pair, float]:
     """Return the propagation delay of each pair, both ways the same, s."""
     measured: dict[Pair, list[float]] = {}
-    for _, frame in facts.frames:
-        if frame.direction != SENT and frame.propagation_s is not None and frame.source:
-            pair = (min(frame.source, frame.node), max(frame.source, frame.node))
-            measured.setdefault(pair, []).append(frame.propagation_s)
+    for _, (one, other), delay_s in numbers_of(facts, "propagation_s"):
+        measured.setdefault((min(one, other), max(one, other)), []).append(delay_s)
     usual_s = max((each.propagation_s for each in facts.capabilities.values()), default=_USUAL_S)
     found: dict[Pair, float] = {}
     for index, one in enumerate(nodes):
@@ -144,7 +143,9 @@ def _losses(facts: Facts, delays: dict[Pair, float]) -> dict[Pair, float]:
             heard.setdefault((frame.source, frame.node, frame.frame), []).append(utc_ns)
     found: dict[Pair, float] = {}
     for node in facts.tables:
-        arrivals = _arrivals(sounds, node, delays)
+        arrivals = [
+            each for each in _arrivals(sounds, node, delays) if facts.is_recorded(node, each[1])
+        ]
         for source in facts.tables:
             if source != node and (source, node) in delays:
                 sent, lost = _count(arrivals, source, node, heard)

@@ -10,6 +10,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import SENT
 from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures
+from zacoustic.tools.recordings.linkfigures import numbers_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +46,9 @@ def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
         ("Airtime by stream, s", lambda axes: _airtime(axes, figures)),
         ("Channel in use, share of the time", lambda axes: _utilisation(axes, facts)),
         ("Signal-to-noise ratio, dB", lambda axes: _metric(axes, facts, "snr_db")),
+        ("Received level, dB", lambda axes: _metric(axes, facts, "received_level_db")),
+        ("Signal integrity", lambda axes: _metric(axes, facts, "integrity")),
+        ("Range, m", lambda axes: _metric(axes, facts, "range_m")),
         ("Propagation delay, s", lambda axes: _metric(axes, facts, "propagation_s")),
         ("Frames that did not arrive, share", lambda axes: _loss(axes, facts)),
         ("Bytes by cause", lambda axes: _causes(axes, figures)),
@@ -133,11 +137,8 @@ def _utilisation(axes: "Axes", facts: Facts) -> bool:
 
 def _metric(axes: "Axes", facts: Facts, name: str) -> bool:
     rows: dict[str, list[Point]] = {}
-    for utc_ns, frame in facts.frames:
-        number = getattr(frame, name)
-        if frame.direction != SENT and number is not None and frame.source:
-            label = f"{frame.source} to {frame.node}"
-            rows.setdefault(label, []).append((_since(facts, utc_ns), number))
+    for utc_ns, (source, node), number in numbers_of(facts, name):
+        rows.setdefault(f"{source} to {node}", []).append((_since(facts, utc_ns), number))
     return _scatter(axes, rows)
 
 
@@ -153,6 +154,8 @@ def _loss(axes: "Axes", facts: Facts) -> bool:
         hearers = recorded if frame.direction == SENT else [frame.node]
         for node in hearers:
             if node == frame.source or frame.destination not in (node, 255):
+                continue
+            if not facts.is_recorded(node, utc_ns):
                 continue
             counts = sent if frame.direction == SENT else heard
             row = counts.setdefault((frame.source, node), [0] * (_BINS // 2))

@@ -1,12 +1,25 @@
 """The figures of a recording as tables: for a terminal, and for a page."""
 
 from datetime import UTC, datetime
+from typing import Final
 
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.tools.columns import align
-from zacoustic.tools.recordings.figures import Figures, Spread
+from zacoustic.tools.recordings.figures import Figures
+from zacoustic.tools.recordings.linkfigures import METRICS
+from zacoustic.tools.recordings.spread import Spread
+
+_QUALITIES: Final = {
+    "snr_db": ("SNR", ", dB", 1),
+    "received_level_db": ("level", ", dB", 1),
+    "integrity": ("integrity", "", 0),
+    "propagation_s": ("delay", ", s", 3),
+    "range_m": ("range", ", m", 1),
+    "range_rate_m_s": ("range rate", ", m/s", 2),
+}
+"""Of what modems measure: a word for it, its unit, and how many digits it deserves."""
 
 
 class Sheet(msgspec.Struct, frozen=True):
@@ -103,25 +116,30 @@ def _nodes(figures: Figures) -> Sheet:
 
 
 def _links(figures: Figures) -> Sheet:
-    rows: list[tuple[str, ...]] = []
-    for each in figures.links:
-        snr, delay = each.snr_db, each.propagation_s
-        rows.append(
-            (
-                f"{each.source} to {each.node}",
-                "" if each.sent is None else str(each.sent),
-                str(each.heard),
-                "" if each.loss is None else f"{each.loss:.1%}",
-                "" if snr is None else f"{snr.p50:.1f}",
-                "" if snr is None else f"{snr.least:.1f}",
-                "" if delay is None else f"{delay.p50:.3f}",
-                "" if delay is None else f"{delay.least:.3f}–{delay.greatest:.3f}",
-            )
+    known = [name for name in METRICS if any(getattr(link, name) for link in figures.links)]
+    rows = [
+        (
+            f"{each.source} to {each.node}",
+            "" if each.sent is None else str(each.sent),
+            str(each.heard),
+            "" if each.loss is None else f"{each.loss:.1%}",
+            *(text for name in known for text in _quality(name, getattr(each, name))),
         )
-    header = (
-        "link", "sent", "heard", "lost", "SNR 50 %, dB", "least, dB", "delay 50 %, s", "range, s",
-    )  # fmt: skip
-    return Sheet("Links: frames and quality", header, rows)
+        for each in figures.links
+    ]
+    titles = [_QUALITIES[name] for name in known]
+    named = (title for what, unit, _ in titles for title in (f"{what} 50 %{unit}", "from, to"))
+    return Sheet("Links: frames and quality", ("link", "sent", "heard", "lost", *named), rows)
+
+
+def _quality(name: str, spread: Spread | None) -> tuple[str, str]:
+    if spread is None:
+        return "", ""
+    digits = _QUALITIES[name][2]
+    return (
+        f"{spread.p50:.{digits}f}",
+        f"{spread.least:.{digits}f} … {spread.greatest:.{digits}f}",
+    )
 
 
 def _seconds(spread: Spread | None) -> tuple[str, str, str]:

@@ -1,7 +1,8 @@
 """Text for people of what would have been."""
 
 from zacoustic.tools.columns import align
-from zacoustic.tools.recordings.figures import Figures, Spread, StreamFigures
+from zacoustic.tools.recordings.figures import Figures, StreamFigures
+from zacoustic.tools.recordings.spread import Spread
 from zacoustic.tools.recordings.whatif import WhatIf
 
 _HEADER = (

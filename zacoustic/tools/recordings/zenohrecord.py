@@ -7,6 +7,7 @@ subscribe to them, so no gateway has to be restarted to be recorded.
 """
 
 import asyncio
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -23,7 +24,7 @@ from zacoustic.errors import PayloadInvalidError
 from zacoustic.gateway.translation import from_island
 from zacoustic.island.marker import read_marker
 from zacoustic.island.orders import PREFIX
-from zacoustic.island.session import Island
+from zacoustic.island.session import WORDS, Island
 from zacoustic.node.session import session_config
 from zacoustic.recording.channels import (
     JSON,
@@ -48,6 +49,8 @@ from zacoustic.ros.streams import RosTopic
 
 _ASK_S = 2.0
 
+_logger = logging.getLogger(__name__)
+
 
 class RecordedKeys(msgspec.Struct, kw_only=True):
     """What a recording has got."""
@@ -60,6 +63,8 @@ class RecordedKeys(msgspec.Struct, kw_only=True):
     """Messages that the disk was too slow for."""
     failure: str = ""
     """What has ended the recording early; empty: nothing."""
+    gaps: int = 0
+    """How often the router was gone for a while."""
 
 
 class IslandRecorder:
@@ -85,6 +90,10 @@ class IslandRecorder:
         self._samples = samples_channel()
         self.counts: dict[str, int] = {}
         """How many samples, by key."""
+        self.gaps = 0
+        """How often the router was gone."""
+        self._is_up = True
+        self._has_ended = False
         if config is not None:
             table = encode_table(Table.of(config.table))
             file.put(table_channel(), time.time_ns(), table)
@@ -127,6 +136,20 @@ class IslandRecorder:
             self.counts[key] = self.counts.get(key, 0) + 1
             self._file.put(self._document(key), time.time_ns(), sample.payload.to_bytes())
         self._tell(key)
+
+    def note_connection(self, is_up: bool) -> None:
+        """Say when the router is gone, and when it is back; on a thread of Zenoh's."""
+        with self._guard:
+            if self._has_ended or is_up == self._is_up:
+                return
+            self._is_up = is_up
+            self.gaps += not is_up
+        _logger.warning("%s", WORDS[is_up])
+
+    def end(self) -> None:
+        """The session is about to be closed: that is no gap."""
+        with self._guard:
+            self._has_ended = True
 
     def _tell(self, key: str) -> None:
         if self._heard is not None:
@@ -205,14 +228,16 @@ async def record_network(
     """
     file = await asyncio.to_thread(RecordingFile, path)
     try:
+        recorder = IslandRecorder(file, config, heard)
         island = await Island.open(session_config(config, connect))
         try:
-            recorder = IslandRecorder(file, config, heard)
+            island.watch(recorder.note_connection)
             wanted: dict[str, Stream | None] = {**dict.fromkeys(keys), **recorder.topics()}
             await island.worker.run(partial(_declare, island, recorder, wanted))
             ready(file.path, [*wanted, f"{PREFIX}/**"])
             await stop.wait()
         finally:
+            recorder.end()
             await island.close()
     finally:
         await asyncio.to_thread(file.close)
@@ -221,6 +246,7 @@ async def record_network(
         messages=dict(sorted(recorder.counts.items())),
         dropped=file.dropped,
         failure=file.failure,
+        gaps=recorder.gaps,
     )
 
 

@@ -33,7 +33,7 @@ def read_mcap(path: str) -> Iterator[Line]:
     """
     best: dict[str, tuple[int, int]] = {}
     first_ns: int | None = None
-    for message in RecordingReader(path):
+    for message in RecordingReader(path, tells=False):
         place = _place(message)
         if place is not None:
             best[place.key] = min(best.get(place.key, place.rank), place.rank)

@@ -122,9 +122,10 @@ class _Reading:
         found = self._found
         if not found.missions:
             kind = "dense topic" if self._only_dense else "typed topic"
-            names = ", ".join(list(self._left_out)[:_SHOWN_NAMES]) or "nothing"
+            names = ", ".join(list(self._left_out)[:_SHOWN_NAMES])
+            but = f", but of {names}" if names else ", nor of anything else"
             raise ConfigError(
-                f"{files}: no samples of any {kind} of the configuration, but of {names}",
+                f"{files}: no samples of any {kind} of the configuration{but}",
                 hint="`s` is the name of a topic, its last part or its id",
             )
         for name, count in sorted(self._left_out.items())[:_SHOWN_NAMES]:

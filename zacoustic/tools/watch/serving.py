@@ -3,11 +3,10 @@
 import asyncio
 import socket
 
-from nicegui import app, ui
-
 from zacoustic.serving import cannot_listen
 from zacoustic.tools.watch.lookout import Lookout
 from zacoustic.tools.watch.page import Page
+from zacoustic.tools.webpage import serve_page
 
 
 def serve(lookout: Lookout, host: str, port: int) -> None:
@@ -31,10 +30,7 @@ def serve(lookout: Lookout, host: str, port: int) -> None:
     def root() -> None:
         Page(lookout)
 
-    app.on_startup(start)
-    app.on_shutdown(stop)
-    ui.run(root, host=host, port=port, title="zacoustic", reload=False, show=False,
-           show_welcome_message=False)  # fmt: skip
+    serve_page(root, host=host, port=port, start=start, stop=stop, title="zacoustic")
 
 
 def free_place(host: str, port: int) -> int:

@@ -6,13 +6,14 @@ from typing import Final, Self
 
 from rich import box
 from rich.columns import Columns
-from rich.console import Console, Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.live import Live
+from rich.measure import Measurement
 from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
-from zacoustic.tools.watch.views import GatewayView, PeerView
+from zacoustic.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.tools.watch.words import (
     LOSING,
     LOST_OUTCOMES,
@@ -41,6 +42,10 @@ EVENTS_SHOWN: Final = 6
 FRAMES_SHOWN: Final = 5
 """The newest so many frames of each gateway."""
 _BAR_CELLS: Final = 18
+_WIDEST: Final = 1000
+# What a narrow terminal does not show of streams, by place: the rates, then the airtime as well,
+# then when something was sent and heard last.
+_LACKING: Final = tuple(map(frozenset, ((), (2, 5), (2, 5, 8), (1, 2, 4, 5, 8))))
 _GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
 
 
@@ -133,30 +138,51 @@ def _table(*left: str, right: Sequence[str] = ()) -> Table:
     return table
 
 
+class _Fitting:
+    """The first of several pictures that is not wider than there is room; else the last one."""
+
+    def __init__(self, *pictures: RenderableType) -> None:
+        self._pictures = pictures
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        room = options.update(max_width=_WIDEST)
+        yield next(
+            (
+                each
+                for each in self._pictures
+                if Measurement.get(console, room, each).maximum <= options.max_width
+            ),
+            self._pictures[-1],
+        )
+
+
 def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
+    shown = [each for each in view.streams if is_complete or not is_quiet(each)]
+    quiet = len(view.streams) - len(shown)
+    table = _Fitting(*(_stream_table(shown, lacking) for lacking in _LACKING))
+    if not quiet:
+        return table
+    names = Text(f"quiet: {quiet} stream{'s' if quiet > 1 else ''}", style=_DIM)
+    return Group(table, names) if shown else names
+
+
+def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Table:
+    """Draw streams, without some of the columns on the right."""
     right = ("sent", "ago", "rate", "heard", "ago", "rate", "age", "waits", "airtime")
-    table = _table("id", "stream", right=right)
+    kept = [index for index in range(len(right)) if index not in lacking]
+    table = _table("id", "stream", right=[right[index] for index in kept])
     table.add_column("")
-    quiet = 0
-    for stream in view.streams:
-        if is_quiet(stream) and not is_complete:
-            quiet += 1
-            continue
-        waits = Text(str(stream.waiting) if stream.waiting else "", style=_WEAK)
-        table.add_row(
-            str(stream.id),
-            stream.name,
+    for stream in streams:
+        cells = (
             *_crossed(stream.sent, stream.sent_ago_s, stream.sent_rate_hz),
             *_crossed(stream.heard, stream.heard_ago_s, stream.heard_rate_hz),
             "" if stream.age_s is None else time_words(stream.age_s),
-            waits,
+            Text(str(stream.waiting) if stream.waiting else "", style=_WEAK),
             share_words(stream.airtime_share) if stream.airtime_bytes else "",
-            Text(stream_words(stream), style=_BAD),
         )
-    if not quiet:
-        return table
-    names = f"quiet: {quiet} stream{'s' if quiet > 1 else ''}"
-    return Group(table, Text(names, style=_DIM)) if table.row_count else Text(names, style=_DIM)
+        words = Text(stream_words(stream), style=_BAD)
+        table.add_row(str(stream.id), stream.name, *(cells[index] for index in kept), words)
+    return table
 
 
 def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[str, str, str]:

@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from zacoustic.errors import ConfigError
 from zacoustic.recording.recorder import EngineRecorder
 from zacoustic.recording.writing import MessageSink, RecordingFile
 from zacoustic.testing.virtual import VirtualNetwork
@@ -41,7 +42,11 @@ def recorded_to(path: Path | None) -> Iterator[SimulationRecorder | None]:
     file = RecordingFile(path, waits=True)
     try:
         recorder = SimulationRecorder(file)
-        yield recorder
+        try:
+            yield recorder
+        except ConfigError:  # nothing has run, and nothing is to be read of it
+            file.path.unlink(missing_ok=True)
+            raise
         recorder.finish()
     finally:
         file.close()

@@ -1,0 +1,60 @@
+"""The frames in a log of what went over the port of a modem, both ways, whoever has kept it.
+
+A terminal program that logs, `socat -r -R`, or TCP's stream saved by a network analyser: bytes as
+they were on the port, perhaps with times and prompts in between. So the log is not read from its
+beginning to its end as the driver would: a record is found by its word, its length says how far its
+payload goes, and all else is passed over. What a payload may hold is not searched again.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Final
+
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic.link import LoggedFrame
+from zacoustic_evologics.at.command_decoder import decode_payload_command
+from zacoustic_evologics.at.framing import BODY_LIMIT_BYTES, CRLF, Gap
+from zacoustic_evologics.at.layouts import PAYLOAD_TOKENS, decode_payload_record
+from zacoustic_evologics.at.notifications import Recv, RecvIm, RecvIms, RecvPbm
+
+_WORD: Final = re.compile(rb"AT\*SEND(?:IMS|IM|PBM)?,|(RECV(?:IMS|IM|PBM)?),")
+_RECORD_BYTES: Final = BODY_LIMIT_BYTES + len(CRLF)
+
+
+def read_port_log(log: bytes) -> Iterator[LoggedFrame]:
+    """Find the frames.
+
+    Args:
+        log: The whole of it.
+    """
+    found = list(_records(log))
+    # Who keeps a log does not say who he is; whom others send to by name does.
+    own = next((to for is_sent, _, to, _ in found if not is_sent and to != BROADCAST), 0)
+    for is_sent, source, destination, payload in found:
+        yield LoggedFrame(
+            frame_bytes=payload,
+            source=own if is_sent else source,
+            destination=destination,
+            is_sent=is_sent,
+        )
+
+
+def _records(log: bytes) -> Iterator[tuple[bool, int, int, bytes]]:
+    """Give of each record whether it was sent, from whom to whom, and its payload."""
+    at = 0
+    while (word := _WORD.search(log, at)) is not None:
+        at = word.end()
+        piece = log[word.start() : word.start() + _RECORD_BYTES]
+        if word[1] is None:
+            sent = decode_payload_command(piece)
+            if sent is not None:
+                command, taken = sent
+                yield True, 0, command.destination, command.payload
+                at = word.start() + taken
+            continue
+        read = decode_payload_record(piece, PAYLOAD_TOKENS[word[1].decode()])
+        if not isinstance(read, Gap):
+            record, taken = read
+            at = word.start() + taken
+            if isinstance(record, Recv | RecvIm | RecvIms | RecvPbm):
+                yield False, record.source, record.destination, record.payload

@@ -1,0 +1,128 @@
+"""Arguments that several verbs share, and how results are printed: each said in one place."""
+
+import argparse
+import json
+import math
+from collections.abc import Callable
+from typing import Any, Final, TypeVar
+
+from zacoustic.errors import ConfigError
+
+T = TypeVar("T")
+
+DEFAULT_WINDOW_S: Final = 10.0
+"""Time whose samples usually share a frame, s."""
+
+ONE_OBJECT: Final = "one JSON object"
+OBJECT_PER_LINE: Final = "one JSON object per line"
+
+_Adds = argparse.ArgumentParser | argparse._ArgumentGroup | argparse._MutuallyExclusiveGroup
+
+
+def add_node_file(parser: argparse.ArgumentParser) -> None:
+    """Declare FILE of a node, and what may be another way than it says."""
+    parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
+    parser.add_argument(
+        "--address", type=int, metavar="N", help="address of this node, instead of the file's"
+    )
+    parser.add_argument(
+        "--link", metavar="LOCATOR", help="the modem, instead of the file's: NAME/ADDRESS"
+    )
+
+
+def add_connect(parser: _Adds) -> None:
+    """Declare where Zenoh is joined."""
+    parser.add_argument(
+        "--connect", action="append", metavar="ENDPOINT", help="Zenoh endpoint, tcp/HOST:PORT"
+    )
+
+
+def add_island(parser: argparse.ArgumentParser) -> None:
+    """Declare where Zenoh is joined, for a verb that needs no streams of a file."""
+    add_connect(parser)
+    parser.add_argument("--config", metavar="FILE", help="file that tells where the router is")
+
+
+def add_load(parser: argparse.ArgumentParser, *, recording: str, profile: str) -> None:
+    """Declare how often things are said, and on which modem.
+
+    Args:
+        parser: Takes them.
+        recording: What a recording is taken for.
+        profile: What the modem is taken for.
+    """
+    parser.add_argument(
+        "--recording", action="append", default=[], metavar="RECORDING",
+        help=f"{recording}; may be given again",
+    )  # fmt: skip
+    add_profile(parser, profile)
+
+
+def add_profile(parser: argparse.ArgumentParser, what: str) -> None:
+    """Declare a modem profile."""
+    parser.add_argument(
+        "--profile", metavar="NAME", help=f"modem{what} (default: the EvoLogics 18/34)"
+    )
+
+
+def add_telemetry(parser: argparse.ArgumentParser, *, config: str, window: str) -> None:
+    """Declare recordings of telemetry, the streams, and how long samples share a frame.
+
+    Args:
+        parser: Takes them.
+        config: What is in the file.
+        window: What the time is.
+    """
+    parser.add_argument(
+        "recordings", metavar="RECORDING", nargs="+",
+        help='MCAP, or JSON lines, also compressed: {"t": seconds, "s": topic, "v": value}',
+    )  # fmt: skip
+    parser.add_argument("--config", metavar="FILE", required=True, help=f"file with {config}")
+    parser.add_argument(
+        "--window", type=float, default=DEFAULT_WINDOW_S, metavar="S",
+        help=f"{window}, s (default: %(default)g)",
+    )  # fmt: skip
+
+
+def window_of(arguments: argparse.Namespace) -> float:
+    """Return the time whose samples share a frame, s.
+
+    Raises:
+        ConfigError: It is none.
+    """
+    window_s: float = arguments.window
+    if not 0 < window_s < math.inf:
+        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+    return window_s
+
+
+def add_json(parser: argparse.ArgumentParser, what: str = ONE_OBJECT) -> None:
+    """Declare that results are printed as JSON."""
+    parser.add_argument("--json", action="store_true", help=what)
+
+
+def check_positive(arguments: argparse.Namespace, *names: str) -> None:
+    """Refuse numbers that are not above 0.
+
+    Raises:
+        ConfigError: Names the argument and its value.
+    """
+    for name in names:
+        value = getattr(arguments, name)
+        if value is not None and not 0 < value < math.inf:
+            raise ConfigError(f"--{name} {value}; allowed: above 0")
+
+
+def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
+    """Print what a verb has found, for people or as one JSON object."""
+    if not as_json:
+        print(text(result))
+        return
+    import msgspec
+
+    print(json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False))
+
+
+def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
+    """Print one result at once: whoever reads a pipe wants each line when it happens."""
+    print(json.dumps(record, ensure_ascii=False) if as_json else text, flush=True)

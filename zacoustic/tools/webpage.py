@@ -1,0 +1,110 @@
+"""A web page of ours, served until it is interrupted. Needs nicegui, the extra `console`.
+
+NiceGUI and uvicorn serve it. Three things are otherwise here than there, since a console and a
+screen on the bridge run for days, and what they say on standard error is read:
+
+- A browser that leaves before its answer has begun is nobody's error. Starlette makes one of it
+  where a middleware waits for the answer, and so does Engine.IO, both with a traceback.
+- Whoever speaks no HTTP to the port, such as a Zenoh node that looks for its router, is not worth a
+  warning.
+- The first interrupt ends everything in order; those that follow while it does, and after it, are
+  nothing. Uvicorn would raise the signal once more when all is over, and not wait at a second one.
+"""
+
+import signal
+from collections.abc import Awaitable, Callable, MutableMapping
+from types import FrameType
+from typing import Any, Final
+
+from nicegui import app, ui
+
+_Message = MutableMapping[str, Any]
+_Receive = Callable[[], Awaitable[_Message]]
+_Send = Callable[[_Message], Awaitable[None]]
+_Application = Callable[[_Message, _Receive, _Send], Awaitable[None]]
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+def serve_page(
+    root: Callable[[], None],
+    *,
+    host: str,
+    port: int,
+    start: Callable[[], Awaitable[None]],
+    stop: Callable[[], Awaitable[None]],
+    **look: Any,  # noqa: ANN401 (of NiceGUI)
+) -> None:
+    """Serve a page until SIGINT or SIGTERM.
+
+    Args:
+        root: Builds the page, for each browser that comes.
+        host: Where it listens.
+        port: Where it listens.
+        start: Is awaited on the loop before anybody is served.
+        stop: Is awaited on the loop when nobody is any more.
+        look: What else `ui.run` takes.
+    """
+
+    async def begin() -> None:
+        for number in _SIGNALS:
+            signal.signal(number, _interrupted)
+        stack = app.middleware_stack
+        assert stack is not None
+        app.middleware_stack = Visitors(stack)
+        await start()
+
+    app.on_startup(begin)
+    app.on_shutdown(stop)
+    ui.run(
+        root,
+        host=host,
+        port=port,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        uvicorn_logging_level="error",
+        **look,
+    )
+    for number in _SIGNALS:  # nothing is left that could be interrupted
+        signal.signal(number, signal.SIG_IGN)
+
+
+class Visitors:
+    """Around an application of ASGI: those who leave before they are answered are let go.
+
+    Args:
+        application: Answers.
+    """
+
+    def __init__(self, application: _Application) -> None:
+        self._application = application
+
+    async def __call__(self, scope: _Message, receive: _Receive, send: _Send) -> None:
+        """Answer one request.
+
+        What goes wrong in the answer shows itself with those who stay for it.
+        """
+        has_left = has_begun = False
+
+        async def hear() -> _Message:
+            nonlocal has_left
+            message = await receive()
+            has_left = has_left or message["type"] == "http.disconnect"
+            return message
+
+        async def say(message: _Message) -> None:
+            nonlocal has_begun
+            has_begun = True
+            await send(message)
+
+        try:
+            await self._application(scope, hear, say)
+        except Exception:
+            if has_begun or not has_left:
+                raise
+
+
+def _interrupted(number: int, _: FrameType | None) -> None:
+    """End everything, in order; at most some seconds."""
+    app.shutdown()
