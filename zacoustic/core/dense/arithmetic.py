@@ -19,8 +19,12 @@ that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a 
 `ways` values and as many as there happen to be, mod a hash of both ends' knowledge.
 
 The first byte's two highest bits are the marker of a dense frame, and no part of the number.
+
+Flags, picks and numbers are what every message is made of, and a call costs as much as all that
+`narrow` does: so these do it themselves.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
@@ -48,6 +52,9 @@ _WIDTH_BITS: Final = 48
 _ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
+
+_IN_A_GAP: Final = "a string in the gap between the symbols"
+_ENDS_INSIDE: Final = "the string ends inside a value"
 
 
 class Writer:
@@ -84,11 +91,15 @@ class Writer:
 
     def flag(self, probability: int, value: bool) -> bool:
         """Write a flag that is set with `probability`, 1…2**16-1."""
-        split = probability << _FLAG_SHIFT
-        if value:
-            self.narrow(0, split)
-        else:
-            self.narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width = unit * (probability << _FLAG_SHIFT)
+        if not value:
+            self._low += width
+            width = (unit << TOTAL_BITS) - width
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low <<= lift
+        self._width = width << lift
+        self._shift += lift
         return value
 
     def uniform(self, size: int, value: int) -> int:
@@ -125,7 +136,12 @@ class Writer:
     def pick(self, ends: Sequence[int], index: int) -> int:
         """Write the position in a list of fixed shares, given by its `ends_of`."""
         start = ends[index]
-        self.narrow(start, ends[index + 1] - start)
+        unit = self._width >> TOTAL_BITS
+        width = unit * (ends[index + 1] - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low = (self._low + unit * start) << lift
+        self._width = width << lift
+        self._shift += lift
         return index
 
     def number(self, curve: Curve, value: int) -> int:
@@ -147,27 +163,24 @@ class Writer:
         """Return the shortest string.
 
         Args:
-            ways: Least number of strings to choose from, ≥ 1; each doubling costs a bit.
+            ways: Least number of strings to choose from, 1…2**32; each doubling costs a bit.
             check: Chooses among as many as there are.
         """
-        size = (self.bits + MARKER_BITS + 7) // 8 or 1
-        least = shortest_bytes(self.bits)
-        while size > least and self._candidates(size - 1)[1] >= ways:
+        bits = self._shift - _WIDTH_BITS
+        size, least = (bits + MARKER_BITS + 7) // 8, shortest_bytes(bits)
+        # Codes of that size are multiples of this many bits: those up to the interval's last number
+        # less those before its first one lie in it.
+        unit_bits = self._shift - 8 * size + MARKER_BITS
+        before = self._low - 1
+        last = before + self._width
+        while size > least and (last >> unit_bits + 8) - (before >> unit_bits + 8) >= ways:
             size -= 1
-        while True:
-            first, count = self._candidates(size)
-            if count >= ways:
-                code = first + check % count
-                return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
+            unit_bits += 8
+        while (count := (last >> unit_bits) - (before >> unit_bits)) < ways:
             size += 1
-
-    def _candidates(self, size: int) -> tuple[int, int]:
-        """The first code of `size` bytes within the interval, and how many there are."""
-        unit_bits = self._shift - (8 * size - MARKER_BITS)
-        if unit_bits <= 0:
-            return self._low << -unit_bits, self._width << -unit_bits
-        first = -(-self._low >> unit_bits)
-        return first, -(-(self._low + self._width) >> unit_bits) - first
+            unit_bits -= 8
+        code = (before >> unit_bits) + 1 + check % count
+        return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
 
 
 def ends_of(*shares: int) -> tuple[int, ...]:
@@ -212,12 +225,20 @@ class Reader:
 
     def flag(self, probability: int, value: bool = False) -> bool:
         """Read a flag that is set with `probability`."""
-        split = probability << _FLAG_SHIFT
-        is_set = self._value < (self._width >> TOTAL_BITS) * split
-        if is_set:
-            self._narrow(0, split)
-        else:
-            self._narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width, rest = unit * (probability << _FLAG_SHIFT), self._value
+        is_set = rest < width
+        if not is_set:
+            rest -= width
+            width = (unit << TOTAL_BITS) - width
+            if rest >= width:
+                raise PayloadError(_IN_A_GAP)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = width << lift
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
         return is_set
 
     def uniform(self, size: int, value: int = 0) -> int:
@@ -244,7 +265,7 @@ class Reader:
         """Read a number of `width` bits."""
         value = 0
         while width:
-            chunk = min(width, _CHUNK_BITS)
+            chunk = width if width < _CHUNK_BITS else _CHUNK_BITS
             share = TOTAL_BITS - chunk
             part = self._place() >> share
             self._narrow(part << share, 1 << share)
@@ -267,11 +288,19 @@ class Reader:
 
     def pick(self, ends: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of fixed shares."""
-        place, index = self._place(), 0
-        while place >= ends[index + 1]:
-            index += 1
+        unit = self._width >> TOTAL_BITS
+        place = self._value // unit
+        if place >= TOTAL:
+            raise PayloadError(_IN_A_GAP)
+        index = bisect_right(ends, place) - 1
         start = ends[index]
-        self._narrow(start, ends[index + 1] - start)
+        width = unit * (ends[index + 1] - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = width << lift
+        self._value = (self._value - unit * start) << lift | self._code >> left & (1 << lift) - 1
         return index
 
     def number(self, curve: Curve, value: int = 0) -> int:
@@ -323,7 +352,7 @@ class Reader:
     def _place(self) -> int:
         place = self._value // (self._width >> TOTAL_BITS)
         if place >= TOTAL:
-            raise PayloadError("a string in the gap between the symbols")
+            raise PayloadError(_IN_A_GAP)
         return place
 
     def _narrow(self, start: int, share: int) -> None:
@@ -331,11 +360,11 @@ class Reader:
         width = unit * share
         value = self._value - unit * start
         if value >= width:
-            raise PayloadError("a string in the gap between the symbols")
+            raise PayloadError(_IN_A_GAP)
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift
         if left < 0:
-            raise PayloadError("the string ends inside a value")
+            raise PayloadError(_ENDS_INSIDE)
         self._width = width << lift
         self._value = value << lift | self._code >> left & (1 << lift) - 1
 

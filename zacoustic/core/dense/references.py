@@ -22,11 +22,10 @@ at which it was sent.
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import takewhile
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
-from zacoustic.core.dense.snapshot import Snapshot
+from zacoustic.core.dense.snapshot import SHORT_NAMES, Snapshot
 
 KEPT: Final = 32
 """How many frames each end remembers."""
@@ -36,6 +35,7 @@ LATEST: Final = 2
 
 _OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
 _MARKED: Final = 8  # as many of the last frames have marks of their own
+_LONG_NAMES: Final = SHORT_NAMES  # long names are counted from here on
 
 
 class _Sent:
@@ -45,13 +45,18 @@ class _Sent:
         first: When it was sent first, counted in frames.
         last: When it was sent last.
         holders: Who is known to hold it.
+        has_short: Whether its short name means no other frame.
+        has_long: Whether its long name does not.
     """
+
+    __slots__ = ("first", "has_long", "has_short", "holders", "last", "reference", "snapshot")
 
     def __init__(self, encoded: Encoded, count: int) -> None:
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
         self.first = self.last = count
         self.holders: set[int] = set()
+        self.has_short = self.has_long = True
 
 
 class Speaker:
@@ -67,8 +72,11 @@ class Speaker:
         self._sent: list[_Sent] = []  # by when they were sent last
         self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
-        self._late: deque[Encoded] = deque(maxlen=LATEST)
         self._marks: list[int] = []  # of `_sent`
+        # Of the frames of a name, the one that was sent last.
+        self._by_short: dict[int, _Sent] = {}
+        self._by_long: dict[int, _Sent] = {}
+        self._late: deque[int] = deque(maxlen=LATEST)  # what the last frames call their references
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -96,22 +104,23 @@ class Speaker:
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
         self._count += 1
-        self._late.append(encoded)
-        again = self._by_digest.get(encoded.snapshot.digest)
-        if again is not None:
-            again.last = self._count
-            place = self._sent.index(again)
-            self._sent.append(self._sent.pop(place))
-            self._marks.append(self._marks.pop(place))
-            return
-        sent = self._by_digest[encoded.snapshot.digest] = _Sent(encoded, self._count)
+        self._late.append(_said(encoded))
+        snapshot = encoded.snapshot
+        sent = self._by_digest.get(snapshot.digest)
+        if sent is None:
+            sent = self._by_digest[snapshot.digest] = _Sent(encoded, self._count)
+        else:
+            sent.last = self._count
+            place = self._sent.index(sent)
+            del self._sent[place], self._marks[place]
         self._sent.append(sent)
-        self._marks.append(encoded.snapshot.mark)
+        self._marks.append(snapshot.mark)
         if len(self._sent) > KEPT:
             oldest = self._sent.pop(0)
             del self._marks[0]
             del self._by_digest[oldest.snapshot.digest]
             self._forgotten = oldest.last
+        self._take_names(sent)
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -131,9 +140,9 @@ class Speaker:
         earliest = max(newest - _OVERLAP, 0)
         if self._marks[earliest:].count(mark) != 1:
             return False
-        meant = self._sent[self._marks.index(mark, earliest)]
-        held: Snapshot | None = meant.snapshot
-        for each in reversed(self._sent):
+        place = self._marks.index(mark, earliest)
+        held: Snapshot | None = self._sent[place].snapshot
+        for each in self._sent[place::-1]:
             if each.snapshot is held:
                 if listener in each.holders:
                     break
@@ -157,42 +166,42 @@ class Speaker:
                 is_same = each.snapshot.digest == snapshot.digest
                 if each.snapshot.mark == snapshot.mark and not is_same:
                     return True
-        for late in (*self._late, new):
-            meant = late.reference
-            if meant is None:
-                continue
-            if late.long_name:
-                if meant.long_name == snapshot.long_name:
-                    return True
-            elif meant.short_name == snapshot.short_name:
-                return True
-        return False
+        said = (*self._late, _said(new))
+        return snapshot.short_name in said or _LONG_NAMES + snapshot.long_name in said
+
+    def _take_names(self, sent: _Sent) -> None:
+        """Take a frame's names from the other frames that have them.
+
+        They may have to stay with nobody: a frame that was sent a little before may come behind.
+        """
+        snapshot = sent.snapshot
+        other = self._by_short.get(snapshot.short_name, sent)
+        if other is not sent:
+            other.has_short = False
+            sent.has_short &= other.last < sent.first - LATEST
+        self._by_short[snapshot.short_name] = sent
+        other = self._by_long.get(snapshot.long_name, sent)
+        if other is not sent:
+            other.has_long = False
+            sent.has_long &= other.last < sent.first - LATEST
+        self._by_long[snapshot.long_name] = sent
 
     def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name.
 
         More than one way only for who must not take the first; the last is to refer to none.
         """
-        for record in reversed(self._sent):
-            # Only what came after a frame can push it out at a receiver, or be taken for it.
-            earliest = record.first - LATEST
-            if not listeners <= record.holders or earliest <= self._forgotten:
+        for each in reversed(self._sent):
+            # Only what came after a frame can push it out at a receiver.
+            if each.first - LATEST <= self._forgotten or not listeners <= each.holders:
                 continue
-            meant = record.snapshot
-            others = [each.snapshot for each in self._since(earliest) if each is not record]
-            is_short = meant.short_name not in [other.short_name for other in others]
-            if is_short:
-                yield meant, False
-            is_long = meant.long_name not in [other.long_name for other in others]
-            if is_long:
-                yield meant, True
-            if is_short or is_long:
+            if each.has_short:
+                yield each.snapshot, False
+            if each.has_long:
+                yield each.snapshot, True
+            if each.has_short or each.has_long:
                 break
         yield None, False
-
-    def _since(self, count: int) -> Iterator[_Sent]:
-        """The frames that were sent then or later, the newest first."""
-        return takewhile(lambda each: each.last >= count, reversed(self._sent))
 
 
 class Listener:
@@ -205,11 +214,8 @@ class Listener:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
-
-    @property
-    def mark(self) -> int | None:
+        self.mark: int | None = None
         """What to acknowledge: the mark of the newest frame; None: none was read."""
-        return next(reversed(self._held.values())).mark if self._held else None
 
     def decode(self, frame: bytes) -> Decoded:
         """Read a frame off the water.
@@ -217,14 +223,25 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        decoded = self._codec.decode(frame, self._held.values())
-        digest = decoded.snapshot.digest
-        self._held.pop(digest, None)
-        self._held[digest] = decoded.snapshot
-        if len(self._held) > KEPT:
-            del self._held[next(iter(self._held))]
+        held = self._held
+        decoded = self._codec.decode(frame, held.values())
+        snapshot = decoded.snapshot
+        held.pop(snapshot.digest, None)
+        held[snapshot.digest] = snapshot
+        if len(held) > KEPT:
+            del held[next(iter(held))]
+        self.mark = snapshot.mark
         return decoded
 
     def forget(self) -> None:
         """Take note that the source has restarted."""
         self._held.clear()
+        self.mark = None
+
+
+def _said(encoded: Encoded) -> int:
+    """What a frame calls its reference: a short name, or a long one behind all short ones."""
+    reference = encoded.reference
+    if reference is None:
+        return -1
+    return _LONG_NAMES + reference.long_name if encoded.long_name else reference.short_name
