@@ -49,6 +49,7 @@ MARKER_BITS: Final = 2
 _SPARED_BITS: Final = 64
 
 _WIDTH_BITS: Final = 48
+_LEAST_WIDTH: Final = 1 << _WIDTH_BITS - 1
 _ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
@@ -96,10 +97,12 @@ class Writer:
         if not value:
             self._low += width
             width = (unit << TOTAL_BITS) - width
-        lift = _WIDTH_BITS - width.bit_length()
-        self._low <<= lift
-        self._width = width << lift
-        self._shift += lift
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return value
 
     def uniform(self, size: int, value: int) -> int:
@@ -118,12 +121,14 @@ class Writer:
 
     def raw(self, width: int, value: int) -> int:
         """Write a number of `width` bits."""
-        while width > _CHUNK_BITS:
-            width -= _CHUNK_BITS
-            self.narrow((value >> width & 0xFFFF) << _FLAG_SHIFT, 1 << _FLAG_SHIFT)
-        if width:
-            share = TOTAL_BITS - width
-            self.narrow((value & (1 << width) - 1) << share, 1 << share)
+        while width:
+            chunk = width if width < _CHUNK_BITS else _CHUNK_BITS
+            width -= chunk
+            unit = self._width >> TOTAL_BITS << TOTAL_BITS - chunk
+            lift = _WIDTH_BITS - unit.bit_length()
+            self._low = (self._low + unit * (value >> width & (1 << chunk) - 1)) << lift
+            self._width = unit << lift
+            self._shift += lift
         return value
 
     def choice(self, shares: Sequence[int], index: int) -> int:
@@ -135,13 +140,15 @@ class Writer:
 
     def pick(self, ends: Sequence[int], index: int) -> int:
         """Write the position in a list of fixed shares, given by its `ends_of`."""
-        start = ends[index]
-        unit = self._width >> TOTAL_BITS
+        unit, start = self._width >> TOTAL_BITS, ends[index]
         width = unit * (ends[index + 1] - start)
-        lift = _WIDTH_BITS - width.bit_length()
-        self._low = (self._low + unit * start) << lift
-        self._width = width << lift
-        self._shift += lift
+        self._low += unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return index
 
     def number(self, curve: Curve, value: int) -> int:
@@ -204,14 +211,13 @@ class Reader:
     is_reader = True
 
     def __init__(self, string: bytes) -> None:
-        self._size = len(string)
-        bits = 8 * len(string) - MARKER_BITS
+        self._size = size = len(string)
+        bits = 8 * size - MARKER_BITS
         # With all the zeros that may be read, so that nobody needs to look where the string ends.
-        self._code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
-        self._bits = bits + _SPARED_BITS
-        self._left = self._bits
+        self._code = code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
+        self._bits = self._left = left = bits + _SPARED_BITS
         self._width = 1 << _WIDTH_BITS
-        self._value = self._code >> self._left
+        self._value = code >> left
 
     @property
     def bits(self) -> int:
@@ -233,12 +239,15 @@ class Reader:
             width = (unit << TOTAL_BITS) - width
             if rest >= width:
                 raise PayloadError(_IN_A_GAP)
-        lift = _WIDTH_BITS - width.bit_length()
-        self._left = left = self._left - lift
-        if left < 0:
-            raise PayloadError(_ENDS_INSIDE)
-        self._width = width << lift
-        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return is_set
 
     def uniform(self, size: int, value: int = 0) -> int:
@@ -266,9 +275,16 @@ class Reader:
         value = 0
         while width:
             chunk = width if width < _CHUNK_BITS else _CHUNK_BITS
-            share = TOTAL_BITS - chunk
-            part = self._place() >> share
-            self._narrow(part << share, 1 << share)
+            unit = self._width >> TOTAL_BITS << TOTAL_BITS - chunk
+            part, rest = divmod(self._value, unit)
+            if part >> chunk:
+                raise PayloadError(_IN_A_GAP)
+            lift = _WIDTH_BITS - unit.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            self._width = unit << lift
+            self._value = rest << lift | self._code >> left & (1 << lift) - 1
             value = value << chunk | part
             width -= chunk
         return value
@@ -295,12 +311,16 @@ class Reader:
         index = bisect_right(ends, place) - 1
         start = ends[index]
         width = unit * (ends[index + 1] - start)
-        lift = _WIDTH_BITS - width.bit_length()
-        self._left = left = self._left - lift
-        if left < 0:
-            raise PayloadError(_ENDS_INSIDE)
-        self._width = width << lift
-        self._value = (self._value - unit * start) << lift | self._code >> left & (1 << lift) - 1
+        rest = self._value - unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return index
 
     def number(self, curve: Curve, value: int = 0) -> int:

@@ -44,7 +44,6 @@ from zacoustic.core.dense.snapshot import (
     SHORT_NAMES,
     Known,
     Snapshot,
-    chained_digest,
 )
 from zacoustic.core.dense.streamcodec import Beside, StreamCodec
 from zacoustic.core.payload import PayloadError
@@ -58,7 +57,8 @@ _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: tr
 
 _FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
-Parts = tuple[Row, list[Any]]
+_Piece = tuple[int, int | None, tuple[Row, list[Any]]]
+"""A sample to be written: the place of its stream, when it was taken, and its parts."""
 
 
 class DenseSample(msgspec.Struct, frozen=True):
@@ -121,13 +121,11 @@ class DenseCodec:
             stream_id: StreamCodec(stream_id, types[stream_id], priors.get(str(stream_id)))
             for stream_id in sorted(types)
         }
-        self._ids = list(self.streams)
-        self._places = {stream_id: place for place, stream_id in enumerate(self._ids)}
-        root = chained_digest(digest, b"" if model is None else model.digest)
+        self._codecs = list(self.streams.values())
+        self._places = {stream_id: place for place, stream_id in enumerate(self.streams)}
         presence, habits = new_habits(model, self.streams)
-        self._root = Snapshot(
-            {stream_id: (None, None, habit) for stream_id, habit in habits.items()}, presence, root
-        )
+        agreed = digest + (b"" if model is None else model.digest)
+        self._root = Snapshot([(None, None, habit) for habit in habits], presence, agreed)
 
     def encode(
         self,
@@ -155,14 +153,15 @@ class DenseCodec:
             PayloadInvalidError: A value is not of its stream's type.
         """
         aim = _Aim(reference, long_name, is_mistaken)
-        parts: list[Parts] = []
+        pieces: list[_Piece] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
         count = min(high, _FIRST_TRY)
         while low < high:
-            for sample in samples[len(parts) : count]:
-                parts.append(self.streams[sample.stream_id].split(sample.value))
-            encoded = self._best(samples, parts, count, aim)
+            for sample in samples[len(pieces) : count]:
+                place = self._places[sample.stream_id]
+                pieces.append((place, sample.tick, self._codecs[place].split(sample.value)))
+            encoded = self._best(pieces[:count], aim)
             size = len(encoded.frame) if encoded is not None else 2 * room
             if encoded is not None and size <= room:
                 if count == high:
@@ -188,20 +187,19 @@ class DenseCodec:
         reader = Reader(frame)
         kind = reader.pick(_KINDS)
         known = _named(reader, held) if kind == _REFERRING else self._root
-        streams, presence = known.streams.copy(), known.presence
+        streams = known.streams[:]
         beside: Beside = {}
         samples: list[tuple[int, dict[str, Any]]] = []
         if kind == _SINGLE:
-            places: Sequence[int] = (reader.uniform(len(self._ids)),)
-            stream_id = self._ids[places[0]]
-            value, state = self.streams[stream_id].read(reader, None, 1, beside)
-            samples.append((stream_id, value))
-            streams[stream_id] = state, 0, streams[stream_id][2]
+            place = reader.uniform(len(streams))
+            codec, presence = self._codecs[place], known.presence.after(place)
+            value, state = codec.read(reader, None, 1, beside)
+            samples.append((codec.stream_id, value))
+            streams[place] = state, 0, streams[place][2]
         else:
-            places = presence.code(reader, ())
+            places, presence = known.presence.code(reader, ())
             for place in places:
-                stream_id = self._ids[place]
-                codec, (last, tick, habit) = self.streams[stream_id], streams[stream_id]
+                codec, (last, tick, habit) = self._codecs[place], streams[place]
                 habit = habit.copy()
                 nth, is_more = 0, True
                 while is_more:
@@ -211,55 +209,42 @@ class DenseCodec:
                         steps = habit.code_steps(reader, 1, in_frame=nth > 1)
                     value, last = codec.read(reader, last, steps, beside)
                     tick = (tick or 0) + steps
-                    beside[stream_id] = last.row
-                    samples.append((stream_id, value))
+                    beside[codec.stream_id] = last.row
+                    samples.append((codec.stream_id, value))
                     is_more = habit.code_more(reader, nth, False)
-                streams[stream_id] = last, tick, habit
+                streams[place] = last, tick, habit
         if not samples:
             raise PayloadError("a frame of no samples")
         reader.flag(_OTHER)
         reader.check(1, known.check)
-        digest = chained_digest(known.digest, frame)
-        return Decoded(tuple(samples), Snapshot(streams, presence.after(places), digest))
+        return Decoded(tuple(samples), Snapshot(streams, presence, known.digest + frame))
 
-    def _best(
-        self,
-        samples: Sequence[DenseSample],
-        parts: Sequence[Parts],
-        count: int,
-        aim: "_Aim",
-    ) -> Encoded | None:
-        """Write a frame of the first `count` samples; None: a stream has too many of them."""
-        lanes: dict[int, list[int]] = {}
+    def _best(self, pieces: Sequence[_Piece], aim: "_Aim") -> Encoded | None:
+        """Write a frame of these samples; None: a stream has too many of them."""
+        lanes: dict[int, list[_Piece]] = {}
         plain = 0
-        for place in range(count):
-            stream_id = samples[place].stream_id
-            lanes.setdefault(stream_id, []).append(place)
-            plain += self.streams[stream_id].plain_bits
-        if count > MOST_SAMPLES and max(map(len, lanes.values())) > MOST_SAMPLES:
+        for piece in pieces:
+            place = piece[0]
+            lanes.setdefault(place, []).append(piece)
+            plain += self._codecs[place].plain_bits
+        if len(pieces) > MOST_SAMPLES and max(map(len, lanes.values())) > MOST_SAMPLES:
             return None
         best: Encoded | None = None
         if aim.reference is not None:
-            best = self._several(samples, parts, lanes, aim)
+            best = self._several(lanes, aim)
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
         alone = _Aim(None, False, aim.is_mistaken)
-        others = [self._several(samples, parts, lanes, alone)]
-        if count == 1:
-            others.append(self._single(samples[0], parts[0], alone))
+        others = [self._several(lanes, alone)]
+        if len(pieces) == 1:
+            others.append(self._single(pieces[0], alone))
         for other in others:
             if best is None or len(other.frame) < len(best.frame):
                 best = other
         return best
 
-    def _several(
-        self,
-        samples: Sequence[DenseSample],
-        parts: Sequence[Parts],
-        lanes: Mapping[int, Sequence[int]],
-        aim: "_Aim",
-    ) -> Encoded:
-        """Write a frame of any samples; `lanes` are their places, by stream id."""
+    def _several(self, lanes: Mapping[int, Sequence[_Piece]], aim: "_Aim") -> Encoded:
+        """Write a frame of any samples, by their streams."""
         writer, known = Writer(), aim.reference
         if known is None:
             known = self._root
@@ -269,37 +254,37 @@ class DenseCodec:
             writer.raw(NAME_BITS, SHORT_NAMES if aim.long_name else known.short_name)
             if aim.long_name:
                 writer.raw(LONG_NAME_BITS, known.long_name)
-        streams, presence = known.streams.copy(), known.presence
+        streams = known.streams[:]
         beside: Beside = {}
+        places, presence = known.presence.code(writer, sorted(lanes))
         taken = 0
-        stream_places = presence.code(writer, sorted([self._places[each] for each in lanes]))
-        for stream_place in stream_places:
-            stream_id = self._ids[stream_place]
-            codec, (last, tick, habit) = self.streams[stream_id], streams[stream_id]
-            habit, lane = habit.copy(), lanes[stream_id]
-            for nth, place in enumerate(lane, 1):
-                steps, tick = _steps(samples[place].tick, tick)
+        for place in places:
+            codec, (last, tick, habit) = self._codecs[place], streams[place]
+            habit, nth, count = habit.copy(), 0, len(lanes[place])
+            for _, taken_at, parts in lanes[place]:
+                nth += 1
+                steps, tick = _steps(taken_at, tick)
                 if last is not None:
-                    if nth == 1 and parts[place][0] == last.row:
+                    if nth == 1 and parts[0] == last.row:
                         # What stood still stands still however long it was: the cheapest will do.
                         steps = habit.likeliest_steps
                     habit.code_steps(writer, steps, in_frame=nth > 1)
-                last = codec.write(writer, parts[place], last, steps, beside)
-                beside[stream_id] = last.row
-                habit.code_more(writer, nth, nth < len(lane))
-            taken += len(lane)
-            streams[stream_id] = last, tick, habit
-        return aim.finish(writer, known, streams, presence.after(stream_places), taken)
+                last = codec.write(writer, parts, last, steps, beside)
+                beside[codec.stream_id] = last.row
+                habit.code_more(writer, nth, nth < count)
+            streams[place] = last, tick, habit
+            taken += count
+        return aim.finish(writer, known, streams, presence, taken)
 
-    def _single(self, sample: DenseSample, parts: Parts, aim: "_Aim") -> Encoded:
+    def _single(self, piece: _Piece, aim: "_Aim") -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
-        writer, known, stream_id = Writer(), self._root, sample.stream_id
-        place, streams = self._places[stream_id], known.streams.copy()
+        writer, known, (place, tick, parts) = Writer(), self._root, piece
+        streams = known.streams[:]
         writer.pick(_KINDS, _SINGLE)
-        writer.uniform(len(self._ids), place)
-        state = self.streams[stream_id].write(writer, parts, None, 1, {})
-        streams[stream_id] = state, sample.tick or 0, streams[stream_id][2]
-        return aim.finish(writer, known, streams, known.presence.after((place,)), 1)
+        writer.uniform(len(streams), place)
+        state = self._codecs[place].write(writer, parts, None, 1, {})
+        streams[place] = state, tick or 0, streams[place][2]
+        return aim.finish(writer, known, streams, known.presence.after(place), 1)
 
 
 class _Aim:
@@ -327,7 +312,7 @@ class _Aim:
         self,
         writer: Writer,
         known: Snapshot,
-        streams: dict[int, Known],
+        streams: list[Known],
         presence: Presence,
         taken: int,
     ) -> Encoded:
@@ -336,7 +321,7 @@ class _Aim:
         for is_other in (False, True):
             writer.flag(_OTHER, is_other)
             frame = writer.finish(1, known.check)
-            snapshot = Snapshot(streams, presence, chained_digest(known.digest, frame))
+            snapshot = Snapshot(streams, presence, known.digest + frame)
             encoded = Encoded(frame, taken, snapshot, self.reference, self.long_name)
             if self.is_mistaken is None or not self.is_mistaken(encoded):
                 return encoded

@@ -109,23 +109,24 @@ class Presence:
         self.single = single
         self.chances = chances
 
-    def code(self, coder: Coder, places: Sequence[int]) -> Sequence[int]:
-        """Write or read which streams there are."""
-        if coder.flag(self.single, len(places) == 1):
-            return (coder.pick(_ends(self.chances), places[0] if places else 0),)
-        flag = coder.flag
-        return [
-            place for place, chance in enumerate(self.chances) if flag(chance, place in places)
-        ]
+    def code(self, coder: Coder, places: Sequence[int]) -> tuple[tuple[int, ...], "Presence"]:
+        """Write or read which streams there are; also gives what is usual after that."""
+        single, chances = self.single, self.chances
+        if coder.flag(single, len(places) == 1):
+            found: tuple[int, ...] = (coder.pick(_ends(chances), places[0] if places else 0),)
+        else:
+            flag = coder.flag
+            found = tuple(
+                place for place, chance in enumerate(chances) if flag(chance, place in places)
+            )
+        return found, _presence_after(single, chances, found)
 
-    def after(self, places: Sequence[int]) -> "Presence":
-        """What it is after a frame of these streams."""
-        return _presence_after(self.single, self.chances, tuple(places))
+    def after(self, place: int) -> "Presence":
+        """What is usual after a frame of one stream."""
+        return _presence_after(self.single, self.chances, (place,))
 
 
-def new_habits(
-    model: Model | None, streams: Mapping[int, object]
-) -> tuple[Presence, dict[int, Habit]]:
+def new_habits(model: Model | None, streams: Mapping[int, object]) -> tuple[Presence, list[Habit]]:
     """Make the habits of a source of which nothing was heard: of its frames, and of each stream.
 
     Args:
@@ -134,7 +135,7 @@ def new_habits(
     """
     single = _EVEN if model is None or not model.single else model.single
     priors = {} if model is None else model.streams
-    habits, chances = {}, []
+    habits, chances = [], []
     for stream_id in streams:
         prior = priors.get(str(stream_id))
         present, more = min(_EVEN, (3 << 15) // len(streams)), [_EVEN] * _COUNTED
@@ -143,7 +144,7 @@ def new_habits(
             last = prior.more[-1] if prior.more else _EVEN
             more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
         chances.append(max(present, _LEAST))
-        habits[stream_id] = Habit(more, _OFTEN, _STEPS)
+        habits.append(Habit(more, _OFTEN, _STEPS))
     return Presence(single, tuple(chances)), habits
 
 

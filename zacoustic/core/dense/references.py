@@ -134,13 +134,15 @@ class Speaker:
         """
         # What is much older than the newest that is known to be held is of no use; a little older
         # is what a late frame leads to.
-        newest = len(self._sent) - 1
-        while newest > 0 and listener not in self._sent[newest].holders:
-            newest -= 1
-        earliest = max(newest - _OVERLAP, 0)
-        if self._marks[earliest:].count(mark) != 1:
+        recent = _OVERLAP
+        for each in reversed(self._sent):
+            recent += 1
+            if listener in each.holders:
+                break
+        marks = self._marks[-recent:]
+        if marks.count(mark) != 1:
             return False
-        place = self._marks.index(mark, earliest)
+        place = marks.index(mark) - len(marks)
         held: Snapshot | None = self._sent[place].snapshot
         for each in self._sent[place::-1]:
             if each.snapshot is held:

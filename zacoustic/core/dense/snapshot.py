@@ -47,8 +47,13 @@ Known = tuple[StreamState | None, int | None, Habit]
 class Snapshot:
     """A frame, as something to refer to; never changed.
 
+    Args:
+        streams: See below.
+        presence: See below.
+        said: The digest of the reference's snapshot, and the frame.
+
     Attributes:
-        streams: What is known of each stream, by stream id, in the order of the ids.
+        streams: What is known of each stream, in the order of their ids.
         presence: Of which streams the source's frames usually are.
         digest: Of all frames up to this one.
         check: What frames that refer to this one are checked against.
@@ -67,17 +72,12 @@ class Snapshot:
         "streams",
     )
 
-    def __init__(self, streams: dict[int, Known], presence: Presence, digest: bytes) -> None:
+    def __init__(self, streams: list[Known], presence: Presence, said: bytes) -> None:
         self.streams = streams
         self.presence = presence
-        self.digest = digest
+        self.digest = digest = blake2s(said, digest_size=_DIGEST_BYTES).digest()
         parts: tuple[int, int, int, int] = _parts_of(digest)
         self.check, short, long, mark = parts
         self.short_name = short % SHORT_NAMES
         self.long_name = long >> 16 - LONG_NAME_BITS
         self.mark = mark >> 16 - MARK_BITS
-
-
-def chained_digest(digest: bytes, frame: bytes) -> bytes:
-    """The digest of a frame whose reference has `digest`."""
-    return blake2s(digest + frame, digest_size=_DIGEST_BYTES).digest()
