@@ -174,13 +174,15 @@ class Writer:
             check: Chooses among as many as there are.
         """
         bits = self._shift - _WIDTH_BITS
-        size, least = (bits + MARKER_BITS + 7) // 8, shortest_bytes(bits)
+        size = (bits + MARKER_BITS + 7) // 8
         # Codes of that size are multiples of this many bits: those up to the interval's last number
         # less those before its first one lie in it.
         unit_bits = self._shift - 8 * size + MARKER_BITS
         before = self._low - 1
         last = before + self._width
-        while size > least and (last >> unit_bits + 8) - (before >> unit_bits + 8) >= ways:
+        while (last >> unit_bits + 8) - (before >> unit_bits + 8) >= ways:
+            if size <= shortest_bytes(bits):
+                break
             size -= 1
             unit_bits += 8
         while (count := (last >> unit_bits) - (before >> unit_bits)) < ways:
@@ -350,8 +352,8 @@ class Reader:
         Raises:
             PayloadError: The string is not the one that `Writer.finish` returns.
         """
-        spent, value, width = self.bits, self._value, self._width
-        left = self._left
+        value, width, left = self._value, self._width, self._left
+        spent = self._bits - left
         if left > _ZEROS:
             lift = left - _ZEROS
             value = value << lift | self._code >> _ZEROS & (1 << lift) - 1
@@ -363,11 +365,10 @@ class Reader:
         # Rounded as the writer's: the code itself is a multiple of the unit.
         if count < ways or index != check % count:
             raise PayloadError("the check of the string fails")
-        if self._size > shortest_bytes(spent):
-            # How many strings of one byte less lie in the interval.
-            lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
-            if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways:
-                raise PayloadError("a string longer than needed")
+        # How many strings of one byte less lie in the interval, were they allowed.
+        lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
+        if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways and self._size > shortest_bytes(spent):
+            raise PayloadError("a string longer than needed")
 
     def _place(self) -> int:
         place = self._value // (self._width >> TOTAL_BITS)

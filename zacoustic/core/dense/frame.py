@@ -162,13 +162,13 @@ class DenseCodec:
                 place = self._places[sample.stream_id]
                 pieces.append((place, sample.tick, self._codecs[place].split(sample.value)))
             encoded = self._best(pieces[:count], aim)
-            size = len(encoded.frame) if encoded is not None else 2 * room
-            if encoded is not None and size <= room:
+            if encoded is not None and len(encoded.frame) <= room:
                 if count == high:
                     return encoded
                 fits, low = encoded, count
             else:
                 high = count - 1
+            size = len(encoded.frame) if encoded is not None else 2 * room
             count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
@@ -200,18 +200,19 @@ class DenseCodec:
             places, presence = known.presence.code(reader, ())
             for place in places:
                 codec, (last, tick, habit) = self._codecs[place], streams[place]
-                habit = habit.copy()
                 nth, is_more = 0, True
                 while is_more:
                     nth += 1
                     steps = 1
-                    if last is not None:
-                        steps = habit.code_steps(reader, 1, in_frame=nth > 1)
+                    if nth > 1:
+                        steps, habit = habit.code_steps_in_frame(reader, 1)
+                    elif last is not None:
+                        steps, habit = habit.code_steps(reader, 1)
                     value, last = codec.read(reader, last, steps, beside)
                     tick = (tick or 0) + steps
                     beside[codec.stream_id] = last.row
                     samples.append((codec.stream_id, value))
-                    is_more = habit.code_more(reader, nth, False)
+                    is_more, habit = habit.code_more(reader, nth, False)
                 streams[place] = last, tick, habit
         if not samples:
             raise PayloadError("a frame of no samples")
@@ -260,18 +261,19 @@ class DenseCodec:
         taken = 0
         for place in places:
             codec, (last, tick, habit) = self._codecs[place], streams[place]
-            habit, nth, count = habit.copy(), 0, len(lanes[place])
-            for _, taken_at, parts in lanes[place]:
-                nth += 1
+            count = len(lanes[place])
+            for nth, (_, taken_at, parts) in enumerate(lanes[place], 1):
                 steps, tick = _steps(taken_at, tick)
-                if last is not None:
-                    if nth == 1 and parts[0] == last.row:
+                if nth > 1:
+                    _, habit = habit.code_steps_in_frame(writer, steps)
+                elif last is not None:
+                    if parts[0] == last.row:
                         # What stood still stands still however long it was: the cheapest will do.
                         steps = habit.likeliest_steps
-                    habit.code_steps(writer, steps, in_frame=nth > 1)
+                    _, habit = habit.code_steps(writer, steps)
                 last = codec.write(writer, parts, last, steps, beside)
                 beside[codec.stream_id] = last.row
-                habit.code_more(writer, nth, nth < count)
+                _, habit = habit.code_more(writer, nth, nth < count)
             streams[place] = last, tick, habit
             taken += count
         return aim.finish(writer, known, streams, presence, taken)

@@ -7,8 +7,8 @@ or of several; which it is costs one symbol, so that who sends each sample by it
 for all the streams that are not there.
 
 Most frames of a source are like the one before, and after some of the same kind the chances stay
-what they are. So lists of shares are never changed, but followed by others, which are remembered,
-with where each share begins and ends.
+what they are. So habits are never changed, but followed by others, or by themselves; and lists of
+shares that follow others are remembered, with where each share begins and ends.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ _STEPS_SHIFT: Final = 2
 
 
 class Habit:
-    """What the frames of a source usually hold of one stream; changes along a frame.
+    """What the frames of a source usually hold of one stream; never changed.
 
     Attributes:
         more: How often there is another sample after the first, second …, 2**-16.
@@ -58,7 +58,7 @@ class Habit:
 
     __slots__ = ("more", "regular", "steps")
 
-    def __init__(self, more: list[int], regular: int, steps: Shares) -> None:
+    def __init__(self, more: tuple[int, ...], regular: int, steps: Shares) -> None:
         self.more = more
         self.regular = regular
         self.steps = steps
@@ -69,30 +69,34 @@ class Habit:
         shares, _ = self.steps
         return shares.index(max(shares)) + 1
 
-    def copy(self) -> "Habit":
-        """Return one that can be changed."""
-        return Habit(self.more[:], self.regular, self.steps)
-
-    def code_more(self, coder: Coder, samples: int, is_more: bool) -> bool:
-        """Write or read whether there is another sample after so many; learns it."""
+    def code_more(self, coder: Coder, samples: int, is_more: bool) -> tuple[bool, "Habit"]:
+        """Write or read whether there is another sample after so many; gives the habit then."""
         if samples >= MOST_SAMPLES:
-            return False
-        place = (samples if samples < _COUNTED else _COUNTED) - 1
-        chance = self.more[place]
+            return False, self
+        more, place = self.more, (samples if samples < _COUNTED else _COUNTED) - 1
+        chance = more[place]
         found = coder.flag(chance, is_more)
-        self.more[place] = _followed(chance, found)
-        return found
+        after = _followed(chance, found)
+        if after == chance:
+            return found, self
+        more = (*more[:place], after, *more[place + 1 :])
+        return found, Habit(more, self.regular, self.steps)
 
-    def code_steps(self, coder: Coder, steps: int, *, in_frame: bool) -> int:
-        """Write or read how far a sample lies behind its reference, 1…16; learns it."""
-        if in_frame:
-            is_next = coder.flag(self.regular, steps == 1)
-            self.regular = _followed(self.regular, is_next)
-            return 1 if is_next else 2 + coder.pick(_STEPS_IN_FRAME, steps - 2)
+    def code_steps(self, coder: Coder, steps: int) -> tuple[int, "Habit"]:
+        """Write or read how far the first sample lies behind its reference, 1…16."""
         shares, ends = self.steps
         found = coder.pick(ends, steps - 1)
-        self.steps = _steps_after(shares, found)
-        return found + 1
+        after = _steps_after(shares, found)
+        if after is self.steps:
+            return found + 1, self
+        return found + 1, Habit(self.more, self.regular, after)
+
+    def code_steps_in_frame(self, coder: Coder, steps: int) -> tuple[int, "Habit"]:
+        """Write or read how far a sample lies behind the one before it, 1…16."""
+        is_next = coder.flag(self.regular, steps == 1)
+        after = _followed(self.regular, is_next)
+        habit = self if after == self.regular else Habit(self.more, after, self.steps)
+        return 1 if is_next else 2 + coder.pick(_STEPS_IN_FRAME, steps - 2), habit
 
 
 class Presence:
@@ -138,11 +142,12 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> tuple[Pres
     habits, chances = [], []
     for stream_id in streams:
         prior = priors.get(str(stream_id))
-        present, more = min(_EVEN, (3 << 15) // len(streams)), [_EVEN] * _COUNTED
+        present = min(_EVEN, (3 << 15) // len(streams))
+        more: tuple[int, ...] = (_EVEN,) * _COUNTED
         if prior is not None and prior.present:
             present = prior.present
             last = prior.more[-1] if prior.more else _EVEN
-            more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
+            more = (*prior.more, *(last,) * _COUNTED)[:_COUNTED]
         chances.append(max(present, _LEAST))
         habits.append(Habit(more, _OFTEN, _STEPS))
     return Presence(single, tuple(chances)), habits
