@@ -121,12 +121,13 @@ class Writer:
 
     def raw(self, width: int, value: int) -> int:
         """Write a number of `width` bits."""
-        while width:
-            chunk = width if width < _CHUNK_BITS else _CHUNK_BITS
-            width -= chunk
-            unit = self._width >> TOTAL_BITS << TOTAL_BITS - chunk
+        while width > _CHUNK_BITS:
+            width -= _CHUNK_BITS
+            self.raw(_CHUNK_BITS, value >> width)
+        if width:
+            unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
             lift = _WIDTH_BITS - unit.bit_length()
-            self._low = (self._low + unit * (value >> width & (1 << chunk) - 1)) << lift
+            self._low = (self._low + unit * (value & (1 << width) - 1)) << lift
             self._width = unit << lift
             self._shift += lift
         return value
@@ -274,22 +275,23 @@ class Reader:
 
     def raw(self, width: int, value: int = 0) -> int:
         """Read a number of `width` bits."""
-        value = 0
-        while width:
-            chunk = width if width < _CHUNK_BITS else _CHUNK_BITS
-            unit = self._width >> TOTAL_BITS << TOTAL_BITS - chunk
-            part, rest = divmod(self._value, unit)
-            if part >> chunk:
-                raise PayloadError(_IN_A_GAP)
-            lift = _WIDTH_BITS - unit.bit_length()
-            self._left = left = self._left - lift
-            if left < 0:
-                raise PayloadError(_ENDS_INSIDE)
-            self._width = unit << lift
-            self._value = rest << lift | self._code >> left & (1 << lift) - 1
-            value = value << chunk | part
-            width -= chunk
-        return value
+        upper = 0
+        while width > _CHUNK_BITS:
+            width -= _CHUNK_BITS
+            upper = upper << _CHUNK_BITS | self.raw(_CHUNK_BITS)
+        if not width:
+            return 0
+        unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
+        value, rest = divmod(self._value, unit)
+        if value >> width:
+            raise PayloadError(_IN_A_GAP)
+        lift = _WIDTH_BITS - unit.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = unit << lift
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        return upper << width | value
 
     def choice(self, shares: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of relative shares."""
@@ -306,14 +308,16 @@ class Reader:
 
     def pick(self, ends: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of fixed shares."""
-        unit = self._width >> TOTAL_BITS
-        place = self._value // unit
-        if place >= TOTAL:
-            raise PayloadError(_IN_A_GAP)
-        index = bisect_right(ends, place) - 1
-        start = ends[index]
-        width = unit * (ends[index + 1] - start)
-        rest = self._value - unit * start
+        unit, rest = self._width >> TOTAL_BITS, self._value
+        index, width = 0, unit * ends[1]
+        if rest >= width:  # most often it is the first
+            place = rest // unit
+            if place >= TOTAL:
+                raise PayloadError(_IN_A_GAP)
+            index = bisect_right(ends, place) - 1
+            start = ends[index]
+            width = unit * (ends[index + 1] - start)
+            rest -= unit * start
         if width < _LEAST_WIDTH:
             lift = _WIDTH_BITS - width.bit_length()
             self._left = left = self._left - lift

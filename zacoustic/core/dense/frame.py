@@ -57,6 +57,17 @@ _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: tr
 
 _FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
+
+def _opening(name: int) -> tuple[int, int, int]:
+    writer = Writer()
+    writer.pick(_KINDS, _REFERRING)
+    writer.raw(NAME_BITS, name)
+    return writer.mark()
+
+
+# Where a writer stands that has written which frame is referred to: so it need not be done again.
+_OPENINGS: Final = [_opening(name) for name in range(SHORT_NAMES + 1)]
+
 _Piece = tuple[int, int | None, tuple[Row, list[Any]]]
 """A sample to be written: the place of its stream, when it was taken, and its parts."""
 
@@ -156,7 +167,7 @@ class DenseCodec:
         pieces: list[_Piece] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
-        count = min(high, _FIRST_TRY)
+        count = high if high < _FIRST_TRY else _FIRST_TRY
         while low < high:
             for sample in samples[len(pieces) : count]:
                 place = self._places[sample.stream_id]
@@ -251,8 +262,7 @@ class DenseCodec:
             known = self._root
             writer.pick(_KINDS, _ALONE)
         else:
-            writer.pick(_KINDS, _REFERRING)
-            writer.raw(NAME_BITS, SHORT_NAMES if aim.long_name else known.short_name)
+            writer.rewind(_OPENINGS[SHORT_NAMES if aim.long_name else known.short_name])
             if aim.long_name:
                 writer.raw(LONG_NAME_BITS, known.long_name)
         streams = known.streams[:]

@@ -76,10 +76,9 @@ class Habit:
         more, place = self.more, (samples if samples < _COUNTED else _COUNTED) - 1
         chance = more[place]
         found = coder.flag(chance, is_more)
-        after = _followed(chance, found)
-        if after == chance:
+        if chance == (_MOST if found else _LEAST):
             return found, self
-        more = (*more[:place], after, *more[place + 1 :])
+        more = (*more[:place], _followed(chance, found), *more[place + 1 :])
         return found, Habit(more, self.regular, self.steps)
 
     def code_steps(self, coder: Coder, steps: int) -> tuple[int, "Habit"]:

@@ -32,6 +32,8 @@ MARK_BITS: Final = 14
 """Bits of a mark."""
 
 _DIGEST_BYTES: Final = 12
+_LONG_NAME_SHIFT: Final = 16 - LONG_NAME_BITS
+_MARK_SHIFT: Final = 16 - MARK_BITS
 _parts_of = struct.Struct(">IHHH2x").unpack  # of a digest: check, names and mark
 
 Known = tuple[StreamState | None, int | None, Habit]
@@ -62,6 +64,11 @@ class Snapshot:
         mark: Says in an acknowledgement which frame is meant, 0…16383.
     """
 
+    check: int
+    short_name: int
+    long_name: int
+    mark: int
+
     __slots__ = (
         "check",
         "digest",
@@ -76,8 +83,7 @@ class Snapshot:
         self.streams = streams
         self.presence = presence
         self.digest = digest = blake2s(said, digest_size=_DIGEST_BYTES).digest()
-        parts: tuple[int, int, int, int] = _parts_of(digest)
-        self.check, short, long, mark = parts
+        self.check, short, long, mark = _parts_of(digest)
         self.short_name = short % SHORT_NAMES
-        self.long_name = long >> 16 - LONG_NAME_BITS
-        self.mark = mark >> 16 - MARK_BITS
+        self.long_name = long >> _LONG_NAME_SHIFT
+        self.mark = mark >> _MARK_SHIFT
