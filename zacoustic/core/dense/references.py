@@ -116,10 +116,7 @@ class Speaker:
         self._sent.append(sent)
         self._marks.append(snapshot.mark)
         if len(self._sent) > KEPT:
-            oldest = self._sent.pop(0)
-            del self._marks[0]
-            del self._by_digest[oldest.snapshot.digest]
-            self._forgotten = oldest.last
+            self._forget_oldest()
         self._take_names(sent)
 
     def acknowledged(self, listener: int, mark: int) -> bool:
@@ -187,6 +184,16 @@ class Speaker:
             other.has_long = False
             sent.has_long &= other.last < sent.first - LATEST
         self._by_long[snapshot.long_name] = sent
+
+    def _forget_oldest(self) -> None:
+        oldest = self._sent.pop(0)
+        snapshot = oldest.snapshot
+        self._forgotten = oldest.last
+        del self._marks[0], self._by_digest[snapshot.digest]
+        if self._by_short[snapshot.short_name] is oldest:
+            del self._by_short[snapshot.short_name]
+        if self._by_long[snapshot.long_name] is oldest:
+            del self._by_long[snapshot.long_name]
 
     def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name.
