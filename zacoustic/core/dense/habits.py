@@ -106,17 +106,19 @@ class Presence:
         chances: How often there is something of a stream, 2**-16.
     """
 
-    __slots__ = ("chances", "single")
+    __slots__ = ("_ends", "chances", "single")
 
     def __init__(self, single: int, chances: tuple[int, ...]) -> None:
         self.single = single
         self.chances = chances
+        self._ends: tuple[int, ...] = ()  # of the chances, from their first use on
 
     def code(self, coder: Coder, places: Sequence[int]) -> tuple[tuple[int, ...], "Presence"]:
         """Write or read which streams there are; also gives what is usual after that."""
         single, chances = self.single, self.chances
         if coder.flag(single, len(places) == 1):
-            found: tuple[int, ...] = (coder.pick(_ends(chances), places[0] if places else 0),)
+            ends = self._ends = self._ends or ends_of(*chances)
+            found: tuple[int, ...] = (coder.pick(ends, places[0] if places else 0),)
         else:
             flag = coder.flag
             found = tuple(
@@ -157,11 +159,6 @@ def _followed(chance: int, found: bool) -> int:
     if chance > _MOST:
         return _MOST
     return chance if chance > _LEAST else _LEAST
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _ends(shares: tuple[int, ...]) -> tuple[int, ...]:
-    return ends_of(*shares)
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -65,6 +65,9 @@ class StreamCodec:
         self._steadiness = self._steadiness or [START_STEADY] * columns
         self._rest = RestCodec(self.layout.remainders, () if prior is None else prior.lines)
         self._widths = [math.ceil(math.log2(size)) for size in self.model.sizes]
+        self._is_guarded = any(column.guard is not None for column in self.layout.columns)
+        self._no_row: Row = [None] * columns
+        self._no_rest: list[Any] = [None] * len(self.layout.remainders)
         # What a row costs plainly where everything is there, bits.
         self.plain_bits = sum(self._widths)
 
@@ -91,7 +94,7 @@ class StreamCodec:
         row, rest = parts
         before = coder.mark()
         limit = coder.bits + _DEAR_BITS
-        limit += self._plain_bits(row) if None in row else self.plain_bits
+        limit += self._plain_bits(row) if self._is_guarded else self.plain_bits
         if rest:
             limit += plain_bits(rest)
         best, fewest = _PLAIN, 1 << 60
@@ -117,8 +120,7 @@ class StreamCodec:
         Raises:
             PayloadError: There is none.
         """
-        row: Row = [None] * len(self._widths)
-        rest: list[Any] = [None] * len(self.layout.remainders)
+        row, rest = self._no_row[:], self._no_rest[:]
         state = self._code(coder, 0, row, rest, reference, steps, beside)
         return self.layout.join(row, rest), state
 
@@ -153,7 +155,7 @@ class StreamCodec:
         else:
             self.model.code_plainly(coder, row)
         known = row if reference is None else reference.row
-        known_rest = [None] * len(self.layout.remainders) if reference is None else reference.rest
+        known_rest = self._no_rest if reference is None else reference.rest
         return StreamState(
             row=[old if new is None else new for new, old in zip(row, known, strict=True)],
             velocity=None,
