@@ -20,8 +20,10 @@ same frame once more; the receiver has it at the place where it came last, which
 at which it was sent.
 """
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from operator import attrgetter
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
@@ -36,6 +38,7 @@ LATEST: Final = 2
 _OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
 _MARKED: Final = 8  # as many of the last frames have marks of their own
 _LONG_NAMES: Final = SHORT_NAMES  # long names are counted from here on
+_last = attrgetter("last")
 
 
 class _Sent:
@@ -45,18 +48,15 @@ class _Sent:
         first: When it was sent first, counted in frames.
         last: When it was sent last.
         holders: Who is known to hold it.
-        has_short: Whether its short name means no other frame.
-        has_long: Whether its long name does not.
     """
 
-    __slots__ = ("first", "has_long", "has_short", "holders", "last", "reference", "snapshot")
+    __slots__ = ("first", "holders", "last", "reference", "snapshot")
 
     def __init__(self, encoded: Encoded, count: int) -> None:
         self.snapshot = encoded.snapshot
         self.reference = encoded.reference
         self.first = self.last = count
         self.holders: set[int] = set()
-        self.has_short = self.has_long = True
 
 
 class Speaker:
@@ -73,9 +73,6 @@ class Speaker:
         self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
         self._marks: list[int] = []  # of `_sent`
-        # Of the frames of a name, the one that was sent last.
-        self._by_short: dict[int, _Sent] = {}
-        self._by_long: dict[int, _Sent] = {}
         self._late: deque[int] = deque(maxlen=LATEST)  # what the last frames call their references
 
     def encode(
@@ -116,8 +113,9 @@ class Speaker:
         self._sent.append(sent)
         self._marks.append(snapshot.mark)
         if len(self._sent) > KEPT:
-            self._forget_oldest()
-        self._take_names(sent)
+            oldest = self._sent.pop(0)
+            del self._marks[0], self._by_digest[oldest.snapshot.digest]
+            self._forgotten = oldest.last
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -168,47 +166,25 @@ class Speaker:
         said = (*self._late, _said(new))
         return snapshot.short_name in said or _LONG_NAMES + snapshot.long_name in said
 
-    def _take_names(self, sent: _Sent) -> None:
-        """Take a frame's names from the other frames that have them.
-
-        They may have to stay with nobody: a frame that was sent a little before may come behind.
-        """
-        snapshot = sent.snapshot
-        other = self._by_short.get(snapshot.short_name, sent)
-        if other is not sent:
-            other.has_short = False
-            sent.has_short &= other.last < sent.first - LATEST
-        self._by_short[snapshot.short_name] = sent
-        other = self._by_long.get(snapshot.long_name, sent)
-        if other is not sent:
-            other.has_long = False
-            sent.has_long &= other.last < sent.first - LATEST
-        self._by_long[snapshot.long_name] = sent
-
-    def _forget_oldest(self) -> None:
-        oldest = self._sent.pop(0)
-        snapshot = oldest.snapshot
-        self._forgotten = oldest.last
-        del self._marks[0], self._by_digest[snapshot.digest]
-        if self._by_short[snapshot.short_name] is oldest:
-            del self._by_short[snapshot.short_name]
-        if self._by_long[snapshot.long_name] is oldest:
-            del self._by_long[snapshot.long_name]
-
     def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name.
 
         More than one way only for who must not take the first; the last is to refer to none.
         """
         for each in reversed(self._sent):
-            # Only what came after a frame can push it out at a receiver.
-            if each.first - LATEST <= self._forgotten or not listeners <= each.holders:
+            # Only what came after a frame can push it out at a receiver, or be taken for it.
+            earliest = each.first - LATEST
+            if earliest <= self._forgotten or not listeners <= each.holders:
                 continue
-            if each.has_short:
-                yield each.snapshot, False
-            if each.has_long:
-                yield each.snapshot, True
-            if each.has_short or each.has_long:
+            meant = each.snapshot
+            since = self._sent[bisect_left(self._sent, earliest, key=_last) :]
+            is_short = [one.snapshot.short_name for one in since].count(meant.short_name) == 1
+            if is_short:
+                yield meant, False
+            is_long = [one.snapshot.long_name for one in since].count(meant.long_name) == 1
+            if is_long:
+                yield meant, True
+            if is_short or is_long:
                 break
         yield None, False
 
