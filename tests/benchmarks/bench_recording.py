@@ -19,7 +19,7 @@ from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.recordings.checking import check_recording
 from zacoustic.tools.recordings.figures import figures_of
 from zacoustic.tools.recordings.gathering import gather
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 
 HOURS = 1.0
 

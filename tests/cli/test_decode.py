@@ -23,7 +23,7 @@ from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
 from zacoustic.core.events import CallFailure
 from zacoustic.core.frame import Ask, Confirm, DenseAck, Hello, TableRow, Tag
 from zacoustic.core.streams import AGE_FIELD, StreamTable
-from zacoustic.tools.decode import FrameDecoder, decode_frame
+from zacoustic.tools.decode.decoder import FrameDecoder, decode_frame
 
 FLEET = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
 TABLE = read_config(FLEET).table

@@ -27,7 +27,7 @@ from zacoustic.recording.recorder import EngineRecorder
 from zacoustic.testing.stories import random_story, tell
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.recordings.checking import Verdict, check_messages
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 
 
 def checked(recorder: EngineRecorder, sink: MemorySink) -> Verdict:

@@ -22,7 +22,7 @@ from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.recording.schemas import as_json, schema_of_type
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 
 Row = tuple[Schema | None, Channel, Message]
 

@@ -18,8 +18,8 @@ from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures, figures_of, spread_of
 from zacoustic.tools.recordings.gathering import add_messages, gather
 from zacoustic.tools.recordings.plots import plots_of
-from zacoustic.tools.simulation import simulate
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
+from zacoustic.tools.sim.simulation import simulate
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from tests.virtual.fleet import line
 from zacoustic.recording.channels import value_channel
 from zacoustic.recording.writing import RecordingFile
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 from zacoustic.tools.telemetry.recording import Recordings, read_recordings
 
 

@@ -9,7 +9,7 @@ from tests.recording.test_formats import FLEET, WATER
 from zacoustic.cli import main
 from zacoustic.testing.stories import random_story, tell
 from zacoustic.tools.recordings.otherwise import replay_through
-from zacoustic.tools.simulationrecord import recorded_to
+from zacoustic.tools.sim.recorder import recorded_to
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from zacoustic.tools.recordings.figures import Figures, StreamFigures
 from zacoustic.tools.recordings.gathering import add_messages
 from zacoustic.tools.recordings.measuredwater import measure_water, with_loss
 from zacoustic.tools.recordings.whatif import Change, Trial, configured
-from zacoustic.tools.simulationrecord import SimulationRecorder, recorded_to
+from zacoustic.tools.sim.recorder import SimulationRecorder, recorded_to
 
 
 @pytest.fixture
@@ -135,7 +135,7 @@ def test_one_end_alone_stands_for_what_arrived_from_the_other(tmp_path: Path) ->
     (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")
     whole, shore = tmp_path / "whole.mcap", tmp_path / "shore.mcap"
-    from zacoustic.tools.simulation import simulate
+    from zacoustic.tools.sim.simulation import simulate
 
     with recorded_to(whole) as recorder:
         simulate(tmp_path / "water.json5", until_s=1800, record=recorder)

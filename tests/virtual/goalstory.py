@@ -7,13 +7,11 @@ one of another goal shows.
 import random
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
-from tests.virtual.fleet import line, settling_s
-from zacoustic.channel.profiles import profile_named
-from zacoustic.channel.scenario import Scenario
+from tests.virtual.weather import LONGEST_OUTAGE_S, weather
 from zacoustic.core.actions.news import (
     CancelAnswered,
     CancelRequested,
@@ -41,9 +39,6 @@ GOTO: Final = 30
 NEWS: Final = 1
 MOST_ENTRIES: Final = 64
 """Goals of one client in the journal of its server at most: two lives of 32 numbers."""
-_MOST_LOSS: Final = 0.6
-_OUTAGE_S: Final = 1800.0
-_MOST_CRASHES: Final = 10
 _CALM_GOALS: Final = 3
 
 End = GoalAnswered | ResultReceived | GoalFailed
@@ -117,10 +112,10 @@ class GoalStory:
             nodes={address: f"n{address}" for address in self._addresses} | absent,
         )
         modem = Modem(acknowledges=rng.random() < 0.2)
-        weather = _weather(rng, seed, self._addresses, self._busy_s, modem)
-        self._is_in_order = not (weather.faults.duplicate or weather.faults.jitter_s)
+        drawn = weather(rng, seed, self._addresses, self._busy_s, modem, _outage_s)
+        self._is_in_order = not (drawn.faults.duplicate or drawn.faults.jitter_s)
         self.network = VirtualNetwork(
-            weather, table, modem=modem, deliver=self._take, lives=self._live, digest=False
+            drawn, table, modem=modem, deliver=self._take, lives=self._live, digest=False
         )
 
     def run(self) -> list[str]:
@@ -429,62 +424,5 @@ class GoalStory:
         self.complaints.append(f"seed {self.seed}, {self.network.now / NS_PER_S:.1f} s: {what}")
 
 
-def _weather(
-    rng: random.Random, seed: int, addresses: range, busy_s: float, modem: Modem
-) -> Scenario:
-    positions = [rng.uniform(0, 2000) for _ in addresses]
-    bare = line(*positions)
-    capabilities = modem.capabilities(profile_named(bare.profile), bare.farthest_s)
-    worst = rng.choice((0.0, 0.3, _MOST_LOSS))
-    links = [
-        {"from": source, "to": target, "loss": _loss(rng, worst, busy_s)}
-        for source in addresses
-        for target in addresses
-        if source != target
-    ]
-    most = rng.choice((0, 2, _MOST_CRASHES))
-    crashes = [
-        {
-            "node": address,
-            "at_s": sorted(rng.uniform(0, busy_s) for _ in range(rng.randint(1, most))),
-            "restart_after_s": rng.choice((0, 0, 1, 20, 200)),
-            "reboots": rng.random() < 0.5,
-        }
-        for address in addresses
-        if most and rng.random() < 0.8
-    ]
-    faults = {
-        "duplicate": rng.choice((0.0, 0.1, 0.5)),
-        "duplicate_after_s": [0.0, 0.95 * settling_s(capabilities)],
-        "jitter_s": rng.choice((0.0, 0.0, 0.05)),
-        "blackouts": [_outage(rng, addresses, busy_s) for _ in range(rng.choice((0, 0, 1, 3)))],
-        "crashes": crashes,
-        "clocks": [
-            {"node": address, "drift_ppm": rng.choice((20.0, -100.0))}
-            for address in addresses
-            if rng.random() < 0.3
-        ],
-        "journal": {
-            "commit_s": rng.choice((0.0, 0.005, 0.05, 1.0)),
-            "untold": rng.choice((0.0, 0.5)),
-        },
-        "until_s": busy_s,
-    }
-    return line(*positions, seed=seed, channel="none", links=links, faults=faults)
-
-
-def _loss(rng: random.Random, worst: float, busy_s: float) -> dict[str, Any]:
-    share = rng.uniform(0, worst)
-    loss: dict[str, Any] = {"frame": share, "until_s": busy_s}
-    if rng.random() < 0.5:
-        loss["burst_frames"] = max(1.0, share / (1 - share)) * rng.uniform(1, 10)
-    return loss
-
-
-def _outage(rng: random.Random, addresses: range, busy_s: float) -> dict[str, Any]:
-    begin_s = rng.uniform(0, busy_s - 1)
-    end_s = begin_s + rng.choice((10.0, 300.0, _OUTAGE_S))
-    outage: dict[str, Any] = {"from_s": begin_s, "to_s": min(busy_s, end_s)}
-    if rng.random() < 0.5:
-        return outage | {"node": rng.choice(addresses)}
-    return outage | {"pair": rng.sample(addresses, 2)}
+def _outage_s(rng: random.Random) -> float:
+    return rng.choice((10.0, 300.0, LONGEST_OUTAGE_S))

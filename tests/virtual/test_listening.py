@@ -137,6 +137,56 @@ def test_what_presses_is_understood_in_the_next_pause_though_frames_are_lost(
     assert in_time >= least * len(seeds)
 
 
+@pytest.mark.parametrize("priority", [Priority.REAL_TIME, Priority.INTERACTIVE_HIGH])
+@pytest.mark.parametrize("addressed", [True, False])
+def test_what_two_press_at_once_is_understood_of_both(
+    addressed: bool, priority: Priority, count: Callable[[int], int]
+) -> None:
+    """Both aim at the pauses of node 1, which talks, or sends a photo that node 3 overhears."""
+    for seed in range(count(400)):
+        water, at_s = _two_beside_one(seed, priority, addressed=addressed)
+        water.run(until_s=at_s + 100)
+        heard = {each.source for each in water.samples(1, STOP) if each.value == b"now"}
+        assert heard == {2, 3}, seed
+
+
+def _two_beside_one(
+    seed: int, priority: Priority, *, addressed: bool
+) -> tuple[VirtualNetwork, float]:
+    """A network in which nodes 2 and 3 say something to 1 within half a second, and when."""
+    rng = random.Random(seed)
+    places = [0.0, -rng.uniform(300, 1500), rng.uniform(300, 1500)]
+    nodes = [{"address": n, "position": [x, 0, 10]} for n, x in enumerate(places, 1)]
+    qos = Qos(reliability=Reliability.RELIABLE, priority=priority)
+    photo = msgspec.structs.replace(qos, priority=Priority.BACKGROUND)
+    table = StreamTable(
+        [
+            TopicSpec(stream_id=TALK, name="talk", qos=Qos(depth=1000)),
+            TopicSpec(
+                stream_id=STOP, name="{node}/stop", qos=qos, publishers=(2, 3), subscribers=(1,)
+            ),
+            TopicSpec(stream_id=PHOTO, name="photo", qos=photo, publishers=(1,), subscribers=(2,)),
+        ],
+        nodes={1: "a", 2: "b", 3: "c"},
+    )
+    water = VirtualNetwork(
+        scenario_from_mapping({"nodes": nodes, "seed": seed, "channel": "none"}, source="test"),
+        table,
+        modem=Modem(addressed=addressed),
+        rules=TransmitRules(access=CarrierSenseSpec()),
+    )
+    for at_s, node in ((0, 1), (10, 2), (20, 3)):  # they know each other
+        water.at(at_s, partial(water.publish, node, TALK, b""))
+    for _ in range(1000 if addressed else 0):
+        water.at(60, partial(water.publish, 1, TALK, rng.randbytes(rng.randint(8, 40))))
+    if not addressed:
+        water.at(60, partial(water.publish, 1, PHOTO, random.Random(1).randbytes(20_000)))
+    now_s = 75 + rng.uniform(0, 60)
+    for node in (2, 3):
+        water.at(now_s + rng.uniform(0, 0.5), partial(water.publish, node, STOP, b"now"))
+    return water, now_s
+
+
 @pytest.mark.parametrize("access", [AlohaSpec(), CarrierSenseSpec()])
 def test_own_emergency_is_on_the_air_after_one_frame(
     access: AccessSpec, count: Callable[[int], int]

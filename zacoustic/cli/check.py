@@ -41,8 +41,8 @@ class CheckCommand(Command):
 
         from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
         from zacoustic.config import read_config
-        from zacoustic.tools.check import report_of
-        from zacoustic.tools.checktext import as_text
+        from zacoustic.tools.check.report import report_of
+        from zacoustic.tools.check.text import as_text
 
         profile = profile_named(arguments.profile or DEFAULT_PROFILE)
         config = read_config(arguments.file, address=arguments.address, locator=arguments.link)

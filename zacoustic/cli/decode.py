@@ -56,7 +56,7 @@ class DecodeCommand(Command):
 
         from zacoustic.core.wireprofile import WireProfile
         from zacoustic.recording.reading import is_recording
-        from zacoustic.tools.decode import FrameDecoder
+        from zacoustic.tools.decode.decoder import FrameDecoder
 
         table = None
         if arguments.config is not None:

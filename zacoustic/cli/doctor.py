@@ -58,7 +58,7 @@ class DoctorCommand(Command):
 
         from zacoustic.channel.profiles import DEFAULT_PROFILE
         from zacoustic.tools.doctor.doctor import DEFAULT_PATIENCE_S, Wishes, diagnose
-        from zacoustic.tools.doctortext import as_text
+        from zacoustic.tools.doctor.text import as_text
         from zacoustic.tools.plan.fleet import Water
 
         check_positive(arguments, "patience")

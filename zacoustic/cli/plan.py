@@ -60,7 +60,7 @@ class PlanCommand(Command):
 
         from zacoustic.tools.plan.fleet import DEFAULT_RANGE_M, Water
         from zacoustic.tools.plan.report import DEFAULT_HOURS, plan
-        from zacoustic.tools.plantext import as_text
+        from zacoustic.tools.plan.text import as_text
 
         hours = _within("--hours", arguments.hours, DEFAULT_HOURS, 0.1, 240.0)
         transmit_w = arguments.transmit_w

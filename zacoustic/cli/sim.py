@@ -63,9 +63,9 @@ class SimCommand(Command):
         """
         if arguments.story is not None:
             return _tell(arguments)
-        from zacoustic.tools.simulation import DEFAULT_UNTIL_S, simulate
-        from zacoustic.tools.simulationrecord import recorded_to
-        from zacoustic.tools.simulationtext import as_text
+        from zacoustic.tools.sim.recorder import recorded_to
+        from zacoustic.tools.sim.simulation import DEFAULT_UNTIL_S, simulate
+        from zacoustic.tools.sim.text import as_text
 
         until_s = DEFAULT_UNTIL_S if arguments.until is None else arguments.until
         if not 0 < until_s < math.inf:
@@ -88,9 +88,9 @@ def _tell(arguments: argparse.Namespace) -> int:
     Raises:
         ConfigError: An argument that a story does not have.
     """
-    from zacoustic.tools.simulationrecord import recorded_to
-    from zacoustic.tools.simulationtext import story_as_text
-    from zacoustic.tools.storytelling import tell_story
+    from zacoustic.tools.sim.recorder import recorded_to
+    from zacoustic.tools.sim.storytelling import tell_story
+    from zacoustic.tools.sim.text import story_as_text
 
     for name in ("seed", "until"):
         if getattr(arguments, name) is not None:

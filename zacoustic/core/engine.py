@@ -158,10 +158,12 @@ class Engine:
             is_known = isinstance(opened, Opened) and opened.source != UNKNOWN_SOURCE
             if isinstance(opened, Opened) and is_known and reason in (None, "not_for_us"):
                 self._protocols.contact.heard(opened.source, now)
+                port.heard(opened.source, len(frame.frame_bytes), now)
+                if reason is not None:
+                    self._protocols.overhear(opened, frame, now)
             if reason is None and isinstance(opened, Opened):
                 if is_known:
                     self.measurements.note(opened.source, frame.metrics, frame.received_at)
-                port.heard(opened.source, len(frame.frame_bytes), now)
                 streams = self._protocols.receive(opened, frame, now)
                 self._trace.note(
                     now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams

@@ -169,7 +169,7 @@ class LinkPort:
         self.listening.handle_carrier(busy, now)
 
     def heard(self, source: int, size_bytes: int, now: int) -> None:
-        """A frame of `source` that concerns this node has arrived."""
+        """A frame of `source` has arrived, for this node or another one."""
         self.access.handle_heard(source, now)
         self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
 

@@ -251,6 +251,10 @@ class Protocols:
         """Take a frame apart; returns the streams of what was in it."""
         return self.receiver.handle(opened, frame, now)
 
+    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+        """Learn from a frame for somebody else when its sender listens."""
+        self.receiver.overhear(opened, frame, now)
+
     # The life of the engine
 
     def recover(self, stored: Mapping[str, bytes]) -> None:

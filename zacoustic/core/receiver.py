@@ -36,7 +36,7 @@ from functools import partial
 
 import msgspec
 
-from zacoustic.core.access.controls import AccessControl, ClockTime, Turn
+from zacoustic.core.access.controls import ANYBODY, AccessControl, ClockTime, Turn
 from zacoustic.core.actions.actions import Actions
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.content import measure_content
@@ -172,6 +172,18 @@ class Receiver:
         self._sending.heard(source, now)
         self._services.heard(source)
         return tuple(streams)
+
+    def overhear(self, opened: Opened, received: ReceivedFrame, now: int) -> None:
+        """Take from a frame for another node when its sender pauses: that concerns everybody."""
+        measure = partial(self._measure, opened.source)
+        for item in parse_frame(opened.records, measure, unicast=True):
+            if isinstance(item, Hello) and item.version != WIRE_VERSION:
+                break
+            if isinstance(item, Fragment):
+                if self.handle_call is not None:
+                    self.handle_call(opened.source, item.call, received, now)
+            elif isinstance(item, Turn) and item.node == ANYBODY and self.handle_access is not None:
+                self.handle_access(opened.source, item, received, now)
 
     def _handle_dense(
         self, source: int, epoch: int | None, item: DenseString, received: ReceivedFrame, now: int

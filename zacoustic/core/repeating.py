@@ -15,7 +15,7 @@ import random
 from collections.abc import Callable, Iterable
 from typing import Final
 
-from zacoustic.core.arq.copies import follow, shorten_pause
+from zacoustic.core.arq.copies import aimed_pause, follow
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitReport
 from zacoustic.core.qos import Qos
@@ -277,13 +277,15 @@ class Repeater:
                 repetition.stage = _Stage.SENT
                 assert self._times is not None
                 priority, times = repetition.qos.priority, self._times
-                if follow(repetition.record, priority, times, at):
+                if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
                     self._push_again(repetition)
                     continue
                 timing = self._timing(repetition.record.destination)
                 pause_ns = timing.pause_ns(times, 0, self._rng, priority)
-                if not timing.is_doubtful(priority):
-                    pause_ns = shorten_pause(pause_ns, priority, times, at)
+                if not timing.is_doubtful:
+                    pause_ns = aimed_pause(
+                        pause_ns, priority, repetition.tries, times, at, self._rng
+                    )
                 repetition.due_at = at + pause_ns
                 timing.await_answer(at, repetition.due_at)
 

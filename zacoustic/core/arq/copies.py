@@ -3,10 +3,16 @@
 An answer takes a round trip, longer than a few short frames. So an emergency is sent four times at
 once. A node in a run hears nothing but in its pauses, four seconds apart, and listens longer when
 it hears something there that it does not understand (`zacoustic.core.access.listening`). So into
-such a pause commands go twice, and what was not answered goes again into the next one: to be a
+such a pause commands go twice, and what was not answered goes again into one of the next: to be a
 little late for that costs four seconds, and nothing is gained by it.
+
+Others may have something pressing for the same node at the same time, a stop of two vehicles at
+once: all aim at the same pause, and all their copies meet there. So after the first row how many
+copies there are is drawn, and whoever sends one more than the others is understood; and so is later
+on which of the next pauses it is, among the more the more often it was in vain.
 """
 
+import random
 from typing import Final
 
 from zacoustic.core.arq.timing import LinkTimes
@@ -16,19 +22,31 @@ from zacoustic.core.queue import Waiting
 MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
 """In a row. At 40 % loss one of four arrives in 97 of 100 cases, at 20 % one of two in 96."""
 
+_ANOTHER_COPY: Final = 0.75
+"""How likely another copy is, after the first row."""
+_MOST_PAUSES: Final = 4
+"""Among so many pauses of another node the next try is put, at most."""
 
-def follow(record: Waiting, priority: Priority, times: LinkTimes, at: int) -> bool:
+
+def follow(
+    record: Waiting, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
+) -> bool:
     """Tell whether a record that was just sent follows itself into a pause, and note it there.
 
     Args:
         record: The record.
         priority: Of its lane.
+        tries: How often it was sent, copies included.
         times: Of the link.
         at: End of its last transmission, ns.
+        rng: Draws how many copies there are.
     """
     record.copies += 1
+    most = MOST_COPIES.get(priority, 1)
     is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
-    record.is_copy = is_heard_out and record.copies < MOST_COPIES.get(priority, 1)
+    record.is_copy = is_heard_out and record.copies < most
+    if record.is_copy and tries > most:
+        record.is_copy = rng.random() < _ANOTHER_COPY
     if not record.is_copy:
         record.copies = 0
     return record.is_copy
@@ -51,18 +69,26 @@ def is_doubled(priority: Priority, tries: int) -> bool:
     return priority in MOST_COPIES and tries > 1
 
 
-def shorten_pause(pause_ns: int, priority: Priority, times: LinkTimes, at: int) -> int:
-    """Return a pause before a repetition, or how long it is to the next pause of the others, ns.
+def aimed_pause(
+    pause_ns: int, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
+) -> int:
+    """Return a pause before a repetition, or how long it is to a pause of the others, ns.
 
     Args:
         pause_ns: As it was drawn.
         priority: Of the record.
+        tries: How often it was sent, copies included.
         times: Of the link.
         at: Since when an answer is awaited, ns.
+        rng: Draws which of the pauses of the others it is.
     """
     if priority not in MOST_COPIES or times.listening is None:
         return pause_ns
     # What has come of the first copy can be known by then, of the last maybe not.
     since = times.listening.row_began_at(at)
     invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
-    return pause_ns if invited_at is None else min(pause_ns, invited_at - at)
+    if invited_at is None:
+        return pause_ns
+    rounds = -(-tries // MOST_COPIES[priority])
+    later = rng.randrange(min(rounds, _MOST_PAUSES))
+    return invited_at - at + later * times.listening.period_ns

@@ -8,7 +8,7 @@ a sample of it does not wait for as long as others have decided to leave the nod
 import random
 from typing import Final
 
-from zacoustic.core.arq.copies import follow, is_doubled, is_emergency, shorten_pause
+from zacoustic.core.arq.copies import aimed_pause, follow, is_doubled, is_emergency
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
@@ -120,8 +120,7 @@ class Pacing:
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
-        priority, lacking = self._priority(lane), lane.lacking(sample)
-        return all(self.timing(each).is_doubtful(priority) for each in lacking)
+        return all(self.timing(address).is_doubtful for address in lane.lacking(sample))
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
@@ -135,7 +134,9 @@ class Pacing:
         priority = self._priority(lane)
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
-            sample.follows = follow(sample.waiting, priority, self.times, at)
+            sample.follows = follow(
+                sample.waiting, priority, sample.tries, self.times, at, self._rng
+            )
             sample.follows |= is_emergency(priority, sample.tries)
             if not was_copy and not self.is_doubtful(lane, sample):
                 sample.follows |= is_doubled(priority, sample.tries)
@@ -143,7 +144,9 @@ class Pacing:
                 return AT_ONCE
         pause_ns = self.pause_ns(lane, sample)
         if not self.is_doubtful(lane, sample):
-            pause_ns = shorten_pause(pause_ns, priority, self.times, report.finished_at)
+            pause_ns = aimed_pause(
+                pause_ns, priority, sample.tries, self.times, report.finished_at, self._rng
+            )
         if report.outcome is TransmitOutcome.NOT_DELIVERED:
             pause_ns //= 2
         due_at = report.finished_at + pause_ns

@@ -5,8 +5,8 @@ there, the ACK's own frame, and one short frame of doubt. Then it is measured, a
 from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
 half: sound is slow, and as slow the next time. Repetitions to a node of which nothing is heard come
 less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
-So do those to a node that is heard and does not answer, since the channel may be crowded; but not
-those of an emergency: as long as the node is heard at all, it is in range.
+So do those to a node that is heard and does not answer, since the channel may be crowded; those of
+an emergency not rarer than every four round trips, since the node is in range.
 """
 
 import random
@@ -141,9 +141,10 @@ class PeerTiming:
         """The node has told that it has something of what it lacked; others may speak as well."""
         self._unanswered = self._unanswered // 2 if in_crowd else 0
 
-    def is_doubtful(self, priority: Priority) -> bool:
-        """Tell whether repetitions to it are in vain again and again: two would be wasted."""
-        return self._factor(priority) > 1
+    @property
+    def is_doubtful(self) -> bool:
+        """Repetitions to it are unanswered again and again: more than one would be wasted."""
+        return _FACTORS[self._unanswered] > 1
 
     def pause_ns(
         self,
@@ -201,8 +202,10 @@ class PeerTiming:
         return min(self.quiet_until, self.quiet_since + least_ns)
 
     def _factor(self, priority: Priority) -> float:
-        in_vain = self._unheard if priority is Priority.REAL_TIME else self._unanswered
-        return _FACTORS[in_vain]
+        factor = _FACTORS[self._unanswered]
+        if priority is not Priority.REAL_TIME:
+            return factor
+        return min(factor, max(_FACTORS[self._unheard], _LEAST_FACTOR))
 
     def _round_trip_ns(self, times: LinkTimes, rank: int) -> int:
         if self._smooth_ns is None:

@@ -175,6 +175,9 @@ class RmwDesertProtocols(Protocols):
         """Return None: medium access has no words on this wire."""
         return None
 
+    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+        """Learn nothing: nobody says on this wire when it listens."""
+
     def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take a message apart; returns its stream."""
         try:

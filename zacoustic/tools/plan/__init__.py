@@ -2,5 +2,5 @@
 
 `fleet` and `offers` are what is to be said, `walk` is a model of the traffic (`speaker`, `items`,
 `reliable`, `calls`, `transfers` are its parts), `verdict` judges it, `advice` tries changes,
-`report` is what comes of all that.
+`report` is what comes of all that, `text` shows it to people.
 """

@@ -26,7 +26,7 @@ from zacoustic.core.keys import Instance
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
-from zacoustic.tools.bits import sample_bits
+from zacoustic.tools.check.bits import sample_bits
 from zacoustic.tools.telemetry.recording import Mission
 
 _BITS: Final = 8

@@ -15,8 +15,8 @@ from zacoustic.recording.channels import SENT, FrameRecord, LinkRecord
 from zacoustic.recording.life import Table
 from zacoustic.recording.reading import ReadMessage, RecordingReader
 from zacoustic.recording.samples import TABLE_TOPIC
-from zacoustic.tools.decode import FrameDecoder
-from zacoustic.tools.decoded import DecodedItem
+from zacoustic.tools.decode.decoded import DecodedItem
+from zacoustic.tools.decode.decoder import FrameDecoder
 from zacoustic.tools.recordings.lives import LifeReader, NewLife
 
 T = TypeVar("T")

@@ -33,7 +33,7 @@ from zacoustic.tools.recordings.facts import Arrived, Asked, Command, Facts, Pub
 from zacoustic.tools.recordings.figures import Figures, figures_of
 from zacoustic.tools.recordings.gathering import add_messages
 from zacoustic.tools.recordings.reactions import Step
-from zacoustic.tools.simulationrecord import SimulationRecorder
+from zacoustic.tools.sim.recorder import SimulationRecorder
 
 _SETTLES_S = 600.0
 _TRAVEL_S = 1.0

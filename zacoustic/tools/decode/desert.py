@@ -14,7 +14,7 @@ from zacoustic.core.rmw_desert.messages import Kind, Message, decode_message
 from zacoustic.core.rmw_desert.packets import PacketDecoder
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.tools.decoded import DecodedItem, decoded, printable
+from zacoustic.tools.decode.decoded import DecodedItem, decoded, printable
 
 _START: Final = 0x99
 _BEACON_ID: Final = 1

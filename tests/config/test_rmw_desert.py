@@ -13,8 +13,8 @@ from zacoustic.core.rmw_desert.entities import DiscoverySpec
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 
-PAGE = Path(__file__).parents[1] / "docs" / "rmw_desert.md"
-EXAMPLE = Path(__file__).parents[1] / "examples" / "09_rmw_desert.json5"
+PAGE = Path(__file__).parents[2] / "docs" / "rmw_desert.md"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "09_rmw_desert.json5"
 TOPICS = {"/discovery": 1, "/discovery_request": 2, "/pose": 3, "/off": 0, "/set": 255}
 SECTION: dict[str, Any] = {
     "address": 1,

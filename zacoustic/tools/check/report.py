@@ -28,8 +28,8 @@ from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
-from zacoustic.tools import checkdesert
-from zacoustic.tools.bits import SampleBits, sample_bits
+from zacoustic.tools.check import desert
+from zacoustic.tools.check.bits import SampleBits, sample_bits
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
@@ -158,13 +158,13 @@ def _rows(
         stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
         head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
         if on_desert:
-            head_bytes = checkdesert.head_bytes(stream)
+            head_bytes = desert.head_bytes(stream)
         yield _row(
             stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
             codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
         )  # fmt: skip
         return
-    head_bytes = checkdesert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
+    head_bytes = desert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
     server = (spec.server,)
     if isinstance(spec, ActionSpec):
         for kind, type_name, codec, audience in (
@@ -252,7 +252,7 @@ def _notes(
     config: Config, links: tuple[LinkRow, ...], rows: tuple[StreamRow, ...], profile: ModemProfile
 ) -> Iterator[str]:
     if config.table.wire is WireProfile.RMW_DESERT:
-        yield from checkdesert.notes(config.table)
+        yield from desert.notes(config.table)
     else:
         yield from _room_notes(config, rows, profile)
     for link in links:

@@ -58,9 +58,9 @@ from zacoustic.core.streams import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import UnknownStreamError
-from zacoustic.tools.decoded import DecodedItem, decoded, printable
-from zacoustic.tools.decodedesert import DesertWords
-from zacoustic.tools.overheard import Overheard
+from zacoustic.tools.decode.decoded import DecodedItem, decoded, printable
+from zacoustic.tools.decode.desert import DesertWords
+from zacoustic.tools.decode.overheard import Overheard
 
 _WHY_STRAY = {
     "truncated": "the record is cut short",

@@ -1,10 +1,10 @@
-"""The results of `zacoustic.tools.simulation` and `storytelling` for people."""
+"""The results of `zacoustic.tools.sim.simulation` and `storytelling` for people."""
 
 from collections.abc import Iterator, Mapping
 
 from zacoustic.testing.tally import SimulationResult, StreamResult
 from zacoustic.tools.columns import align
-from zacoustic.tools.storytelling import StoryResult
+from zacoustic.tools.sim.storytelling import StoryResult
 
 _HEADER = (
     "id", "stream", "published", "delivered", "late", "twice", "disorder", "failed", "refused",

@@ -38,7 +38,7 @@ from zacoustic.testing.stories.witness import Arrived, Publication
 from zacoustic.testing.tally import SimulationResult, Tally
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.fleets import configs_of, tables_of
-from zacoustic.tools.simulationrecord import SimulationRecorder
+from zacoustic.tools.sim.recorder import SimulationRecorder
 
 DEFAULT_UNTIL_S: Final = 3600.0
 """How long a scenario runs unless told otherwise, s of virtual time."""

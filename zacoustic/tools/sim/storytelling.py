@@ -8,7 +8,7 @@ from zacoustic.core.engine import Engine
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.stories import INVARIANTS, Story, Telling, random_story
 from zacoustic.testing.tally import SimulationResult, Tally
-from zacoustic.tools.simulationrecord import SimulationRecorder
+from zacoustic.tools.sim.recorder import SimulationRecorder
 
 
 class StoryResult(msgspec.Struct, frozen=True, kw_only=True):

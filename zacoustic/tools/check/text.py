@@ -1,10 +1,10 @@
-"""The report of `zacoustic.tools.check` for people."""
+"""The report of `zacoustic.tools.check.report` for people."""
 
 from collections.abc import Iterator, Mapping
 
 from zacoustic.core.wireprofile import WireProfile
-from zacoustic.tools.bits import SampleBits
-from zacoustic.tools.check import Report, StreamRow, TypeRow
+from zacoustic.tools.check.bits import SampleBits
+from zacoustic.tools.check.report import Report, StreamRow, TypeRow
 from zacoustic.tools.columns import align
 
 _STREAMS = (

@@ -1,0 +1,5 @@
+"""`zacoustic check`: a configuration as a table, before anything is in the water.
+
+`report` is the bytes and airtime of every stream, `bits` what a sample costs, `desert` the same for
+rmw_desert's wire, `text` all of it for people.
+"""
