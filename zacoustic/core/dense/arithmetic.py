@@ -58,15 +58,20 @@ _IN_A_GAP: Final = "a string in the gap between the symbols"
 _ENDS_INSIDE: Final = "the string ends inside a value"
 
 
+_START: Final = 0, 1 << _WIDTH_BITS, _WIDTH_BITS
+
+
 class Writer:
-    """Writes symbols."""
+    """Writes symbols.
+
+    Args:
+        mark: Where it goes on from, of another writer.
+    """
 
     is_reader = False
 
-    def __init__(self) -> None:
-        self._low = 0
-        self._width = 1 << _WIDTH_BITS
-        self._shift = _WIDTH_BITS
+    def __init__(self, mark: tuple[int, int, int] = _START) -> None:
+        self._low, self._width, self._shift = mark
 
     @property
     def bits(self) -> int:

@@ -257,12 +257,12 @@ class DenseCodec:
 
     def _several(self, lanes: Mapping[int, Sequence[_Piece]], aim: "_Aim") -> Encoded:
         """Write a frame of any samples, by their streams."""
-        writer, known = Writer(), aim.reference
+        known = aim.reference
         if known is None:
-            known = self._root
+            known, writer = self._root, Writer()
             writer.pick(_KINDS, _ALONE)
         else:
-            writer.rewind(_OPENINGS[SHORT_NAMES if aim.long_name else known.short_name])
+            writer = Writer(_OPENINGS[SHORT_NAMES if aim.long_name else known.short_name])
             if aim.long_name:
                 writer.raw(LONG_NAME_BITS, known.long_name)
         streams = known.streams[:]
