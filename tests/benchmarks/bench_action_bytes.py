@@ -2,8 +2,8 @@
 
 A goal, ten pieces of feedback and a result, all bytes of both nodes counted, in virtual time over
 many seeds. *Warm*: the nodes have exchanged a few messages before, over the same water; *cold*:
-they have never heard of each other. Target: the mean, warm at 30 % loss, and cold without loss, at
-most 150 bytes.
+they have never heard of each other. Target: at most 150 bytes, the mean of each case, and warm 95
+of a hundred.
 
     python -m tests.benchmarks.bench_action_bytes [--runs 200] [--strict]
 """
@@ -21,8 +21,6 @@ from tests.virtual.fibonacci import Run
 
 TARGET_BYTES: Final = 150
 CASES: Final = ((False, 0.0), (False, 0.3), (True, 0.0), (True, 0.3))
-HELD: Final = ((False, 0.3), (True, 0.0))
-"""Which of them have the target."""
 
 
 def main() -> int:
@@ -47,7 +45,8 @@ def main() -> int:
             f"{start:5} {loss:5.0%} {mean:6.1f} {median:6.0f} "
             f"{sizes[int(0.95 * len(sizes))]:5} {sizes[-1]:5} {above:6.1%}"
         )
-        is_missed |= (cold, loss) in HELD and mean > TARGET_BYTES
+        p95 = sizes[int(0.95 * len(sizes))]
+        is_missed |= mean > TARGET_BYTES or (not cold and p95 > TARGET_BYTES)
     print(f"target {TARGET_BYTES} bytes")
     return int(args.strict and is_missed)
 

@@ -7,6 +7,7 @@ always for something that happens, with a limit.
 import asyncio
 import json
 import socket
+import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from typing import Any, Final, TypeVar
@@ -19,6 +20,7 @@ import zenoh.ext
 from zacoustic.channel.medium import Emission
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import Config, config_from_mapping
+from zacoustic.core.clock import Clock
 from zacoustic.core.encoding import JSON
 from zacoustic.gateway import Gateway, Notice
 from zacoustic.journal import Journal
@@ -202,6 +204,7 @@ async def island(
     section: dict[str, Any] | None = None,
     join: int | None = None,
     journal: Journal | None = None,
+    clock: Clock = time.monotonic_ns,
 ) -> AsyncIterator[Island]:
     """Run a gateway: as a router of its own, or as a client of the one at port `join`."""
     found = Island(join or free_port())
@@ -210,7 +213,7 @@ async def island(
     )
     config = config_of(address, settings, section)
     link = water.medium.link(address)
-    async with Gateway(config, link=link, journal=journal, notify=found.notify):
+    async with Gateway(config, link=link, journal=journal, notify=found.notify, clock=clock):
         yield found
 
 

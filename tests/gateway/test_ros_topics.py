@@ -19,6 +19,7 @@ from tests.gateway.islands import (
 )
 from tests.gateway.rosnode import DEFAULT, LATCHED, Node, Told, ros_session
 from tests.gateway.rospair import FIX, SECTION, STRING, TWIST, Pair, changed, with_pair
+from zacoustic.core.clock import NS_PER_S
 from zacoustic.gateway import Gateway
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.qos import RosQos
@@ -107,11 +108,17 @@ async def test_a_constant_that_differs_is_counted_and_stays(pair: Pair) -> None:
     assert (await told.next())[0]["altitude"] == 1.0
 
 
-def test_a_late_subscription_to_a_latched_topic_has_it_at_once() -> None:
+def test_a_subscription_that_joins_a_latched_topic_an_hour_later_has_it_at_once() -> None:
+    passed_ns = 0
+
+    def clock() -> int:
+        return time.monotonic_ns() + passed_ns
+
     async def main() -> None:
+        nonlocal passed_ns
         water = Water()
         async with AsyncExitStack() as stack:
-            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            a = await stack.enter_async_context(island(1, water, section=SECTION, clock=clock))
 
             def node(name: str) -> Node:
                 return Node(stack.enter_context(ros_session(a.port)), name, domain=7)
@@ -125,6 +132,7 @@ def test_a_late_subscription_to_a_latched_topic_has_it_at_once() -> None:
                     publish({"data": "a newer map"})
                     assert (await early.next())[0] == {"data": "a newer map"}
             # Nobody is left beyond the water: it comes from the gateway of this island.
+            passed_ns = 3600 * NS_PER_S
             value, beside = await node("late").subscribe("/map", STRING, LATCHED).next()
             assert value == {"data": "a newer map"}
             assert beside.sequence == 2

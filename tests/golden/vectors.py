@@ -36,7 +36,17 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.events import CallFailure, CallKey, RequestReceived
-from zacoustic.core.frame import ASSURED, Ask, Confirm, Control, DenseAck, Hello, TableRow, Tag
+from zacoustic.core.frame import (
+    ASSURED,
+    VOUCHED,
+    Ask,
+    Confirm,
+    Control,
+    DenseAck,
+    Hello,
+    TableRow,
+    Tag,
+)
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.code import Fragments
@@ -137,6 +147,11 @@ def _controls() -> Iterator[Vector]:
     assured = Confirm(ASSURED, 0x1234).encode()
     meaning = "CONFIRM: epoch 1234 of the destination, which has confirmed the sender"
     yield _vector("confirm_assured", assured, meaning)
+    vouched = Tag(0x1234).encode() + Confirm(VOUCHED, 0x5678).encode()
+    meaning = (
+        "TAG: epoch 1234; a vouch for epoch 5678 of the destination, whose table the sender has"
+    )
+    yield _vector("confirm_vouched", vouched, meaning)
     yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
     yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
     row = TableRow(0x1234, 10, digest).encode()

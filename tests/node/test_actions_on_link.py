@@ -239,11 +239,12 @@ def test_whoever_stops_to_wait_for_the_answer_cancels_the_goal() -> None:
         with water() as medium:
             shore, auv = two_nodes(medium)
             begun = asyncio.Event()
+            stopped = asyncio.Event()
             ended = asyncio.Event()
 
             async def decide(goal: Goto.Goal) -> bool:
                 begun.set()
-                await asyncio.sleep(0.2)
+                await stopped.wait()
                 return True
 
             async def pursue(handle: Handle) -> None:
@@ -259,6 +260,7 @@ def test_whoever_stops_to_wait_for_the_answer_cancels_the_goal() -> None:
                 sending.cancel()
                 with pytest.raises(asyncio.CancelledError):
                     await sending
+                stopped.set()
                 await ended.wait()
 
     run(main())

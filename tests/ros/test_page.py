@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import pytest
 
+from tests.virtual.fibonacci import ORDER, Run
 from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.payload import CborCodec, PackedCodec
 from zacoustic.ros.interfaces import Interfaces
@@ -17,7 +18,6 @@ from zacoustic.ros.streams import RosService
 
 PAGE: Final = (Path(__file__).parents[2] / "docs" / "ros2.md").read_text(encoding="utf-8")
 MOST_LINES: Final = 15
-MOST_COMMANDS: Final = 3
 # Attachment, time stamp, frame and declared key, as measured for a Twist.
 RMW_ZENOH_BYTES: Final = 72
 
@@ -83,8 +83,13 @@ OVERLAYS: Final = (
 def test_the_way_to_the_first_message_is_short(tmp_path: Path) -> None:
     (file,) = re.findall(r"```json5\n(.*?)```", PAGE, re.DOTALL)
     assert len(file.splitlines()) <= MOST_LINES
-    commands = re.findall(r"^    ((?:pip|zacoustic) .*)$", PAGE, re.MULTILINE)
-    assert len(commands) <= MOST_COMMANDS
+    way = PAGE.partition("Then, on the shore:")[0]
+    commands = re.findall(r"^(?:pip|zacoustic) .*$", way, re.MULTILINE)
+    assert [command.split()[:2] for command in commands] == [
+        ["pip", "install"],
+        ["zacoustic", "check"],
+        ["zacoustic", "gateway"],
+    ]
     path = tmp_path / "fleet.json5"
     path.write_text(file)
     for address in (1, 2):
@@ -120,3 +125,12 @@ def test_the_figures_of_a_service_are_right() -> None:
     # Id and number of the call before each.
     request, response = row.codec.encode({"a": 2, "b": 3}), row.response_codec.encode({"sum": 5})
     assert f"| {2 + len(request)} + {2 + len(response)} |" in PAGE
+
+
+def test_the_figures_of_an_action_are_right() -> None:
+    (row,) = re.findall(r"^\| a Fibonacci action .*$", PAGE, re.MULTILINE)
+    for is_cold in (False, True):
+        run = Run(0, loss=0.0, cold=is_cold)
+        run.check()
+        assert len(run.fed) == ORDER
+        assert re.search(rf"\b{run.bytes_on_link}\b", row), run.bytes_on_link

@@ -29,13 +29,14 @@ FEEDBACK_EVERY_S: Final = 10.0
 
 
 def section(codec: str) -> dict[str, Any]:
-    sequence = {"field": "sequence", "range": [0, 127], "max_length": 15}
+    # What orders up to 10 need: eleven numbers, and the last is 55.
+    sequence = {"field": "sequence", "range": [0, 55], "max_length": ORDER + 1}
     return {
         "address": 1,
         "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}],
         "overlays": [
             {"type": TWIST, "fields": [{"field": "*.*", "range": [-2, 2], "step": 0.01}]},
-            {"type": f"{FIBONACCI}_Goal", "fields": [{"field": "order", "range": [0, 15]}]},
+            {"type": f"{FIBONACCI}_Goal", "fields": [{"field": "order", "range": [0, ORDER]}]},
             {"type": f"{FIBONACCI}_Feedback", "fields": [sequence]},
             {"type": f"{FIBONACCI}_Result", "fields": [sequence]},
         ],

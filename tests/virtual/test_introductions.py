@@ -37,3 +37,16 @@ def test_nothing_is_lost_between_who_reports_and_who_answers_reports(tenths: int
     water.run(until_s=60 + REPORTS * period_s)
     assert len(water.samples(1, 1)) == REPORTS
     assert len(water.samples(2, 2)) == REPORTS // 2
+
+
+def test_nodes_that_can_never_be_sure_confirm_each_other_ever_less_often() -> None:
+    # Without a list nobody knows who hears a broadcast, so each begins with HELLO or TAG for ever.
+    table = StreamTable([TopicSpec(stream_id=1, name="report")])
+    water = VirtualNetwork(line(0, 500, channel="none"), table)
+    reports = 360
+    for number in range(reports):
+        water.at(10 * number, partial(water.publish, 1, 1, b"x"))
+        water.at(10 * number + 5, partial(water.publish, 2, 1, b"y"))
+    water.run(until_s=10 * reports + 100)
+    for stats in water.stats():
+        assert stats.frames_transmitted <= reports + 20

@@ -15,7 +15,7 @@ Map, in reading order:
 `answering`, `calls`, `repeating`
 `large`, `objects`                  samples that are larger than a frame
 `orders`, `silence`                 what other nodes order; when nothing may be transmitted
-`handshake`, `peer`                 HELLO: do both ends hold the same table?
+`handshake`, `introducing`, `peer`  HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
 `demand`                            topics that cross only where somebody has subscribed
 `contact`                           heartbeats, and nodes that are not heard any more

@@ -25,7 +25,8 @@ from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.filling import Filling
 from zacoustic.core.frame import HELLO_BYTES, PADDING, TAG_BYTES
-from zacoustic.core.handshake import HELLO_EVERY, Handshake
+from zacoustic.core.handshake import Handshake
+from zacoustic.core.introducing import HELLO_EVERY
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.objects import Objects, Offer
 from zacoustic.core.port import LinkPort
@@ -88,6 +89,7 @@ class Composer:
     ) -> None:
         self._queue = queue
         self._handshake = handshake
+        self._introductions = handshake.introductions
         self._dense = dense
         self._ranging = ranging
         self._stats = stats
@@ -184,13 +186,15 @@ class Composer:
         destination = offer.destination
         if not offer.is_fragment:
             return self._fill(envelope, destination, now, owed_first=True, answer=True)
-        if self._handshake.is_unconfirmed(destination):
+        if self._introductions.is_unconfirmed(destination, now):
             # A fragment fills its frame: whoever does not know us is told in another one.
             self._since_introduction += 1
-            if self._since_introduction % HELLO_EVERY == 1 or self._handshake.introduces(
+            if self._since_introduction % HELLO_EVERY == 1 or self._introductions.introduces(
                 destination
             ):
-                introduction = self._handshake.introduction(destination, envelope.room_bytes, now)
+                introduction = self._introductions.introduction(
+                    destination, envelope.room_bytes, now
+                )
                 return self._wrap(envelope, destination, [(Cause.HELLO, introduction)])
         taken = self.objects.take_fragment(
             envelope.room_bytes, now, self.port.frames_before_pause(now)
@@ -235,6 +239,7 @@ class Composer:
         only: LaneKey = (),
     ) -> Composed | None:
         room_bytes = envelope.room_bytes
+        self._introductions.begin_frame(destination)
         answers: list[tuple[Cause, bytes]] = []
         if self.objects is not None and destination != BROADCAST:
             said_of_objects = self.objects.take_feedback(destination, room_bytes, now)
@@ -247,14 +252,14 @@ class Composer:
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
         owed: list[tuple[Cause, bytes]] = []
-        if owed_first and not self._handshake.introduces(destination):
+        if owed_first and not self._introductions.introduces(destination):
             owed = self._handshake.owed(destination, room_bytes, now)
             room_bytes -= _size(owed)
             if room_bytes < TAG_BYTES + first_bytes:
                 first = None
             urgent = urgent or room_bytes < HELLO_BYTES
-        if first or self._handshake.introduces(destination):
-            introduction = self._handshake.introduction(
+        if first or self._introductions.introduces(destination):
+            introduction = self._introductions.introduction(
                 destination, room_bytes - first_bytes, now, urgent=urgent
             )
             room_bytes -= len(introduction)
@@ -264,7 +269,7 @@ class Composer:
             owed += late
         elif must_go:
             if must_go is Cause.HEARTBEAT:
-                introduction = self._handshake.introduction(destination, room_bytes, now)
+                introduction = self._introductions.introduction(destination, room_bytes, now)
                 room_bytes -= len(introduction)
             # For a range no introduction: it would have to be answered, and that is not wanted.
             owed = self._handshake.owed(destination, room_bytes, now)

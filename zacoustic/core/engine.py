@@ -194,7 +194,7 @@ class Engine:
     ) -> None:
         """The link went up or down; `capabilities` come with UP, and when they change."""
         self._now = now
-        self._protocols.contact.begin(now)
+        self._protocols.begin(now)
         if capabilities is not None and capabilities != self.capabilities:
             self._transmitter.use_link(capabilities, now)
         if state is not self._transmitter.link_state:
@@ -218,7 +218,7 @@ class Engine:
         own jitter, and every ten seconds at least where the engine is driven at all.
         """
         self._now = now
-        self._protocols.contact.begin(now)
+        self._protocols.begin(now)
         self.silence.handle_clock(offset_ns, now)
         self._transmitter.handle_clock(offset_ns, error_ns, now)
 

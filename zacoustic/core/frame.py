@@ -41,6 +41,8 @@ LAST_STREAM_ID: Final = 0xAF
 ASSURED: Final = 0
 """Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
 sender."""
+VOUCHED: Final = 0xFF
+"""Address of a CONFIRM in a unicast frame: the node that the frame is for; a *vouch*."""
 DENSE_FROM: Final = 0xC0
 """A dense string begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
@@ -118,7 +120,7 @@ class Confirm(msgspec.Struct, frozen=True):
     """The sender knows and shares the table of a node's epoch."""
 
     address: int
-    """The node, or `ASSURED`."""
+    """The node, `ASSURED`, or `VOUCHED`."""
     epoch: int
 
     def encode(self) -> bytes:

@@ -40,6 +40,11 @@ grown to its longest, and then only when asked.
 A CONFIRM that finds no frame to ride on goes behind the next frame of its peer: then no other one
 is on its way. At any other instant one may be, and would be lost where this node transmits; so a
 CONFIRM that no such frame has called forth waits until the peer has been silent for long.
+
+A *vouch* is a CONFIRM that does not wait for the settling time (`zacoustic.core.introducing`). What
+it says is true when it is said; only a late HELLO of a former life of the hearer can undo it. The
+hearer knows how old it is itself, and that nothing of a former life is under way any more: then the
+vouch is a confirmation, from when its sender decodes frames without a TAG. It is told so at once.
 """
 
 import random
@@ -50,23 +55,20 @@ from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     ASSURED,
-    HELLO_BYTES,
     LAST_STREAM_ID,
+    VOUCHED,
     WIRE_VERSION,
     Ask,
     Confirm,
     Hello,
     TableRow,
-    Tag,
 )
+from zacoustic.core.introducing import Introductions
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.core.peer import Peer
+from zacoustic.core.peer import Peer, Peers
 from zacoustic.core.stats import Cause
 from zacoustic.core.streams import StreamTable
 
-HELLO_EVERY: Final = 8
-"""On broadcast one frame of this many carries a HELLO until all have confirmed: one byte a frame,
-on average."""
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
 do; four is generous."""
@@ -90,85 +92,50 @@ class Handshake:
         self._address = address
         self._table = table
         self._rng = rng
-        self._peers: dict[int, Peer] = {}
-        self._since_hello: dict[int, int] = {}
+        self._peers = Peers()
+        self.introductions = Introductions(address, epoch, table, self._peers)
         self._unit_ns = seconds_to_ns(1)
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         """How long the next frame of a peer is awaited, ns."""
         self.settling_ns = SETTLING_UNITS * self._unit_ns
         """Time within which a duplicate of a frame can still arrive, ns."""
-        self.epoch = epoch
-        self._digest = table.digest
+        self._began_at: int | None = None
         self.news: list[PeerSeen | StreamsDiffer] = []
         """What happened, for the engine to pass on."""
+
+    @property
+    def epoch(self) -> int:
+        """The present boot epoch of this node."""
+        return self.introductions.epoch
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        if self._began_at is None:
+            self._began_at = now
 
     def use_link(self, capabilities: LinkCapabilities) -> None:
         """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+        self.introductions.unit_ns = self._unit_ns
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         self.settling_ns = SETTLING_UNITS * self._unit_ns
 
-    def table_changed(self) -> None:
+    def table_changed(self, now: int) -> None:
         """Begin a new epoch, because the table is not what peers have confirmed."""
-        self.epoch = (self.epoch + 1) & 0xFFFF
-        self._digest = self._table.digest
-        self._since_hello.clear()
+        self._began_at = now
+        self.introductions.table_changed()
         for peer in self._peers.values():
             peer.doubt()
 
     # What this node says
 
-    def introduction(
-        self, destination: int, room_bytes: int, now: int, *, urgent: bool = False
-    ) -> bytes:
-        """Return the HELLO, the TAG or nothing that a frame to `destination` begins with.
-
-        Args:
-            destination: Address, or `BROADCAST`.
-            room_bytes: What the frame has left beside its first record; a HELLO that does not fit
-                is sent without it.
-            now: The instant.
-            urgent: The record must be in this frame: never displace it by a HELLO.
-        """
-        audience = self._audience(destination)
-        silent = [peer for peer in audience if not peer.confirmed_us]
-        asked = self.introduces(destination)
-        # Without a list nobody knows who hears a broadcast, whoever has confirmed.
-        is_known = bool(audience) and (destination != BROADCAST or bool(self._table.nodes))
-        if is_known and not silent and not asked:
-            return b""
-        tag = Tag(self.epoch).encode()
-        fits = room_bytes >= HELLO_BYTES
-        if asked:
-            wanted = fits or not urgent
-        elif is_known and all(peer.differs_from(self._digest) for peer in silent):
-            wanted = False
-        else:
-            turn = self._since_hello.get(destination, 0) % HELLO_EVERY == 0
-            wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
-        if not wanted:
-            self._since_hello[destination] = self._since_hello.get(destination, 0) + 1
-            return tag
-        self._since_hello[destination] = 1
-        for peer in self._peers.values() if destination == BROADCAST else audience:
-            if peer.owes_hello:
-                peer.owes_hello = False
-                peer.answer_pause.use(now, self._unit_ns)
-        return Hello(WIRE_VERSION, self.epoch, self._digest).encode()
-
     def introduce(self, address: int, stream_id: int) -> None:
         """Make a record in the next frame to a node readable, whatever the node has forgotten."""
-        peer = self.peer(address)
+        peer = self._peers[address]
         peer.owes_hello = True
         if peer.digest != self._digest:
             peer.owed_rows[stream_id] = None
-
-    def introduces(self, destination: int) -> bool:
-        """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
-        if destination == BROADCAST:
-            return any(peer.owes_hello for peer in self._peers.values())
-        return self.peer(destination).owes_hello
 
     def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
         """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
@@ -177,12 +144,14 @@ class Handshake:
         for address in hearers:
             peer = self._peers.get(address)
             if peer is not None and peer.is_owed:
+                peer.ripen(now)
                 unicast = destination != BROADCAST
                 for cause, control in self._controls(address, peer, now, unicast=unicast):
                     if len(control) > room_bytes:
                         break
                     room_bytes -= len(control)
                     taken.append((cause, control))
+                    peer.is_being_confirmed |= unicast and cause is Cause.CONFIRM
                     peer.said(cause, now, self._unit_ns)
                 if not peer.is_owed:
                     peer.speak_at = None
@@ -213,13 +182,21 @@ class Handshake:
 
     # What this node hears
 
+    def begin_frame(self, source: int, now: int) -> None:
+        """A frame arrived; what it says follows."""
+        peer = self._peers[source]
+        peer.is_vouching = False
+        peer.ripen(now)
+
     def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> bool:
         """A HELLO arrived: remember it, and answer if it is new; tells whether the epoch is."""
-        peer = self.peer(source)
+        peer = self._peers[source]
         peer.is_assured &= not unicast
         # What another version calls a digest means nothing to us.
         digest = hello.digest if hello.version == WIRE_VERSION else b""
         peer.questions.pop(_ASK_HELLO, None)
+        if not peer.is_owed:
+            peer.speak_at = None
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
             peer.forget()
@@ -239,7 +216,7 @@ class Handshake:
 
     def heard_tag(self, source: int, epoch: int, now: int, *, unicast: bool = False) -> None:
         """A TAG arrived: its sender does not know that we know it."""
-        peer = self.peer(source)
+        peer = self._peers[source]
         peer.is_assured &= not unicast
         if peer.epoch != epoch:
             # What is known of it may be of a life that is over: better to know nothing.
@@ -249,46 +226,63 @@ class Handshake:
 
     def heard_too_short(self, source: int, now: int) -> None:
         """A record takes this node for assured, which it is not any more: tell its source so."""
-        self._introduce_soon(self.peer(source), now)
+        self._introduce_soon(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
         """A record does not take this node for assured: if it is, tell its source so."""
-        peer = self.peer(source)
+        peer = self._peers[source]
         if peer.confirmed_us:
             self._answer_introduction(peer, now)
 
     def heard_introduced(self, source: int, epoch: int, now: int) -> None:
         """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
-        peer = self.peer(source)
+        peer = self._peers[source]
         if peer.epoch == epoch:
             self._answer_introduction(peer, now)
+
+    def confirms_us(self, confirm: Confirm, *, unicast: bool) -> bool:
+        """Tell whether a CONFIRM says that its sender knows our present epoch."""
+        return confirm.epoch == self.epoch and self._is_about_us(confirm, unicast=unicast)
+
+    def heard_introduction(self, source: int) -> None:
+        """A frame for us alone confirms us, and introduces its source: it waits for an answer.
+
+        It has heard us, so the way back is open, and as long as it is not answered each of its
+        frames begins so. On broadcast, where others may be silent for ever, that is no haste.
+        """
+        self._peers[source].answer_pause.reset()
 
     def heard_confirm(
         self, source: int, confirm: Confirm, now: int, *, unicast: bool = False
     ) -> None:
         """A peer says that it knows and shares our table."""
-        is_assured = unicast and confirm.address == ASSURED
-        if confirm.address != self._address and not is_assured:
+        if not self._is_about_us(confirm, unicast=unicast):
             return
-        peer = self.peer(source)
-        if confirm.epoch == self.epoch:
-            peer.confirmed_us = peer.knows_us = True
-            if is_assured:
-                peer.is_assured |= now >= peer.settled_at
-            elif unicast and peer.epoch is not None and peer.digest == self._digest:
-                # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
-                peer.owes_confirm = True
-        else:
+        peer = self._peers[source]
+        if confirm.epoch != self.epoch:
             # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
-            peer.confirmed_us = False
+            peer.unconfirm()
             self._introduce_soon(peer, now)
+            return
+        peer.is_vouching = unicast
+        if confirm.address == VOUCHED:
+            self._heard_vouch(peer, now)
+            return
+        peer.confirmed_us = peer.knows_us = True
+        peer.will_hold_at = None
+        if unicast and confirm.address == ASSURED:
+            if now >= peer.settled_at:
+                peer.is_assured, peer.owes_confirm = True, False
+        elif unicast and peer.shares(self._digest):
+            # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
+            peer.owes_confirm = True
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
         """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
         if ask.address != self._address:
             return False
-        peer = self.peer(source)
-        peer.confirmed_us = False
+        peer = self._peers[source]
+        peer.unconfirm()
         if ask.stream_id == _ASK_HELLO:
             peer.owes_hello = True
         else:
@@ -299,7 +293,7 @@ class Handshake:
 
     def heard_row(self, source: int, row: TableRow, now: int) -> None:
         """A row of a peer's table arrived."""
-        peer = self.peer(source)
+        peer = self._peers[source]
         if not 1 <= row.stream_id <= LAST_STREAM_ID:
             return
         if peer.epoch != row.epoch:
@@ -327,8 +321,9 @@ class Handshake:
         Returns:
             None when it may, else the reason for the statistics: ``unconfirmed`` or ``differs``.
         """
-        peer = self.peer(source)
-        if peer.epoch is not None and peer.digest == self._digest:
+        peer = self._peers[source]
+        peer.ripen(now)
+        if peer.shares(self._digest):
             if epoch == peer.epoch:
                 return None
             if epoch is None and now >= peer.settled_at:
@@ -358,7 +353,7 @@ class Handshake:
 
         Args and returns as `verdict`.
         """
-        peer = self.peer(source)
+        peer = self._peers[source]
         if peer.differs_from(self._digest) and epoch == peer.epoch:
             return "differs"
         return self.verdict(source, epoch, _ASK_HELLO, now)
@@ -368,19 +363,9 @@ class Handshake:
         peer = self._peers.get(address)
         return peer is not None and peer.differs_from(self._digest)
 
-    def is_unconfirmed(self, destination: int) -> bool:
-        """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
-        audience = self._audience(destination)
-        return not audience or any(
-            not peer.confirmed_us and not peer.differs_from(self._digest) for peer in audience
-        )
-
     def peer(self, address: int) -> Peer:
         """Return what is known of a node, and what is owed to it."""
-        peer = self._peers.get(address)
-        if peer is None:
-            peer = self._peers[address] = Peer()
-        return peer
+        return self._peers[address]
 
     def peers(self) -> dict[int, Peer]:
         """Return what is known of each node heard so far, by address."""
@@ -388,17 +373,24 @@ class Handshake:
 
     # Below the methods above
 
-    def _audience(self, destination: int) -> list[Peer]:
-        if destination != BROADCAST:
-            return [self.peer(destination)]
-        listed = [self.peer(address) for address in self._table.nodes if address != self._address]
-        # Whoever has introduced itself is in the water, listed or not.
-        strangers = [
-            peer
-            for address, peer in self._peers.items()
-            if address not in self._table.nodes and peer.epoch is not None
-        ]
-        return listed + strangers
+    @property
+    def _digest(self) -> bytes:
+        return self.introductions.digest
+
+    def _is_about_us(self, confirm: Confirm, *, unicast: bool) -> bool:
+        return confirm.address == self._address or (
+            unicast and confirm.address in (ASSURED, VOUCHED)
+        )
+
+    def _heard_vouch(self, peer: Peer, now: int) -> None:
+        """A peer has vouched for us: if this life is older than what was late then, that holds."""
+        is_old = self._began_at is not None and now >= self._began_at + 2 * self.settling_ns
+        if is_old and not peer.confirmed_us and peer.will_hold_at is None:
+            peer.will_hold_at = now + self.settling_ns
+            if peer.shares(self._digest):
+                # It introduces itself in every frame until it is told.
+                peer.owes_confirm = True
+                self._speak_soon(peer, max(peer.will_hold_at, peer.confirm_at))
 
     def _row(self, stream_id: int) -> bytes:
         stream = self._table.get(stream_id)

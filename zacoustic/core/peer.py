@@ -54,8 +54,14 @@ class Peer:
         self.knows_us = False
         """In the life that is known of it, it has confirmed the present epoch of this node once.
         Unlike `confirmed_us` a question does not revoke that: an epoch that was known is known."""
+        self.will_hold_at: int | None = None
+        """Instant from which it has confirmed us, since it has vouched, ns; or None."""
         self.is_assured = False
         """It knows that we have confirmed it."""
+        self.is_vouching = False
+        """The frame that is read now says that it knows our present epoch, and shares our table."""
+        self.is_being_confirmed = False
+        """The frame that is composed now says so to it."""
         self.told_differing: set[int] = set()
         self.owes_confirm = False
         self.owes_hello = False
@@ -70,6 +76,21 @@ class Peer:
         """Epoch of a node whose record was just allowed."""
         assert self.epoch is not None
         return self.epoch
+
+    def shares(self, digest: bytes) -> bool:
+        """Tell whether it is known to hold the table of a digest."""
+        return self.epoch is not None and self.digest == digest
+
+    def ripen(self, now: int) -> None:
+        """Count it as having confirmed us, if the time for that has come."""
+        if self.will_hold_at is not None and self.will_hold_at <= now:
+            self.confirmed_us = self.knows_us = True
+            self.will_hold_at = None
+
+    def unconfirm(self) -> None:
+        """It does not know our present epoch, whatever it has said."""
+        self.confirmed_us = False
+        self.will_hold_at = None
 
     def differs_from(self, digest: bytes) -> bool:
         """Tell whether it is known to hold another table than that of a digest."""
@@ -107,7 +128,8 @@ class Peer:
 
     def doubt(self) -> None:
         """Of its table and ours nothing is agreed any more."""
-        self.confirmed_us = self.knows_us = self.is_assured = False
+        self.unconfirm()
+        self.knows_us = self.is_assured = self.is_vouching = False
         self.owes_confirm = False
         self.rows.clear()
         self.told_differing.clear()
@@ -119,3 +141,11 @@ class Peer:
         self.questions.clear()
         self.ask_pause.reset()
         self.answer_pause.reset()
+
+
+class Peers(dict[int, Peer]):
+    """The other nodes, by address; of one that is not in it nothing is known yet."""
+
+    def __missing__(self, address: int) -> Peer:
+        peer = self[address] = Peer()
+        return peer

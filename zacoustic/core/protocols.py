@@ -257,6 +257,11 @@ class Protocols:
 
     # The life of the engine
 
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        self.contact.begin(now)
+        self.handshake.begin(now)
+
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
         self.demand.recover(stored)
@@ -268,7 +273,7 @@ class Protocols:
 
     def begin_epoch(self, now: int) -> None:
         """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed()
+        self.handshake.table_changed(now)
         self.dense.epoch_changed()
         self._write_epoch()
         self.services.epoch_changed()

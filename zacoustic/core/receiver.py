@@ -2,7 +2,7 @@
 
 Nothing here raises, whatever arrives. Each thing that is dropped is counted under one word:
 
-======================  ==========================================================================
+======================  ===================================================================
 ``short check stuffing  the envelope could not be opened (`zacoustic.core.envelope`)
 overlong address``
 ``own not_for_us``      a frame of this address, or for another one
@@ -28,7 +28,7 @@ too_many_goals``
 ``object_answer         what a receiver says of no object of ours, or says again; an object that
 object_digest           was not what its digest says; more transfers than are kept
 object_room``
-======================  ==========================================================================
+======================  ===================================================================
 """
 
 from collections.abc import Callable
@@ -121,7 +121,9 @@ class Receiver:
             # The frame's own destination: a link without addresses does not know it.
             received = msgspec.structs.replace(received, destination=opened.destination)
         epoch: int | None = None
+        tagged: int | None = None
         streams: list[int] = []
+        self._handshake.begin_frame(source, now)
         measure = partial(self._measure, source)
         unicast = opened.destination != BROADCAST
         for item in parse_frame(opened.records, measure, unicast=unicast):
@@ -139,19 +141,14 @@ class Receiver:
             elif isinstance(item, Stray):
                 self._stats.drop(item.reason)
             elif isinstance(item, Hello):
-                if self._handshake.heard_hello(source, item, now, unicast=unicast):
-                    self._services.client_restarted(source, item.epoch, now)
-                    self._actions.peer_restarted(source, now)
-                    self._sending.lost_sync(source, now)
-                    self._demand.publisher_restarted(source, now)
-                    self._dense.peer_restarted(source)
+                self._handle_hello(source, item, now, unicast=unicast)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
                 epoch = item.epoch
             elif isinstance(item, Tag):
                 self._handshake.heard_tag(source, item.epoch, now, unicast=unicast)
-                epoch = item.epoch
+                epoch = tagged = item.epoch
             elif isinstance(item, Fragment | Feedback):
                 streams.append(self._stream_of(source, item))
                 reason = self._handle_object(opened, item, received, now)
@@ -166,6 +163,15 @@ class Receiver:
                 if self.handle_access is not None:
                     self.handle_access(source, item, received, now)
             else:
+                is_ours = isinstance(item, Confirm) and self._handshake.confirms_us(
+                    item, unicast=unicast
+                )
+                if is_ours and tagged is not None:
+                    # A TAG, and that its sender shares our table: as good as a HELLO.
+                    hello = Hello(WIRE_VERSION, tagged, self._table.digest)
+                    self._handle_hello(source, hello, now, unicast=unicast)
+                    if unicast:
+                        self._handshake.heard_introduction(source)
                 self._handle_table_talk(opened, item, now)
         if streams and epoch is not None:
             self._handshake.heard_introduced(source, epoch, now)
@@ -184,6 +190,15 @@ class Receiver:
                     self.handle_call(opened.source, item.call, received, now)
             elif isinstance(item, Turn) and item.node == ANYBODY and self.handle_access is not None:
                 self.handle_access(opened.source, item, received, now)
+
+    def _handle_hello(self, source: int, hello: Hello, now: int, *, unicast: bool) -> None:
+        """A node has said which life it is in: if that is new, tell everybody."""
+        if self._handshake.heard_hello(source, hello, now, unicast=unicast):
+            self._services.client_restarted(source, hello.epoch, now)
+            self._actions.peer_restarted(source, now)
+            self._sending.lost_sync(source, now)
+            self._demand.publisher_restarted(source, now)
+            self._dense.peer_restarted(source)
 
     def _handle_dense(
         self, source: int, epoch: int | None, item: DenseString, received: ReceivedFrame, now: int

@@ -6,8 +6,8 @@ is due again. While an answer of a node is awaited nothing else is repeated to i
 together goes together, a few frames at most: whoever transmits without end hears nothing.
 
 A record may have a *reminder*: a short one that asks whether the node has it. When the record
-went three times and no answer came, answers were lost rather than the record three times, so from
-then on the reminder is repeated; a node that lacks the record says so, and gets it `again`.
+went twice and no answer came, answers were lost rather than the record twice, so from then on the
+reminder is repeated; a node that lacks the record says so, and gets it `again`.
 """
 
 import enum
@@ -22,10 +22,10 @@ from zacoustic.core.qos import Qos
 from zacoustic.core.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.stats import Cause
 
-_WHOLE_TRIES: Final = 3
-"""So often a record goes before its reminder does. After three tries at 30 % loss a node that has
-not answered has it in four cases of five. After two it would be two of three: fewer bytes, but what
-is lost arrives a round trip later."""
+_WHOLE_TRIES: Final = 2
+"""So often a record goes before its reminder does. After two tries at 30 % loss a node that has not
+answered has it in two cases of three. After one it is fewer than half: what is saved then goes into
+questions, and what is lost arrives a round trip later."""
 
 
 class _Stage(enum.Enum):

@@ -34,7 +34,7 @@ from zacoustic.core.repeating import RepeatedRecord, Repeater
 from zacoustic.core.stats import Cause, EngineStats, count
 from zacoustic.core.streams import EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.errors import LocalError, UnknownStreamError
+from zacoustic.errors import LocalError
 
 _REQUEST_LANE: Final = 1
 _CONFIRM_LANE: Final = 5
@@ -121,7 +121,7 @@ class Services:
         server: int | None = None,
     ) -> int:
         """Call a service; see `Engine.call`. `server` is for one that every node serves."""
-        stream, spec = self._service(stream_id)
+        stream, spec = self._table.service(stream_id)
         server = spec.server if server is None else server
         if server in (self._address, EVERY_NODE):
             raise LocalError(f"{stream.name} is served by this node, {self._address}")
@@ -241,12 +241,6 @@ class Services:
         return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
-
-    def _service(self, stream_id: int) -> tuple[Stream, ServiceSpec]:
-        stream = self._table.by_id(stream_id)
-        if not isinstance(stream.spec, ServiceSpec):
-            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a service")
-        return stream, stream.spec
 
     def _receive_answer(self, server: int, stream: Stream, content: bytes, now: int) -> str | None:
         kind, number = decode_call_byte(content[0])

@@ -46,7 +46,7 @@ from zacoustic.core.streamspecs import (
 )
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.core.wireprofile import WireProfile
-from zacoustic.errors import ConfigError, UnknownStreamError
+from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 
 EVERY_NODE: Final = 0
 """In place of the address of a server: each node serves, and the records say which one."""
@@ -286,6 +286,43 @@ class StreamTable:
             known = ", ".join(str(known) for known in sorted(self._by_id)) or "none"
             raise UnknownStreamError(f"no stream has id {stream_id}; there are: {known}")
         return stream
+
+    def topic(self, stream_id: int) -> tuple[Stream, TopicSpec]:
+        """Return a topic and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such topic.
+        """
+        stream = self.by_id(stream_id)
+        if not isinstance(stream.spec, TopicSpec):
+            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
+        return stream, stream.spec
+
+    def topic_of(self, publisher: int, stream_id: int) -> tuple[Stream, TopicSpec]:
+        """Return a topic to which a node may publish, and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such topic.
+            LocalError: The node is not among its publishers.
+        """
+        stream, spec = self.topic(stream_id)
+        if not stream.may_publish(publisher):
+            raise LocalError(
+                f"node {publisher} is not a publisher of {stream.name}; "
+                f"publishers: {spec.publishers}"
+            )
+        return stream, spec
+
+    def service(self, stream_id: int) -> tuple[Stream, ServiceSpec]:
+        """Return a service and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such service.
+        """
+        stream = self.by_id(stream_id)
+        if not isinstance(stream.spec, ServiceSpec):
+            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a service")
+        return stream, stream.spec
 
     def by_name(self, name: str) -> Stream:
         """Return the stream of that name, placeholders included.

@@ -26,7 +26,7 @@ from zacoustic.core.queue import SAMPLE_LANE, TransmitQueue, Waiting
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.errors import LocalError, UnknownStreamError
+from zacoustic.errors import UnknownStreamError
 
 _AGE_BYTES: Final = 1
 NO_DELIVERY: Final = 0
@@ -82,12 +82,7 @@ class Topics:
         queued_at: int | None,
     ) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream, spec = self._topic(stream_id)
-        if not stream.may_publish(self._address):
-            raise LocalError(
-                f"node {self._address} is not a publisher of {stream.name}; "
-                f"publishers: {spec.publishers}"
-            )
+        stream, spec = self._table.topic_of(self._address, stream_id)
         stream.keys.key(self._address, instance)
         prefix = bytes((Control.DELETE,)) if delete else b""
         if encoding is not None and encoding != stream.encoding and not delete:
@@ -263,12 +258,6 @@ class Topics:
         else:
             for _ in range(self._queue.drop_stream(stream.stream_id)):
                 count(self._stats.unsubscribed, stream.stream_id)
-
-    def _topic(self, stream_id: int) -> tuple[Stream, TopicSpec]:
-        stream = self._table.by_id(stream_id)
-        if not isinstance(stream.spec, TopicSpec):
-            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
-        return stream, stream.spec
 
     def _destination(self, stream: Stream, spec: TopicSpec) -> int:
         """Return the one subscriber of a topic, or `BROADCAST`."""

@@ -50,7 +50,7 @@ def test_a_model_with_nonsense_is_refused(model: Model) -> None:
     nav = model.streams["10"]
     types = {10: Mission(1, 10).types["nav"]}
     learnt = dict(nav.learnt)
-    learnt["1"] = msgspec.structs.replace(learnt["1"], scales=(0,) * len(nav.sizes))
+    learnt["1"] = msgspec.structs.replace(learnt["1"], log_scales=(-1,) * len(nav.sizes))
     later = Companion(stream_id=10, column=0, slope=1, offset=0, scale=9)  # positions come last
     firsts = [*nav.firsts[:2], msgspec.structs.replace(nav.firsts[2], companion=later)]
     for damage in (
@@ -63,3 +63,12 @@ def test_a_model_with_nonsense_is_refused(model: Model) -> None:
         broken = msgspec.structs.replace(nav, **damage)
         with pytest.raises(ConfigError):
             DenseCodec(types, model=Model(streams={"10": broken}))
+
+
+def test_a_model_of_an_earlier_version_is_refused_with_what_it_lacks(model: Model) -> None:
+    learnt = msgspec.to_builtins(model)
+    for place in learnt["streams"]["10"]["learnt"].values():
+        for now, before in (("log_scales", "scales"), ("nearer", "hold_misses")):
+            place[before] = place.pop(now)
+    with pytest.raises(msgspec.ValidationError, match=r"missing required field `log_scales`"):
+        msgspec.convert(learnt, Model)

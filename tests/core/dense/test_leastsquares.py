@@ -68,3 +68,13 @@ def test_a_quantity_that_stood_still_does_not_throw_its_weights_about() -> None:
         explained.add((0 if n < 1990 else 1, n % 7))
         weights, energies = explained.moved(TRUST)
     assert all(abs(each) < 1 << 24 for each in shape.unpacked(weights)[1])
+
+
+def test_what_is_smaller_than_usual_moves_the_energy_and_no_weights() -> None:
+    shape, weights, energies = Shape(2), [0, 0], [128 * 400, 256]
+    for quantity, moves in ((19, False), (-19, False), (21, True)):
+        explained = Explained(shape, weights, energies)
+        explained.add((quantity, 1000))
+        moved, more = explained.moved(TRUST)
+        assert (moved != weights) == moves
+        assert more[0] == energies[0] - energies[0] // 128 + quantity**2

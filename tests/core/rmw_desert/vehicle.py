@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from tests.core.rig import End, link
+from zacoustic.core.events import SampleReceived
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
@@ -107,3 +108,11 @@ def said(end: End, now: int) -> bytes:
     while (transmission := end.send(now)) is not None:
         data += transmission.frame_bytes
     return data
+
+
+def hear(end: End, data: bytes, now: int = 0) -> None:
+    end.hear(data, now, source=0)
+
+
+def samples(end: End) -> list[tuple[int, Any]]:
+    return [(each.stream_id, each.value) for each in end.got(SampleReceived)]

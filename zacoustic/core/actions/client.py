@@ -163,7 +163,8 @@ class GoalClient:
         """Take what a server says of a goal; returns why it is dropped, or None."""
         epoch = message.epoch
         if epoch is None:
-            if not self._handshake.peer(source).knows_us:
+            server = self._handshake.peer(source)
+            if not server.knows_us and not server.is_vouching:
                 # It may be said to a former life of this node.
                 self._handshake.heard_too_short(source, now)
                 return "unconfirmed"

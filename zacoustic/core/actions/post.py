@@ -167,7 +167,7 @@ class GoalPost:
             payload: What follows.
             codec: Codec at the end of the payload; None: there is none.
             until: End, ns.
-            is_reminded: It is a result, and said a few times; then a reminder of it is repeated.
+            is_reminded: It is a result, and said twice; then a reminder of it is repeated.
         """
         qos = msgspec.structs.replace(
             stream.qos, depth=2 * GOAL_NUMBERS, lifespan_s=None, min_interval_s=0.0
@@ -228,12 +228,13 @@ class GoalPost:
         """Tell whether the other end takes a record without an epoch for one about this goal.
 
         A client takes such a record only when it has been told that its epoch is known to the
-        server: until then the record might be meant for another life.
+        server, in the same frame or before: else the record might be meant for another life.
         """
         if goal.client == self._address:
             return goal.epoch == self._handshake.epoch
         client = self._handshake.peer(goal.client)
-        return goal.epoch == client.epoch and client.is_assured
+        is_told = client.is_assured or client.is_being_confirmed
+        return goal.epoch == client.epoch and is_told
 
     def _head(self, goal: GoalKey, operation: Operation) -> bytes:
         epoch = None if self.needs_no_epoch(goal) else goal.epoch

@@ -21,7 +21,7 @@ from zacoustic.core.repeating import Repeater
 from zacoustic.core.stats import NO_STREAM, Cause
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import LAST_STREAM_ID, TopicSpec
-from zacoustic.errors import LocalError, UnknownStreamError
+from zacoustic.errors import LocalError
 
 NOBODY: Final = "nobody subscribes"
 """Why a reliable sample of an on-demand topic has ended."""
@@ -89,13 +89,11 @@ class Demand:
             UnknownStreamError: No such topic.
             LocalError: This node may not listen to it.
         """
-        stream = self._table.by_id(stream_id)
-        if not isinstance(stream.spec, TopicSpec):
-            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
+        stream, spec = self._table.topic(stream_id)
         if not stream.may_subscribe(self._address):
             raise LocalError(
                 f"node {self._address} is not a subscriber of {stream.name}; "
-                f"subscribers: {stream.spec.subscribers}"
+                f"subscribers: {spec.subscribers}"
             )
         if stream.is_on_demand:
             publishers = self.publishers(stream)

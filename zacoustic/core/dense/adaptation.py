@@ -13,7 +13,7 @@ time a distance occurs, its adaptation starts as a copy of the nearest that has 
 
 from typing import Any, Final
 
-from zacoustic.core.dense.curve import SCALE_BITS
+from zacoustic.core.dense.curve import NARROWER, SCALE_BITS, log_scale
 
 RESTING: Final = 0
 """The adaptation for references whose velocity is not known."""
@@ -23,9 +23,6 @@ LONGEST_STEPS: Final = 16
 
 SITUATIONS: Final = 16
 """How many situations are told apart, see `zacoustic.core.dense.rowmodel`."""
-
-WIDTH_BITS: Final = 8
-"""Widths are multiples of 2**-8."""
 
 # Adaptations by steps: 1, 2, 3, 4…5, 6…8, 9…15, 16 and more.
 _CLASSES: Final = (RESTING, 1, 2, 3, 4, 4, 5, 5, 5, 6, 6, 6, 6, 6, 6, 6, 7)
@@ -37,6 +34,7 @@ _START_PART: Final = 64
 
 _START_ENERGY: Final = 1 << 8  # one step, squared
 _START_HOLD: Final = 1 << 10  # 1/64
+_START_NEARER: Final = 1 << 15
 
 
 def step_class(steps: int, *, moving: bool) -> int:
@@ -44,12 +42,11 @@ def step_class(steps: int, *, moving: bool) -> int:
     return _CLASSES[min(steps, LONGEST_STEPS)] if moving else RESTING
 
 
-Manner = tuple[int, int, int, int]
+Manner = tuple[int, int, int]
 """How a column behaves:
 
-- its scale: mean miss of what was predicted, 2**-12 steps;
-- mean miss of the prediction that it stays, 2**-12 steps;
-- mean miss of what the weights predict, 2**-12 steps;
+- its scale: the logarithm of the mean miss of what was predicted, see `zacoustic.core.dense.curve`;
+- how often what the weights predict is nearer than that it stays, 2**-16;
 - how often it stays as it was, 2**-16.
 """
 
@@ -61,8 +58,8 @@ class Adaptation:
         weights: Of all quantities, packed, see `zacoustic.core.dense.leastsquares`.
         energies: Of all quantities.
         manners: By column.
-        widths: How much wider or narrower than its scale, 2**-8: for each column `SITUATIONS` of
-            them.
+        widths: How much wider than its scale, as a logarithm, `NARROWER` added: for each column
+            `SITUATIONS` of them.
     """
 
     __slots__ = ("energies", "manners", "weights", "widths")
@@ -83,12 +80,14 @@ def new_adaptation(sizes: list[int], quantities: int) -> Adaptation:
         sizes: Of all columns.
         quantities: How many, see `zacoustic.core.dense.rowmodel`.
     """
-    scales = [min(_WIDEST_START, 1 + size // _START_PART) << SCALE_BITS for size in sizes]
+    scales = [
+        log_scale(min(_WIDEST_START, 1 + size // _START_PART) << SCALE_BITS) for size in sizes
+    ]
     return Adaptation(
         weights=[0] * quantities,
         energies=[_START_ENERGY] * quantities,
-        manners=[(scale, scale, scale, _START_HOLD) for scale in scales],
-        widths=[1 << WIDTH_BITS] * (SITUATIONS * len(sizes)),
+        manners=[(scale, _START_NEARER, _START_HOLD) for scale in scales],
+        widths=[NARROWER] * (SITUATIONS * len(sizes)),
     )
 
 

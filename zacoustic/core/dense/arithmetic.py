@@ -11,7 +11,8 @@ it is given, the reader the one that it found. So a model is one piece of code t
 reader.
 
 All arithmetic is on integers. The writer keeps the lower end as one integer of any length, so a
-carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide.
+carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide. Numbers
+on a curve divide it by as much as all their shares are together.
 
 The end. A string of n bytes stands for the number that it is followed by zeros. Of the strings of
 the shortest sufficient length, several may lie in the interval: which of them is sent is a choice
@@ -19,13 +20,28 @@ that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a 
 `ways` values and as many as there happen to be, mod a hash of both ends' knowledge.
 
 The first byte's two highest bits are the marker of a dense frame, and no part of the number.
+
+Flags, picks and numbers are what every message is made of, and a call costs as much as all that
+`narrow` does: so these do it themselves.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from itertools import accumulate
 from typing import Final
 
-from zacoustic.core.dense.curve import Curve, find, span
+from zacoustic.core.dense.curve import (
+    CURVES,
+    HALF_STEP,
+    HOLD_SHIFT,
+    LISTED,
+    ODDS,
+    POINT_BITS,
+    WHOLE,
+    Curve,
+    span,
+)
+from zacoustic.core.dense.offcurve import beyond, wide
 from zacoustic.core.payload import PayloadError
 
 TOTAL_BITS: Final = 28
@@ -45,20 +61,30 @@ MARKER_BITS: Final = 2
 _SPARED_BITS: Final = 64
 
 _WIDTH_BITS: Final = 48
+_LEAST_WIDTH: Final = 1 << _WIDTH_BITS - 1
 _ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
+_POINT_MASK: Final = (1 << POINT_BITS) - 1
+
+_IN_A_GAP: Final = "a string in the gap between the symbols"
+_ENDS_INSIDE: Final = "the string ends inside a value"
+
+
+_START: Final = 0, 1 << _WIDTH_BITS, _WIDTH_BITS
 
 
 class Writer:
-    """Writes symbols."""
+    """Writes symbols.
+
+    Args:
+        mark: Where it goes on from, of another writer.
+    """
 
     is_reader = False
 
-    def __init__(self) -> None:
-        self._low = 0
-        self._width = 1 << _WIDTH_BITS
-        self._shift = _WIDTH_BITS
+    def __init__(self, mark: tuple[int, int, int] = _START) -> None:
+        self._low, self._width, self._shift = mark
 
     @property
     def bits(self) -> int:
@@ -84,11 +110,17 @@ class Writer:
 
     def flag(self, probability: int, value: bool) -> bool:
         """Write a flag that is set with `probability`, 1…2**16-1."""
-        split = probability << _FLAG_SHIFT
-        if value:
-            self.narrow(0, split)
-        else:
-            self.narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width = unit * (probability << _FLAG_SHIFT)
+        if not value:
+            self._low += width
+            width = (unit << TOTAL_BITS) - width
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return value
 
     def uniform(self, size: int, value: int) -> int:
@@ -109,10 +141,13 @@ class Writer:
         """Write a number of `width` bits."""
         while width > _CHUNK_BITS:
             width -= _CHUNK_BITS
-            self.narrow((value >> width & 0xFFFF) << _FLAG_SHIFT, 1 << _FLAG_SHIFT)
+            self.raw(_CHUNK_BITS, value >> width)
         if width:
-            share = TOTAL_BITS - width
-            self.narrow((value & (1 << width) - 1) << share, 1 << share)
+            unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
+            lift = _WIDTH_BITS - unit.bit_length()
+            self._low = (self._low + unit * (value & (1 << width) - 1)) << lift
+            self._width = unit << lift
+            self._shift += lift
         return value
 
     def choice(self, shares: Sequence[int], index: int) -> int:
@@ -124,18 +159,43 @@ class Writer:
 
     def pick(self, ends: Sequence[int], index: int) -> int:
         """Write the position in a list of fixed shares, given by its `ends_of`."""
-        start = ends[index]
-        self.narrow(start, ends[index + 1] - start)
+        unit, start = self._width >> TOTAL_BITS, ends[index]
+        width = unit * (ends[index + 1] - start)
+        self._low += unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return index
 
     def number(self, curve: Curve, value: int) -> int:
         """Write a number that lies on a curve."""
-        return self.near(*curve, value)
+        return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold, value)
 
-    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int) -> int:
+    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int) -> int:
         """Write a number that lies on the `Curve` of all these, without having made it."""
-        start, end = span(size, center, scale, held, hold, value)
-        unit = self._width >> TOTAL_BITS  # as `narrow` does, which would cost a call
+        if grade >= LISTED:
+            return wide(self, size, center, grade, held, hold, value)
+        reach, last, curves = CURVES[grade]
+        center += HALF_STEP
+        sums = curves[center & _POINT_MASK]
+        first = (center >> POINT_BITS) - reach
+        odds = ODDS[hold >> HOLD_SHIFT]
+        unit = self._width // (WHOLE + odds)
+        place = value - first
+        if not 0 <= place <= last or not 0 < value < size - 1:
+            start, end = span(sums, first, size, held, odds, value)
+            self._take(unit, start, end)
+            if 0 <= place <= last:
+                return value
+            return beyond(self, size, first, first + last, value)
+        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do: calls would cost more
+        if value >= held:
+            end += odds
+            if value > held:
+                start += odds
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
         self._low = (self._low + unit * start) << lift
@@ -143,31 +203,37 @@ class Writer:
         self._shift += lift
         return value
 
+    def _take(self, unit: int, start: int, end: int) -> None:
+        width = unit * (end - start)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._low = (self._low + unit * start) << lift
+        self._width = width << lift
+        self._shift += lift
+
     def finish(self, ways: int, check: int) -> bytes:
         """Return the shortest string.
 
         Args:
-            ways: Least number of strings to choose from, ≥ 1; each doubling costs a bit.
+            ways: Least number of strings to choose from, 1…2**32; each doubling costs a bit.
             check: Chooses among as many as there are.
         """
-        size = (self.bits + MARKER_BITS + 7) // 8 or 1
-        least = shortest_bytes(self.bits)
-        while size > least and self._candidates(size - 1)[1] >= ways:
+        bits = self._shift - _WIDTH_BITS
+        size = (bits + MARKER_BITS + 7) // 8
+        # Codes of that size are multiples of this many bits: those up to the interval's last number
+        # less those before its first one lie in it.
+        unit_bits = self._shift - 8 * size + MARKER_BITS
+        before = self._low - 1
+        last = before + self._width
+        while (last >> unit_bits + 8) - (before >> unit_bits + 8) >= ways:
+            if size <= shortest_bytes(bits):
+                break
             size -= 1
-        while True:
-            first, count = self._candidates(size)
-            if count >= ways:
-                code = first + check % count
-                return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
+            unit_bits += 8
+        while (count := (last >> unit_bits) - (before >> unit_bits)) < ways:
             size += 1
-
-    def _candidates(self, size: int) -> tuple[int, int]:
-        """The first code of `size` bytes within the interval, and how many there are."""
-        unit_bits = self._shift - (8 * size - MARKER_BITS)
-        if unit_bits <= 0:
-            return self._low << -unit_bits, self._width << -unit_bits
-        first = -(-self._low >> unit_bits)
-        return first, -(-(self._low + self._width) >> unit_bits) - first
+            unit_bits -= 8
+        code = (before >> unit_bits) + 1 + check % count
+        return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
 
 
 def ends_of(*shares: int) -> tuple[int, ...]:
@@ -191,14 +257,13 @@ class Reader:
     is_reader = True
 
     def __init__(self, string: bytes) -> None:
-        self._size = len(string)
-        bits = 8 * len(string) - MARKER_BITS
+        self._size = size = len(string)
+        bits = 8 * size - MARKER_BITS
         # With all the zeros that may be read, so that nobody needs to look where the string ends.
-        self._code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
-        self._bits = bits + _SPARED_BITS
-        self._left = self._bits
+        self._code = code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
+        self._bits = self._left = left = bits + _SPARED_BITS
         self._width = 1 << _WIDTH_BITS
-        self._value = self._code >> self._left
+        self._value = code >> left
 
     @property
     def bits(self) -> int:
@@ -212,12 +277,23 @@ class Reader:
 
     def flag(self, probability: int, value: bool = False) -> bool:
         """Read a flag that is set with `probability`."""
-        split = probability << _FLAG_SHIFT
-        is_set = self._value < (self._width >> TOTAL_BITS) * split
-        if is_set:
-            self._narrow(0, split)
-        else:
-            self._narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width, rest = unit * (probability << _FLAG_SHIFT), self._value
+        is_set = rest < width
+        if not is_set:
+            rest -= width
+            width = (unit << TOTAL_BITS) - width
+            if rest >= width:
+                raise PayloadError(_IN_A_GAP)
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return is_set
 
     def uniform(self, size: int, value: int = 0) -> int:
@@ -242,15 +318,23 @@ class Reader:
 
     def raw(self, width: int, value: int = 0) -> int:
         """Read a number of `width` bits."""
-        value = 0
-        while width:
-            chunk = min(width, _CHUNK_BITS)
-            share = TOTAL_BITS - chunk
-            part = self._place() >> share
-            self._narrow(part << share, 1 << share)
-            value = value << chunk | part
-            width -= chunk
-        return value
+        upper = 0
+        while width > _CHUNK_BITS:
+            width -= _CHUNK_BITS
+            upper = upper << _CHUNK_BITS | self.raw(_CHUNK_BITS)
+        if not width:
+            return 0
+        unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
+        value, rest = divmod(self._value, unit)
+        if value >> width:
+            raise PayloadError(_IN_A_GAP)
+        lift = _WIDTH_BITS - unit.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = unit << lift
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        return upper << width | value
 
     def choice(self, shares: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of relative shares."""
@@ -267,32 +351,74 @@ class Reader:
 
     def pick(self, ends: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of fixed shares."""
-        place, index = self._place(), 0
-        while place >= ends[index + 1]:
-            index += 1
-        start = ends[index]
-        self._narrow(start, ends[index + 1] - start)
+        unit, rest = self._width >> TOTAL_BITS, self._value
+        index, width = 0, unit * ends[1]
+        if rest >= width:  # most often it is the first
+            place = rest // unit
+            if place >= TOTAL:
+                raise PayloadError(_IN_A_GAP)
+            index = bisect_right(ends, place) - 1
+            start = ends[index]
+            width = unit * (ends[index + 1] - start)
+            rest -= unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return index
 
     def number(self, curve: Curve, value: int = 0) -> int:
         """Read a number that lies on a curve."""
-        return self.near(*curve)
+        return self.near(curve.size, curve.center, curve.grade, curve.held, curve.hold)
 
-    def near(self, size: int, center: int, scale: int, held: int, hold: int, value: int = 0) -> int:
+    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int = 0) -> int:
         """Read a number that lies on the `Curve` of all these."""
-        unit = self._width >> TOTAL_BITS  # as `_place` and `_narrow` do
-        place = self._value // unit
-        if place >= TOTAL:
-            raise PayloadError("a string in the gap between the symbols")
-        value, start, end = find(size, center, scale, held, hold, place)
+        if grade >= LISTED:
+            return wide(self, size, center, grade, held, hold, value)
+        reach, last, curves = CURVES[grade]
+        center += HALF_STEP
+        sums = curves[center & _POINT_MASK]
+        first = (center >> POINT_BITS) - reach
+        odds = ODDS[hold >> HOLD_SHIFT]
+        unit = self._width // (WHOLE + odds)
+        share = self._value // unit
+        place = bisect_right(sums, share) - 1
+        held_place = held - first
+        if place >= held_place:
+            place = bisect_right(sums, share - odds) - 1
+            if place < held_place:
+                place = held_place
+        value = first + place
+        if not 0 <= place <= last or not 0 < value < size - 1:
+            # What is beyond the list or, where that reaches so far, the number's first or last.
+            if place < 0 < first:
+                value = min(first, size) - 1
+            elif place > last and first + last < size - 1:
+                value = max(first + last + 1, 0)
+            else:
+                value = min(max(value, 0), size - 1)
+            start, end = span(sums, first, size, held, odds, value)
+            self._take(unit, start, end)
+            if first <= value <= first + last:
+                return value
+            return beyond(self, size, first, first + last, value)
+        start, end = sums[place], sums[place + 1]  # as `span` and `_take` do
+        if value >= held:
+            end += odds
+            if value > held:
+                start += odds
         width = unit * (end - start)
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift
         if left < 0:
             raise PayloadError("the string ends inside a value")
         self._width = width << lift
-        rest = self._value - unit * start
-        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        self._value = self._value - unit * start << lift | self._code >> left & (1 << lift) - 1
         return value
 
     def check(self, ways: int, check: int) -> None:
@@ -301,8 +427,8 @@ class Reader:
         Raises:
             PayloadError: The string is not the one that `Writer.finish` returns.
         """
-        spent, value, width = self.bits, self._value, self._width
-        left = self._left
+        value, width, left = self._value, self._width, self._left
+        spent = self._bits - left
         if left > _ZEROS:
             lift = left - _ZEROS
             value = value << lift | self._code >> _ZEROS & (1 << lift) - 1
@@ -314,16 +440,15 @@ class Reader:
         # Rounded as the writer's: the code itself is a multiple of the unit.
         if count < ways or index != check % count:
             raise PayloadError("the check of the string fails")
-        if self._size > shortest_bytes(spent):
-            # How many strings of one byte less lie in the interval.
-            lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
-            if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways:
-                raise PayloadError("a string longer than needed")
+        # How many strings of one byte less lie in the interval, were they allowed.
+        lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
+        if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways and self._size > shortest_bytes(spent):
+            raise PayloadError("a string longer than needed")
 
     def _place(self) -> int:
         place = self._value // (self._width >> TOTAL_BITS)
         if place >= TOTAL:
-            raise PayloadError("a string in the gap between the symbols")
+            raise PayloadError(_IN_A_GAP)
         return place
 
     def _narrow(self, start: int, share: int) -> None:
@@ -331,6 +456,18 @@ class Reader:
         width = unit * share
         value = self._value - unit * start
         if value >= width:
+            raise PayloadError(_IN_A_GAP)
+        lift = _WIDTH_BITS - width.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = width << lift
+        self._value = value << lift | self._code >> left & (1 << lift) - 1
+
+    def _take(self, unit: int, start: int, end: int) -> None:
+        width = unit * (end - start)
+        value = self._value - unit * start
+        if not 0 <= value < width:
             raise PayloadError("a string in the gap between the symbols")
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift

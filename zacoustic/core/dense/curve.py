@@ -6,42 +6,80 @@ three, the last a Cauchy distribution of a twelfth of the mass; only its place a
 Measured on logs of gliders, an AUV and a yacht it costs 0.1 bits a field more than the best of the
 three chosen after the fact, and up to 2 bits less than the wrong one.
 
+The problem: to work out the curve where a value begins and where it ends takes a division, a look
+into a table and a line between two of its entries, twice for each field of each sample at each end,
+and the reader must find the value first. The idea: nobody sees a scale that is a tenth off. So
+there are four curves for each doubling of the scale and sixteen places within a step, fewer where
+the scale is wide, and of each the sums of the shares of all values within 32 scales, in a list. A
+value's share is an entry and the next, and the value of a share is a bisection.
+
+A scale is kept as its logarithm, in 1/1024 octaves above the least scale; its *grade* is that in
+1/16 octaves, and everything that depends on a scale is in a list by grade. Grades begin two octaves
+lower still, since a width can make a scale narrower than the least; these are all the least.
+
+One value may have a share of its own, for a sensor that stands still: *held*, with *odds* to all
+others that both ends know, which stand between those of the values around it. Whatever lies beyond
+the list has one share on either side, and is told apart by how far off it is. So nothing is
+impossible. What lies beyond the range of the number belongs to its first and last value.
+
 Everything is integers, from fixed constants on, since both ends must agree to the last bit: the
-densities below are sums of integer recurrences, the tail between table entries is linear and beyond
-the table falls with the distance, as that of a Cauchy distribution does. Every value has a share of
-its own whatever the curve says, so that nothing is impossible; the value of the reference may have
-one more, for a sensor that stands still.
+densities below are sums of integer recurrences, the logarithms square roots of square roots.
 """
 
+from bisect import bisect_right
 from itertools import pairwise
+from math import isqrt
 from typing import Final, NamedTuple
 
-SHARE_BITS: Final = 28
-_TOTAL: Final = 1 << SHARE_BITS
-_HALF: Final = _TOTAL >> 1
+SHARE_BITS: Final = 24
+WHOLE: Final = 1 << SHARE_BITS
+"""The shares of all values, that which a held one has of its own not counted."""
 
 POINT_BITS: Final = 4
 """Places on the curve are multiples of 1/16 of a step."""
 
+HALF_STEP: Final = 1 << POINT_BITS - 1
+"""A value begins so far below it."""
+
 SCALE_BITS: Final = 12
-"""Scales are multiples of 1/4096 of a step."""
+"""Scales that are no logarithms are multiples of 1/4096 of a step."""
 
 LARGEST_SIZE: Final = 1 << 22
 """Most values that a number on a curve may have."""
 
 MOST_HOLD: Final = (1 << 16) - 330
-"""Greatest share of a held value, 2**-16: the curve and the floor of all values need some."""
+"""Greatest share of a held value, 2**-16."""
 
-_CELL_BITS: Final = 5  # table entries are 1/32 of the scale apart
+OCTAVE: Final = 1 << 10
+"""Logarithms of scales are multiples of 1/1024 octave."""
+
+MOST_LOG_SCALE: Final = 32 * OCTAVE
+"""Of the greatest scale."""
+
+NARROWER: Final = 2 * OCTAVE
+"""How much less than the least scale a grade may be."""
+
+WIDTH_BITS: Final = 13
+"""A width, which says how much wider than its scale a curve is, has so many bits: from two octaves
+less, `NARROWER`, up to six more."""
+
+GRADE_SHIFT: Final = 6
+"""A grade is a logarithm, `NARROWER` added, less so many bits."""
+
+GRADES: Final = OCTAVE >> GRADE_SHIFT
+"""So many grades are an octave."""
+
+HOLD_SHIFT: Final = 6
+"""What a hold has more than its place in `ODDS`, bits."""
+
+_LEAST_OCTAVE: Final = -4  # the least scale is 1/16 of a step
+_LISTED_OCTAVES: Final = 9  # curves of 32 steps and wider are made of narrower ones
+_QUARTER: Final = GRADES // 4
+_CELL_BITS: Final = 5  # the curve is worked out at multiples of 1/32 of its scale
 _FINE_BITS: Final = 9
-_FINE_MASK: Final = (1 << _FINE_BITS) - 1
-_REACH: Final = 32 << _CELL_BITS  # the table ends at 32 scales
-_Z_SHIFT: Final = _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS
-_FLOOR: Final = 1 << 17  # mass that all values share alike: 1/2048
-_HOLD_SHIFT: Final = SHARE_BITS - 16
-_STEP: Final = 1 << POINT_BITS
-_HALF_STEP: Final = _STEP >> 1  # a value begins so far below it
-_OUTSIDE: Final = LARGEST_SIZE << POINT_BITS + 2  # further away than any value
+_TAIL_BITS: Final = 28
+_REACH: Final = 32  # lists end about there, scales
+_CELLS: Final = _REACH << _CELL_BITS
 
 
 def _densities() -> list[int]:
@@ -52,7 +90,7 @@ def _densities() -> list[int]:
     gauss_step, gauss_square = 1152561272925789074, 1152201153799543898
     laplace, gauss, ratio = one, one, gauss_step
     cells = []
-    for cell in range(_REACH):
+    for cell in range(_CELLS):
         # Heights at 0 are those of the densities: 0.5·1.1/2, 0.42·0.8/√(2π), 0.08/2π.
         cauchy = one * 4096 // (4096 + cell * cell)
         cells.append((27500 * laplace + 13405 * gauss + 1273 * cauchy) >> 30)
@@ -63,46 +101,121 @@ def _densities() -> list[int]:
 
 
 def _tails() -> list[int]:
-    """Mass beyond each entry of the table, of one side, in shares."""
+    """Mass beyond each multiple of 1/32 of the scale, of one side, 2**-28 of both."""
     cells = _densities()
-    beyond = cells[-1] * _REACH  # ∫ dz/z² from the end of the table on, all that is left there
-    tail, masses = beyond, [beyond]
+    tail = cells[-1] * len(cells)  # ∫ dz/z² from there on, all that is left there
+    masses = [tail]
     for mass in reversed(cells):
         tail += mass
         masses.append(tail)
     masses.reverse()
-    return [mass * _HALF // masses[0] for mass in masses]
+    return [(mass << _TAIL_BITS - 1) // masses[0] for mass in masses]
 
 
-_TAILS: Final = _tails()
-_FALLS: Final = [tail - after for tail, after in pairwise(_TAILS)]
-_FAR: Final = _TAILS[_REACH] * (_REACH << _FINE_BITS)
-
-_GUESS_BITS: Final = 9  # the inverse table has an entry for each 512th of the mass of one side
-_GUESS_SHIFT: Final = SHARE_BITS - 1 - _GUESS_BITS
-
-
-def _guesses() -> list[int]:
-    """How far out, in 1/512 cells, the tail has each multiple of that mass."""
-    guesses, cell = [_REACH << _FINE_BITS], _REACH - 1
-    for entry in range(1, (1 << _GUESS_BITS) + 1):
-        mass = entry << _GUESS_SHIFT
-        while cell > 0 and _TAILS[cell] < mass:
-            cell -= 1
-        guesses.append((cell << _FINE_BITS) + (_TAILS[cell] - mass << _FINE_BITS) // _FALLS[cell])
-    return guesses
+def _roots() -> list[int]:
+    """2**(n/1024), times 2**30."""
+    one = 1 << 60
+    root = 2 * one
+    for _ in range(OCTAVE.bit_length() - 1):
+        root = isqrt(root * one)
+    power, powers = one, []
+    for _ in range(OCTAVE):
+        powers.append(power >> 30)
+        power = power * root >> 60
+    return powers
 
 
-_GUESSES: Final = [*_guesses(), 0]
-_GUESS_FALLS: Final = [far - after for far, after in pairwise(_GUESSES)]
-_GUESS_MASK: Final = (1 << _GUESS_SHIFT) - 1
+_ROOTS: Final = _roots()
+
+
+def logarithm(number: int, bits: int) -> int:
+    """Of a number > 0 in 2**-bits, 1/1024 octaves, rounded down."""
+    octave = number.bit_length() - 1
+    mantissa = number << 30 >> octave
+    return (octave - bits) * OCTAVE + bisect_right(_ROOTS, mantissa) - 1
+
+
+def log_scale(scale: int) -> int:
+    """The logarithm of a scale of 2**-12 steps, as scales are kept, within what is allowed."""
+    above = logarithm(scale, SCALE_BITS) - _LEAST_OCTAVE * OCTAVE
+    return min(max(above, 0), MOST_LOG_SCALE)
+
+
+def _scale(octave: int, part: int) -> int:
+    """2**(octave + part/1024) steps, 2**-12."""
+    return _ROOTS[part] << octave + SCALE_BITS + 16 >> 46
+
+
+def _sums(tails: list[int], scale: int, place: int) -> list[int]:
+    """What lies below each value from `_REACH` scales below the center on.
+
+    Args:
+        tails: See `_tails`.
+        scale: Of the curve, 2**-12 steps.
+        place: Where in the middle value the center lies, 1/32 steps.
+    """
+    reach = (_REACH * scale >> SCALE_BITS) + 2
+    sums = []
+    for value in range(-reach, reach + 2):
+        way = (value << POINT_BITS + 1) - place
+        z = (abs(way) << _CELL_BITS + _FINE_BITS + SCALE_BITS - POINT_BITS - 1) // scale
+        cell, fine = z >> _FINE_BITS, z & (1 << _FINE_BITS) - 1
+        if cell < _CELLS:
+            tail = tails[cell] - ((tails[cell] - tails[cell + 1]) * fine >> _FINE_BITS)
+        else:
+            tail = (tails[_CELLS] * _CELLS << _FINE_BITS) // z
+        tail >>= _TAIL_BITS - SHARE_BITS
+        sums.append(tail if way < 0 else WHOLE - tail)
+    assert all(before < after for before, after in pairwise(sums))
+    return sums
+
+
+Listed = tuple[int, int, list[list[int]]]
+"""Curves of a grade: how many values lie below the middle one, the last of them, and, by where in
+the middle value the center lies, 1/16 of a step, the sums."""
+
+
+def _curves() -> list[Listed]:
+    """By grade."""
+    tails, found = _tails(), []
+    for octave in range(_LEAST_OCTAVE, _LEAST_OCTAVE + _LISTED_OCTAVES):
+        # Places within an eighth of the scale are taken for one.
+        together = 1 << min(max(octave + 1, 0), POINT_BITS)
+        for part in range(_QUARTER >> 1, GRADES, _QUARTER):
+            scale = _scale(octave, part << GRADE_SHIFT)
+            by_place = [
+                _sums(tails, scale, 2 * place + together - 1)
+                for place in range(0, 1 << POINT_BITS, together)
+            ]
+            reach = len(by_place[0]) // 2 - 1
+            sums = [by_place[place // together] for place in range(1 << POINT_BITS)]
+            found += [(reach, 2 * reach, sums)] * _QUARTER
+    return [found[0]] * (NARROWER >> GRADE_SHIFT) + found
+
+
+CURVES: Final = _curves()
+"""By grade, up to `LISTED`."""
+
+LISTED: Final = len(CURVES)
+"""Grades from here on have no curve of their own."""
+
+_SCALES: Final = [
+    _scale(_LEAST_OCTAVE + octave, (part << GRADE_SHIFT) + (1 << GRADE_SHIFT - 1))
+    for octave in range((MOST_LOG_SCALE + (1 << WIDTH_BITS)) // OCTAVE)
+    for part in range(GRADES)
+]
+SCALES: Final = [_SCALES[0]] * (NARROWER >> GRADE_SHIFT) + _SCALES
+"""By grade: 2**-12 steps."""
+
+ODDS: Final = [
+    (hold << SHARE_BITS) // ((1 << 16 - HOLD_SHIFT) - hold)
+    for hold in range((MOST_HOLD >> HOLD_SHIFT) + 1)
+]
+"""The share of a held value, beside the whole of the others, by hold less `HOLD_SHIFT` bits."""
 
 
 class Curve(NamedTuple):
-    """The shares of the values 0…size-1 of a number.
-
-    Who needs one of it for a single value, as most do, takes `span` and `find` as they are.
-    """
+    """The shares of the values 0…size-1 of a number."""
 
     size: int
     """How many values, 2…`LARGEST_SIZE`."""
@@ -115,103 +228,33 @@ class Curve(NamedTuple):
     hold: int = 0
     """That share, 0…`MOST_HOLD`, 2**-16."""
 
-    def below(self, value: int) -> int:
-        """The sum of the shares of all values below `value`, 0…size."""
-        if value <= 0:
-            return 0
-        return span(*self, value)[0] if value < self.size else _TOTAL
-
-    def find(self, share: int) -> tuple[int, int, int]:
-        """Find the value that a share belongs to; see `find`."""
-        return find(*self, share)
+    @property
+    def grade(self) -> int:
+        """Of the scale."""
+        return log_scale(self.scale) + NARROWER >> GRADE_SHIFT
 
 
-def span(size: int, center: int, scale: int, held: int, hold: int, value: int) -> tuple[int, int]:
-    """The sums of the shares of a `Curve` below a value, 0…size-1, and up to it."""
-    floor = _FLOOR // size or 1
-    hold <<= _HOLD_SHIFT
-    if size > _FLOOR and hold > _TOTAL - 2 * size:
-        hold = _TOTAL - 2 * size
-    mass = _TOTAL - floor * size - hold
-    start = floor * value
-    end = start + floor
-    place = (value << POINT_BITS) - center - _HALF_STEP
-    z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
-    cell = z >> _FINE_BITS
-    if cell < _REACH:
-        tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
-    else:
-        tail = _FAR // z
-    start += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
-    # The same again where the next value begins: a call for both would cost more than they do.
-    place += _STEP
-    z = ((place if place >= 0 else -place) << _Z_SHIFT) // scale
-    cell = z >> _FINE_BITS
-    if cell < _REACH:
-        tail = _TAILS[cell] - (_FALLS[cell] * (z & _FINE_MASK) >> _FINE_BITS)
-    else:
-        tail = _FAR // z
-    end += mass * (_TOTAL - tail if place >= 0 else tail) >> SHARE_BITS
-    if value >= held:
-        end += hold
-        if value > held:
-            start += hold
-    if not value:
-        start = 0
-    if value + 1 == size:
-        end = _TOTAL
-    return start, end
+def span(
+    sums: list[int], first: int, size: int, held: int, odds: int, value: int
+) -> tuple[int, int]:
+    """What lies below a value, and up to it.
 
-
-def find(
-    size: int, center: int, scale: int, held: int, hold: int, share: int
-) -> tuple[int, int, int]:
-    """Find the value of a `Curve` that a share, 0…2**28-1, belongs to.
-
-    Returns:
-        The value, the sum below it, and the sum up to it.
+    Args:
+        sums: Of the curve.
+        first: The first value that it has, may be < 0.
+        size: How many values the number has.
+        held: The held one.
+        odds: Its share.
+        value: 0…size-1. Before `first`, or behind the last: all those that are.
     """
-    lump = hold << _HOLD_SHIFT
-    mass = _TOTAL - _FLOOR - lump  # about; it is a guess that has to be right most of the time
-    begin = center + _HALF_STEP
-    value = begin + _guess(share, mass, scale) >> POINT_BITS
-    if value > held and hold:
-        value = max(begin + _guess(share - lump, mass, scale) >> POINT_BITS, held)
-    if not 0 <= value < size:
-        value = 0 if value < 0 else size - 1
-    start, end = span(size, center, scale, held, hold, value)
-    if start <= share < end:
-        return value, start, end
-    curve = Curve(size, center, scale, held, hold)
-    if share < start:
-        return _search(curve, share, (0, 0), (value, start), value - 1)
-    return _search(curve, share, (value + 1, end), (size, _TOTAL), value + 2)
-
-
-def _guess(share: int, mass: int, scale: int) -> int:
-    """About how far from the center a share lies, 1/16 of a step."""
-    share = (share << SHARE_BITS) // mass
-    tail = share if share < _HALF else _TOTAL - share
-    if tail <= 0:
-        return _OUTSIDE if share > 0 else -_OUTSIDE
-    entry = tail >> _GUESS_SHIFT
-    far = _GUESSES[entry] - (_GUESS_FALLS[entry] * (tail & _GUESS_MASK) >> _GUESS_SHIFT)
-    far = far * scale >> _Z_SHIFT
-    return -far if share < _HALF else far
-
-
-def _search(
-    curve: Curve, share: int, low: tuple[int, int], high: tuple[int, int], value: int
-) -> tuple[int, int, int]:
-    """As `find`, between two values of which the sums below are known."""
-    stride = 1
-    while high[0] - low[0] > 1:  # `low` never lies above the value, `high` always does
-        if not low[0] < value < high[0]:
-            value = (low[0] + high[0]) >> 1
-        here = value, curve.below(value)
-        stride *= 2
-        if here[1] <= share:
-            low, value = here, value + stride
-        else:
-            high, value = here, value - stride
-    return low[0], low[1], high[1]
+    place = value - first
+    if place < 0:
+        return 0, sums[0] + (odds if held < first else 0)
+    if place >= len(sums) - 1:
+        return sums[-1] + (odds if held < first + len(sums) - 1 else 0), WHOLE + odds
+    start, end = sums[place], sums[place + 1]
+    if value >= held:
+        end += odds
+        if value > held:
+            start += odds
+    return start if value > 0 else 0, end if value < size - 1 else WHOLE + odds

@@ -9,7 +9,6 @@ fitted lose to plain coders on half of all real logs.
 Means, not last values: the weights at the end of a recording are those of its last minutes.
 """
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -22,8 +21,9 @@ from zacoustic.core.dense.adaptation import (
     step_class,
 )
 from zacoustic.core.dense.arithmetic import Writer
-from zacoustic.core.dense.curve import MOST_HOLD, POINT_BITS, SCALE_BITS
+from zacoustic.core.dense.curve import MOST_HOLD, OCTAVE, POINT_BITS, SCALE_BITS
 from zacoustic.core.dense.layout import Content, Layout, Row
+from zacoustic.core.dense.leastsquares import LEAST_ENERGY
 from zacoustic.core.dense.prior import Companion, First, Learnt, Model, StreamPrior
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.types import TypeSpec
@@ -39,6 +39,8 @@ Mission = tuple[Mapping[int, TypeSpec], Recording]
 _STEPS: Final = (1, 2, 3, 5, 7, 12, 16)
 # Energies are made less by this, so that the first dozen samples of a mission can move the weights.
 _RESTLESS: Final = 8
+# Scales are made wider by that, 3/16 octave: a start that is too narrow costs more than a wide one.
+_WIDER_START: Final = 3 * OCTAVE >> 4
 _LEAST_ROWS: Final = 64
 _MOST_ROWS: Final = 4000
 _MOST_TEXT_BYTES: Final = 24000
@@ -269,10 +271,8 @@ class _Mean:
         self._model = model
         self.count = -self._WARM
         self._weights = [[0] * row for row in range(model.shape.quantities)]
-        self._sums: dict[str, list[int]] = {name: [] for name in ("energies", "widths", "holds")}
-        # Of these the geometric mean: they are small most of the time, and large in turns.
-        names = ("scales", "hold_misses", "linear_misses")
-        self._logs: dict[str, list[float]] = {name: [] for name in names}
+        names = ("energies", "log_scales", "widths", "nearer", "holds")
+        self._sums: dict[str, list[int]] = {name: [] for name in names}
 
     def add(self, adaptation: Adaptation) -> None:
         self.count += 1
@@ -283,30 +283,29 @@ class _Mean:
         ):
             for place, weight in enumerate(more):
                 row[place] += weight
-        scales, hold_misses, linear_misses, holds = (
-            [manner[part] for manner in adaptation.manners] for part in range(4)
+        log_scales, nearer, holds = (
+            [manner[part] for manner in adaptation.manners] for part in range(3)
         )
-        lists = {"energies": adaptation.energies, "widths": adaptation.widths, "holds": holds}
+        lists = {
+            "energies": adaptation.energies,
+            "log_scales": log_scales,
+            "widths": adaptation.widths,
+            "nearer": nearer,
+            "holds": holds,
+        }
         for name, sums in self._sums.items():
             values = lists[name]
             self._sums[name] = (
                 [a + b for a, b in zip(sums, values, strict=True)] if sums else list(values)
             )
-        lists = {"scales": scales, "hold_misses": hold_misses, "linear_misses": linear_misses}
-        for name, logs in self._logs.items():
-            more_logs = [math.log(each) for each in lists[name]]
-            self._logs[name] = (
-                [a + b for a, b in zip(logs, more_logs, strict=True)] if logs else more_logs
-            )
 
     def learnt(self) -> Learnt:
         count = self.count
-        means = {
-            name: tuple(max(each // count, 1) for each in sums) for name, sums in self._sums.items()
-        }
-        means["energies"] = tuple(max(each // _RESTLESS, 1) for each in means["energies"])
-        for name, logs in self._logs.items():
-            means[name] = tuple(max(round(math.exp(each / count)), 1) for each in logs)
+        means = {name: tuple(each // count for each in sums) for name, sums in self._sums.items()}
+        means["log_scales"] = tuple(each + _WIDER_START for each in means["log_scales"])
+        means["energies"] = tuple(
+            max(each // _RESTLESS, LEAST_ENERGY) for each in means["energies"]
+        )
         return Learnt(
             weights=tuple(tuple(weight // count for weight in row) for row in self._weights),
             **means,

@@ -16,7 +16,9 @@ The sum is the prediction of quantity k from all before it. When a sample is kno
 moves towards explaining what was left over, by a share that is the innovation's energy in this
 sample over its energy so far; this is recursive least squares in the form that rounding does not
 disturb (modified Gram-Schmidt with error feedback), for the cost of one triangle for all fields.
-Energies forget, so that weights can follow. A sample far off what was expected (a turn, a fix after
+Energies forget, so that weights can follow. An innovation smaller than usual says little of its
+weights: it moves its energy only (set-membership filtering), which is the fate of half of them and
+costs a fifth of what there was to learn. A sample far off what was expected (a turn, a fix after
 dead reckoning) is an exception more often than a rule, and is trusted less: without that the
 weights of the long straight legs are spoiled by every turn, which costs a tenth of all bits.
 
@@ -34,8 +36,9 @@ predictions are then nonsense, are found to be, and learning starts again.
 Invariant: nothing is changed in place. A sample's weights are those of its reference, moved; the
 reference's own stay, since the next sample may refer to it again.
 
-Source: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt algorithm for
-least-squares estimation", IEEE Trans. ASSP 34 (1986) 829.
+Sources: F. Ling, D. Manolakis, J. Proakis, "A recursive modified Gram-Schmidt algorithm for
+least-squares estimation", IEEE Trans. ASSP 34 (1986) 829; S. Gollamudi et al., "Set-membership
+filtering and a set-membership normalized LMS algorithm", IEEE Signal Proc. Letters 5 (1998) 111.
 """
 
 from collections.abc import Generator, Iterable
@@ -51,8 +54,13 @@ _STEP_SHIFT: Final = 34
 # Prediction from which on weights are taken for broken, in 1/16 of a step: no field is that wide.
 _BROKEN: Final = 1 << 32
 
-# Energy below which a quantity that stood still would throw its weights about when it moves.
-_LEAST_ENERGY: Final = 1 << 6
+# Innovations of which the square is less than this part of the energy move nothing, 2**-7: less
+# than the mean, since the energy is the sum of about the last 128.
+_SMALL_BITS: Final = _FORGET_BITS
+
+LEAST_ENERGY: Final = 1 << 6
+"""Energy to start with. Below that a quantity that stood still would throw its weights about when
+it moves; forgetting stops above it."""
 
 _LANE_BITS: Final = 96
 _LANE: Final = 1 << _LANE_BITS - WEIGHT_BITS
@@ -215,7 +223,7 @@ class Explained:
             whole = (whole << _LANE_BITS) + quantity
         whole <<= WEIGHT_BITS
         weights, energies = [], []
-        for weight, energy, innovation, stage, (lanes, half, mask, shifted) in zip(
+        for weight, energy, innovation, stage, move in zip(
             self._weights,
             self._energies,
             self._innovations,
@@ -224,12 +232,15 @@ class Explained:
             strict=True,
         ):
             kept = energy - (energy >> _FORGET_BITS)
-            lever = trust * innovation
-            more = kept + (lever * innovation >> 16)
-            if more < _LEAST_ENERGY:
-                more = _LEAST_ENERGY
+            square = innovation * innovation
+            if square < energy >> _SMALL_BITS:
+                energies.append(kept + square)
+                weights.append(weight)
+                continue
+            lanes, half, mask, shifted = move
+            more = kept + (trust * square >> 16)
             energies.append(more)
-            gain = (lever << _GAIN_SHIFT) // more
+            gain = (trust * innovation << _GAIN_SHIFT) // more
             left_over = (whole & lanes) - stage
             weights.append(weight + (gain * left_over + half >> _STEP_SHIFT & mask) - shifted)
             trust = trust * kept // more

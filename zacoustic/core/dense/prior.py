@@ -10,6 +10,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.dense.adaptation import SITUATIONS, Adaptation
+from zacoustic.core.dense.curve import MOST_HOLD, MOST_LOG_SCALE, WIDTH_BITS
+from zacoustic.core.dense.leastsquares import LEAST_ENERGY
 from zacoustic.core.dense.rowmodel import RowModel
 from zacoustic.errors import ConfigError
 
@@ -54,14 +56,12 @@ class Learnt(msgspec.Struct, frozen=True, kw_only=True):
     """By quantity, one for each quantity before it, 2**-16."""
     energies: tuple[int, ...]
     """By quantity."""
-    scales: tuple[int, ...]
-    """By column."""
+    log_scales: tuple[int, ...]
+    """By column, as in a `Manner`."""
     widths: tuple[int, ...]
     """By column, `SITUATIONS` of them."""
-    hold_misses: tuple[int, ...]
-    """By column."""
-    linear_misses: tuple[int, ...]
-    """By column."""
+    nearer: tuple[int, ...]
+    """By column, as in a `Manner`."""
     holds: tuple[int, ...]
     """By column."""
 
@@ -121,7 +121,7 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
             raise ConfigError(f"{key}.{name}: {found} entries; allowed: {columns}")
     for place, learnt in prior.learnt.items():
         lengths = [len(each) for each in learnt.weights] == list(range(quantities))
-        lists = (learnt.scales, learnt.hold_misses, learnt.linear_misses, learnt.holds)
+        lists = (learnt.log_scales, learnt.nearer, learnt.holds)
         fits = (
             lengths
             and len(learnt.energies) == quantities
@@ -130,11 +130,15 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
         )
         if not fits:
             raise ConfigError(f"{key}.learnt.{place}: another number of entries than the type has")
-        flat = [*learnt.energies, *learnt.widths]
-        for each in lists:
-            flat += each
-        if not all(0 < number < _LARGEST for number in flat):
-            raise ConfigError(f"{key}.learnt.{place}: a number out of bounds")
+        for numbers, least, most in (
+            (learnt.energies, LEAST_ENERGY, _LARGEST),
+            (learnt.log_scales, 0, MOST_LOG_SCALE),
+            (learnt.widths, 0, (1 << WIDTH_BITS) - 1),
+            (learnt.nearer, 0, _CHANCE),
+            (learnt.holds, 0, MOST_HOLD),
+        ):
+            if not all(least <= number <= most for number in numbers):
+                raise ConfigError(f"{key}.learnt.{place}: a number out of bounds")
         if not all(-_LARGEST < number < _LARGEST for row in learnt.weights for number in row):
             raise ConfigError(f"{key}.learnt.{place}.weights: a number out of bounds")
     for first in prior.firsts:
@@ -164,9 +168,8 @@ def adaptations_of(prior: StreamPrior, model: RowModel) -> dict[int, Adaptation]
             energies=list(learnt.energies),
             manners=list(
                 zip(
-                    learnt.scales,
-                    learnt.hold_misses,
-                    learnt.linear_misses,
+                    learnt.log_scales,
+                    learnt.nearer,
                     learnt.holds,
                     strict=True,
                 )

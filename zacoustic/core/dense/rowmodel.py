@@ -5,10 +5,12 @@ did. Then the numbers, in the order of their number of values, so that a speed, 
 heading are known when the position is coded, which has the most values.
 
 Two predictions are made of a number: it stays (*hold*), and what least squares make of everything
-known by then. They are mixed by how far each was off lately, to the fourth power: a choice that is
-not abrupt. How far the mix was off lately is the scale of the curve on which the number lies, times
-a width that depends on the situation: how surprising the sample has been so far, and how far the
-number is expected to go. In a turn everything is less certain. A number that did not change at all
+known by then. The latter counts in full while it is the nearer one half of the time, and less where
+it seldom is, as of a sensor that mostly stands still. How far that was off lately is the scale of
+the curve on which the number lies, times a width that depends on the situation: how surprising the
+sample has been so far, and how far the number is expected to go. In a turn everything is less
+certain. Scales and widths are logarithms: what is learnt of a miss is a step up or down, out of a
+list by how many scales the miss has, and nothing is divided. A number that did not change at all
 has a share of its own, which follows how often that happens: for switches, and for sensors that
 report the same value again.
 
@@ -27,7 +29,6 @@ from typing import Final
 from zacoustic.core.dense.adaptation import (
     RESTING,
     SITUATIONS,
-    WIDTH_BITS,
     Adaptation,
     Manner,
     StreamState,
@@ -37,37 +38,72 @@ from zacoustic.core.dense.adaptation import (
 )
 from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.course import course_of
-from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, SCALE_BITS
+from zacoustic.core.dense.curve import (
+    GRADE_SHIFT,
+    LARGEST_SIZE,
+    MOST_HOLD,
+    MOST_LOG_SCALE,
+    NARROWER,
+    POINT_BITS,
+    SCALE_BITS,
+    SCALES,
+    WIDTH_BITS,
+    logarithm,
+)
 from zacoustic.core.dense.layout import Column, Row
 from zacoustic.core.dense.leastsquares import Explained, Shape
 
 # A field with more values than this is a position (or the like), and its level says nothing.
 _LEVEL_SIZE: Final = 1 << 13
 
-_SCALE_SHIFT: Final = 3  # scales follow the last eight samples
-_MISS_SHIFT: Final = 5  # the choice of predictions, and the widths, the last 32
-_HOLD_SHIFT: Final = 5  # how often a number stays, the last 32 as well
-_MISS_LIMIT: Final = 4  # a miss counts as at most that many scales
-_MISS_SPARED: Final = 2 << SCALE_BITS  # and two steps
-_MISS_BITS: Final = SCALE_BITS - POINT_BITS
-_LEAST_SCALE: Final = 1 << SCALE_BITS - 4
+_SCALE_RATE: Final = 8  # scales follow the last eight samples
+_WIDTH_RATE: Final = 32  # the widths, the last 32
+_NEARER_SHIFT: Final = 5  # the choice of predictions, and how often a number stays, as well
+_HOLD_SHIFT: Final = 5
 _LEAST_HOLD: Final = 200
-# The share that the curve itself has for staying: of a Laplace distribution 1/(2·scale), 2**-16.
-_PEAK: Final = 1 << 15 + SCALE_BITS
-_SURE: Final = 60000
-_NARROW: Final = _PEAK // _SURE
-_LEAST_WIDTH: Final = 1 << WIDTH_BITS - 2
-_MOST_WIDTH: Final = 1 << WIDTH_BITS + 4
 _ONE: Final = 64 << POINT_BITS
-# A sample of which a field is further off than this counts less, by the square; in 1/256 scales.
-_TRUSTED_MISS: Final = 800
-_LEAST_TRUST: Final = 1 << 6
-
 _WHOLE: Final = 1 << 16
-# By how many 1/256 of the other's miss that of the better prediction is: the share of the worse,
-# and that of the better.
-_WORSE: Final = [(part**4 << 16) // ((1 << 32) + part**4) for part in range(257)]
-_BETTER: Final = [_WHOLE - share for share in _WORSE]
+
+# How far off a number is counts in 1/16 scales, up to four scales and two steps.
+_SCALE: Final = 16
+_MISS_LIMIT: Final = 4 * _SCALE
+_PER_SCALE_BITS: Final = 20
+_SPARED_BITS: Final = _PER_SCALE_BITS - POINT_BITS - 1
+# By grade: a way of 1/16 steps in 1/16 scales, 2**-20.
+_PER_SCALE: Final = [(1 << _PER_SCALE_BITS + SCALE_BITS) // scale for scale in SCALES]
+_MOST_MISS: Final = _MISS_LIMIT + (_PER_SCALE[0] >> _SPARED_BITS)
+# From where on a sample is a surprise, a greater and a great one, and is trusted less.
+_SURPRISES: Final = 19, 38, 63
+_TRUSTED_MISS: Final = 40
+_LEAST_TRUST: Final = 1 << 6
+# By how far the worst number was off: where its situations begin.
+_LEVELS: Final = [
+    4 * sum(miss >= surprise for surprise in _SURPRISES) for miss in range(_MISS_LIMIT + 1)
+]
+# By logarithm of a scale: the same, where the width is not known yet.
+_PER_LOG_SCALE: Final = _PER_SCALE[NARROWER >> GRADE_SHIFT :]
+# By the bits of such a way: whether it is far, in four classes that begin at 1/8, 1/2 and 1 scale.
+_FARS: Final = [
+    sum(bits > _PER_SCALE_BITS + begin for begin in (3, 5, 6))
+    for bits in range(3 * _PER_SCALE_BITS + 20)
+]
+# By grade: the share that the curve itself has for staying: of a Laplace distribution 1/(2·scale).
+_CHANCES: Final = [min((1 << 15 + SCALE_BITS) // scale, 60000) for scale in SCALES]
+# By how often the linear prediction is the nearer one, 2**-8: how much it counts, 2**-8.
+_COUNTS: Final = [min(max((often - 80) * 256 // 48, 0), 256) for often in range(257)]
+
+
+def _steps(rate: int) -> list[int]:
+    """By how far a number was off: what a mean over so many samples changes, as a logarithm."""
+    whole = 2 * _SCALE * rate
+    return [
+        logarithm((whole + 2 * (miss - _SCALE) + 1 << 20) // whole, 20)
+        for miss in range(_MOST_MISS + 1)
+    ]
+
+
+_SCALE_STEPS: Final = _steps(_SCALE_RATE)
+_WIDTH_STEPS: Final = _steps(_WIDTH_RATE)
 
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
@@ -97,10 +133,16 @@ class RowModel:
         self._plan = [
             # Seen from the reference where the field goes round, so that both ways are near, and
             # where it has more values than a curve can have; else from the least value.
-            (n, columns[n].size, columns[n].wraps or columns[n].size > LARGEST_SIZE,
-             columns[n].guard)
+            (
+                n,
+                columns[n].size,
+                min(columns[n].size, LARGEST_SIZE)
+                if columns[n].wraps or columns[n].size > LARGEST_SIZE
+                else 0,
+                columns[n].guard,
+            )
             for n in self.numbers
-        ]  # fmt: skip
+        ]
         self._levels = [
             (n, zero)
             for n in self.numbers
@@ -225,39 +267,29 @@ class RowModel:
             trends = [way * steps for way in trends]
         manners, widths = before.manners[:], before.widths[:]
         explained = Explained(self.shape, before.weights, before.energies)
+        follow, near = explained.follow, coder.near
         linear = explained.add(self._known(old_row, trends, steps))
         course_before = self._course_before
-        surprise = greatest = 0
-        for n, size, is_relative, guard in self._plan:
+        surprise = greatest = level = 0
+        for n, size, span, guard in self._plan:
             if n == course_before and self._course is not None:
                 linear = explained.add(self._course.ways(row, old_row, trends, steps))
             old = old_row[n]
             if guard is not None and row[guard[0]] != guard[1]:
-                linear = explained.follow(linear)
+                linear = follow(linear)
                 continue
             if old is None:
                 row[n] = coder.uniform(size, row[n] or 0)
-                linear = explained.follow(linear)
+                linear = follow(linear)
                 continue
 
-            base, hold_miss, linear_miss, hold = manners[n]
-            if linear_miss < hold_miss:
-                expected = linear * _BETTER[(linear_miss << 8) // hold_miss] >> 16
-            else:
-                expected = linear * _WORSE[(hold_miss << 8) // linear_miss] >> 16
-
-            far = ((linear if linear > 0 else -linear) << 16) // base
-            situation = SITUATIONS * n
-            if far >= 128:
-                situation += 1 if far < 400 else 2 if far < 1000 else 3
-            if surprise >= 300:
-                situation += 4 if surprise < 600 else 8 if surprise < 1000 else 12
+            log_scale, nearer, hold = manners[n]
+            expected = linear * _COUNTS[nearer >> 8] >> 8
+            far = linear * _PER_LOG_SCALE[log_scale >> GRADE_SHIFT]
+            situation = SITUATIONS * n + level + _FARS[far.bit_length()]
             width = widths[situation]
-            scale = base * width >> WIDTH_BITS
-            if scale < _LEAST_SCALE:
-                scale = _LEAST_SCALE
-            if is_relative:
-                span = size if size < LARGEST_SIZE else LARGEST_SIZE
+            grade = log_scale + width >> GRADE_SHIFT
+            if span:
                 half = span >> 1
                 offset = (row[n] or 0) - old + half
                 if self.columns[n].wraps:
@@ -265,57 +297,48 @@ class RowModel:
                 if not coder.is_reader and not 0 <= offset < span:
                     raise TooFarError
                 center = (half << POINT_BITS) + expected
-                change = coder.near(span, center, scale, half, hold, offset) - half
+                change = near(span, center, grade, half, hold, offset) - half
                 row[n] = (old + change) % size
             else:
                 center = (old << POINT_BITS) + expected
-                row[n] = new = coder.near(size, center, scale, old, hold, row[n] or 0)
+                row[n] = new = near(size, center, grade, old, hold, row[n] or 0)
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
-            following = explained.follow(moved)
+            following = follow(moved)
 
             # Learn. A wild value must not make the curve wide for long.
             miss = moved - expected
-            miss = (miss if miss > 0 else -miss) << _MISS_BITS
-            ratio = (miss << 8) // scale
-            limit = _MISS_LIMIT * scale + _MISS_SPARED
-            if miss > limit:
-                if ratio > greatest:
-                    greatest = ratio
-                miss = limit
-                ratio = (miss << 8) // scale
-            if ratio > surprise:
-                surprise = ratio
+            miss = (miss if miss > 0 else -miss) * _PER_SCALE[grade] >> _PER_SCALE_BITS
+            if miss > surprise:
+                surprise = miss
+                if miss > _MISS_LIMIT:
+                    if miss > greatest:
+                        greatest = miss
+                    surprise = _MISS_LIMIT
+                    limit = _MISS_LIMIT + (_PER_SCALE[grade] >> _SPARED_BITS)
+                    if miss > limit:
+                        miss = limit
+                level = _LEVELS[surprise]
             if change:
-                if hold > _LEAST_HOLD:
-                    hold -= hold >> _HOLD_SHIFT
-                base += (miss << WIDTH_BITS) // width - base >> _SCALE_SHIFT
+                hold -= hold - _LEAST_HOLD >> _HOLD_SHIFT
+                log_scale += _SCALE_STEPS[miss]
             else:
                 # Did it stay by chance, as the curve has it? Otherwise the curve has nothing to
                 # learn: it is about how far the number goes when it does not stay.
-                chance = _PEAK // scale if scale > _NARROW else _SURE
-                cause = (hold << 16) // (hold + ((_WHOLE - hold) * chance >> 16))
+                cause = (hold << 16) // (hold + ((_WHOLE - hold) * _CHANCES[grade] >> 16))
                 hold += cause - hold >> _HOLD_SHIFT
                 if hold > MOST_HOLD:
                     hold = MOST_HOLD
-                base += ((miss << WIDTH_BITS) // width - base) * (
-                    _WHOLE - cause
-                ) >> 16 + _SCALE_SHIFT
-            width += (ratio * width >> 8) - width >> _MISS_SHIFT
-            if _LEAST_WIDTH < width < _MOST_WIDTH:
+                log_scale += _SCALE_STEPS[miss] * (_WHOLE - cause) >> 16
+            width += _WIDTH_STEPS[miss]
+            if not width >> WIDTH_BITS:
                 widths[situation] = width
-            off = (moved if moved > 0 else -moved) << _MISS_BITS
-            hold_miss += (off if off < limit else limit) - hold_miss >> _MISS_SHIFT
-            off = moved - linear
-            off = (off if off > 0 else -off) << _MISS_BITS
-            linear_miss += (off if off < limit else limit) - linear_miss >> _MISS_SHIFT
-            manners[n] = (
-                base if base > _LEAST_SCALE else _LEAST_SCALE,
-                hold_miss if hold_miss > _LEAST_SCALE else _LEAST_SCALE,
-                linear_miss if linear_miss > _LEAST_SCALE else _LEAST_SCALE,
-                hold,
-            )
+            if (moved + moved - linear) * linear > 0:
+                nearer += _WHOLE - nearer >> _NEARER_SHIFT
+            else:
+                nearer -= nearer >> _NEARER_SHIFT
+            manners[n] = log_scale if log_scale > 0 else 0, nearer, hold
             linear = following
 
         if explained.is_broken:
@@ -343,8 +366,7 @@ def _completed(row: Row, old_row: Row) -> Row:
 
 def _in_proportion(manner: Manner, end: Manner, start: Manner) -> Manner:
     """A manner whose misses change as others did from start to end."""
-    scale, hold_miss, linear_miss = (
-        max(miss * new // old, _LEAST_SCALE)
-        for miss, new, old in zip(manner[:3], end[:3], start[:3], strict=True)
+    log_scale, nearer = (
+        own + new - old for own, new, old in zip(manner[:2], end[:2], start[:2], strict=True)
     )
-    return scale, hold_miss, linear_miss, manner[3]
+    return min(max(log_scale, 0), MOST_LOG_SCALE), min(max(nearer, 0), _WHOLE), manner[2]

@@ -35,7 +35,7 @@ from zacoustic.core.rmw_desert.specs import FIRST_SEQUENCE, LAST_SEQUENCE
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.errors import LocalError, QueueFullError, UnknownStreamError
+from zacoustic.errors import LocalError, QueueFullError
 
 CALLS_LIMIT = 16
 """Calls of this node to one service that are under way at the same time."""
@@ -107,10 +107,7 @@ class DesertCalls:
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
         """Call a service; see `Engine.call`."""
-        stream = self._table.by_id(stream_id)
-        spec = stream.spec
-        if not isinstance(spec, ServiceSpec):
-            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a service")
+        stream, spec = self._table.service(stream_id)
         if spec.server == self._address:
             raise LocalError(f"{stream.name} is served by this node, {self._address}")
         fields = stream.codec.encode(value)

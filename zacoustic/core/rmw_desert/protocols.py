@@ -49,7 +49,7 @@ from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.core.topics import NO_DELIVERY
-from zacoustic.errors import LocalError, PayloadInvalidError, UnknownStreamError
+from zacoustic.errors import PayloadInvalidError
 
 
 class RmwDesertProtocols(Protocols):
@@ -93,14 +93,7 @@ class RmwDesertProtocols(Protocols):
         queued_at: int | None,
     ) -> int:
         """Queue a sample; see `Engine.publish`."""
-        stream = self._table.by_id(stream_id)
-        if not isinstance(stream.spec, TopicSpec):
-            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
-        if not stream.may_publish(self._address):
-            raise LocalError(
-                f"node {self._address} is not a publisher of {stream.name}; "
-                f"publishers: {stream.spec.publishers}"
-            )
+        stream, _ = self._table.topic_of(self._address, stream_id)
         stream.keys.key(self._address, instance)
         if delete:
             raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")

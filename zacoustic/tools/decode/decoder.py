@@ -28,6 +28,7 @@ from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     ASSURED,
+    VOUCHED,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -181,7 +182,8 @@ class _Reader:
                 text = f"TAG epoch {epoch}: I do not know whether you know my table"
                 return DecodedItem(kind="tag", text=text)
             case Confirm(address, epoch):
-                node = f"node {address}" if address != ASSURED else "you, who have confirmed me"
+                named = {ASSURED: "you, who have confirmed me", VOUCHED: "you, for this frame"}
+                node = named.get(address, f"node {address}")
                 text = f"CONFIRM {node}, epoch {epoch}: our tables are the same"
                 return DecodedItem(kind="confirm", text=text)
             case Ask(address, stream_id):

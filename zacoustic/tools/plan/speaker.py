@@ -16,7 +16,8 @@ from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener
 from zacoustic.core.dense import Speaker as DenseSpeaker
 from zacoustic.core.frame import DELIMITER_BYTES, HELLO_BYTES, TAG_BYTES, Confirm
-from zacoustic.core.handshake import HELLO_EVERY, PATIENCE_UNITS, SETTLING_UNITS
+from zacoustic.core.handshake import PATIENCE_UNITS, SETTLING_UNITS
+from zacoustic.core.introducing import HELLO_EVERY
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.port import LinkPort
