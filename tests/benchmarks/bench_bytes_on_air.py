@@ -43,8 +43,8 @@ from zacoustic.core.dense import (
     StreamPrior,
     fit,
 )
-from zacoustic.core.dense.arithmetic import Writer
 from zacoustic.core.dense.streamcodec import StreamCodec
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PackedCodec
 from zacoustic.core.types import TypeSpec
 

@@ -8,8 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense.arithmetic import MARKER, Coder, Reader, Writer
+from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.curve import MOST_HOLD, Curve
+from zacoustic.core.dense.reader import Reader
+from zacoustic.core.dense.shares import MARKER
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PayloadError
 
 Symbol = tuple[str, int, int, int]

@@ -5,7 +5,6 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense.arithmetic import Reader, Writer
 from zacoustic.core.dense.curve import (
     CURVES,
     LARGEST_SIZE,
@@ -18,6 +17,8 @@ from zacoustic.core.dense.curve import (
     logarithm,
     span,
 )
+from zacoustic.core.dense.reader import Reader
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PayloadError
 
 

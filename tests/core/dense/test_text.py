@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.dense.arithmetic import Reader, Writer
 from zacoustic.core.dense.lines import LINES
+from zacoustic.core.dense.reader import Reader
 from zacoustic.core.dense.text import TextModel
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PackedCodec
 from zacoustic.core.types import FieldSpec, TypeSpec
 

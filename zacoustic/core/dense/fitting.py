@@ -20,12 +20,12 @@ from zacoustic.core.dense.adaptation import (
     StreamState,
     step_class,
 )
-from zacoustic.core.dense.arithmetic import Writer
 from zacoustic.core.dense.curve import MOST_HOLD, OCTAVE, POINT_BITS, SCALE_BITS
 from zacoustic.core.dense.layout import Content, Layout, Row
 from zacoustic.core.dense.leastsquares import LEAST_ENERGY
 from zacoustic.core.dense.prior import Companion, First, Learnt, Model, StreamPrior
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError
 

@@ -34,10 +34,11 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.dense.adaptation import LONGEST_STEPS
-from zacoustic.core.dense.arithmetic import Reader, Writer, ends_of
 from zacoustic.core.dense.habits import MOST_SAMPLES, Presence, new_habits
 from zacoustic.core.dense.layout import Row
 from zacoustic.core.dense.prior import Model
+from zacoustic.core.dense.reader import Reader
+from zacoustic.core.dense.shares import ends_of
 from zacoustic.core.dense.snapshot import (
     LONG_NAME_BITS,
     NAME_BITS,
@@ -46,6 +47,7 @@ from zacoustic.core.dense.snapshot import (
     Snapshot,
 )
 from zacoustic.core.dense.streamcodec import Beside, StreamCodec
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import ConfigError

@@ -15,8 +15,9 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
-from zacoustic.core.dense.arithmetic import Coder, ends_of
+from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.prior import Model
+from zacoustic.core.dense.shares import ends_of
 
 MOST_SAMPLES: Final = 255
 """Most samples of a stream in a frame."""

@@ -23,8 +23,10 @@ So octets that do not shrink cost nothing more, or one byte.
 
 from typing import Final
 
-from zacoustic.core.dense.arithmetic import MARKER, Reader, Writer
+from zacoustic.core.dense.reader import Reader
+from zacoustic.core.dense.shares import MARKER
 from zacoustic.core.dense.text import shipped_model
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import OpaqueCodec, PayloadError
 
 _AS_THEY_ARE: Final = b"\0"

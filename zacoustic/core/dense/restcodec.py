@@ -10,9 +10,11 @@ whole sample plainly. What is long is plain at once, since modelling costs time 
 from collections.abc import Sequence
 from typing import Any, Final
 
-from zacoustic.core.dense.arithmetic import Coder, Reader, Writer
+from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.layout import Content, Remainder, Row
+from zacoustic.core.dense.reader import Reader
 from zacoustic.core.dense.text import RECENT_LINES, TextModel, shipped_model
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.payload.bits import BitSink, BitSource
 

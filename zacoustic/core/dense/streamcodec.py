@@ -10,7 +10,7 @@ import math
 from typing import Any, Final
 
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.arithmetic import Coder, Writer, ends_of
+from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.curve import LARGEST_SIZE, MOST_HOLD, POINT_BITS, Curve
 from zacoustic.core.dense.layout import Layout, Row
 from zacoustic.core.dense.prior import (
@@ -21,6 +21,8 @@ from zacoustic.core.dense.prior import (
 )
 from zacoustic.core.dense.restcodec import RestCodec, plain_bits
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
+from zacoustic.core.dense.shares import ends_of
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.types import OutsideNumbers, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2

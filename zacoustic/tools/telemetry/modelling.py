@@ -13,8 +13,8 @@ import msgspec
 from zacoustic.config.model import ModelFile
 from zacoustic.core.dense import DenseCodec, DenseSample, Model, StreamPrior, fit
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.arithmetic import Writer
 from zacoustic.core.dense.streamcodec import StreamCodec
+from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PackedCodec
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.types import TypeSpec
