@@ -151,28 +151,25 @@ class Engine:
         if port is None:
             self.stats.drop("link_down")
             return
+        heard = frame.frame_bytes
         self.stats.frames_received += 1
-        self.stats.bytes_received += len(frame.frame_bytes)
+        self.stats.bytes_received += len(heard)
         for opened in port.envelope.open(frame):
             reason = port.refuse(opened, frame)
             is_known = isinstance(opened, Opened) and opened.source != UNKNOWN_SOURCE
             if isinstance(opened, Opened) and is_known and reason in (None, "not_for_us"):
                 self._protocols.contact.heard(opened.source, now)
-                port.heard(opened.source, len(frame.frame_bytes), now)
+                port.heard(opened.source, len(heard), now)
                 if reason is not None:
                     self._protocols.overhear(opened, frame, now)
             if reason is None and isinstance(opened, Opened):
                 if is_known:
                     self.measurements.note(opened.source, frame.metrics, frame.received_at)
                 streams = self._protocols.receive(opened, frame, now)
-                self._trace.note(
-                    now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams
-                )
+                self._trace.note(now, "receive", peer=opened.source, frame=heard, streams=streams)
             elif reason is not None:
                 self.stats.drop(reason)
-                self._trace.note(
-                    now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason
-                )
+                self._trace.note(now, "drop", peer=frame.source, frame=heard, detail=reason)
         for news in self._protocols.handshake.news:
             self._events.append(news)
             self._trace.note_news(now, news)
