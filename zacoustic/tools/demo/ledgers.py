@@ -21,7 +21,8 @@ from zacoustic.tools.demo.islands import Island
 TookLedger = Callable[[int, dict[int, int]], None]
 """``(address, bytes by stream id)``: takes the ledger of a gateway, on the loop."""
 
-_CONNECT_LIMIT_MS = 15_000
+_ATTEMPTS = 15
+_ATTEMPT_MS = 1000
 _GET_LIMIT_S = 2.0
 
 
@@ -39,6 +40,7 @@ class LedgerListener:
         self._loop = asyncio.get_running_loop()
         self._sessions: dict[int, zenoh.Session] = {}
         self._queriers: dict[int, zenoh.Querier] = {}
+        self._is_closed = False
         self._answering = {island.address: asyncio.Event() for island in self._islands}
 
     async def open(self) -> None:
@@ -60,6 +62,7 @@ class LedgerListener:
 
     async def close(self) -> None:
         """Disconnect; may be repeated."""
+        self._is_closed = True
         self._queriers.clear()
         while self._sessions:
             _, session = self._sessions.popitem()
@@ -70,14 +73,13 @@ class LedgerListener:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([island.endpoint]))
-        config.insert_json5("connect/timeout_ms", str(_CONNECT_LIMIT_MS))
+        config.insert_json5("connect/timeout_ms", str(_ATTEMPT_MS))
         config.insert_json5("scouting/multicast/enabled", "false")
-        try:
-            session = zenoh.open(config)
-        except zenoh.ZError as error:
+        session = self._connect(config)
+        if session is None:
             raise SessionError(
                 f"the router of the {island.name} island does not answer at {island.endpoint}"
-            ) from error
+            )
         address = island.address
         self._sessions[address] = session
 
@@ -92,6 +94,15 @@ class LedgerListener:
         querier = session.declare_querier(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
         self._queriers[address] = querier
         querier.declare_matching_listener(see)
+
+    def _connect(self, config: zenoh.Config) -> zenoh.Session | None:
+        """Try for a while; not any more when it was closed meanwhile: the process waits for it."""
+        for _ in range(_ATTEMPTS):
+            if self._is_closed:
+                break
+            with contextlib.suppress(zenoh.ZError):
+                return zenoh.open(config)
+        return None
 
     def _hand_over(self, action: Callable[..., None], *arguments: object) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
