@@ -32,6 +32,9 @@ _BRACKET: Final = re.compile(r"[\[\]{}]")
 _SECTION_HINT: Final = (
     "add plugins: { acoustic: { address: 1, links: [ { locator: ... } ], streams: [ ... ] } }"
 )
+_SCENARIO_HINT: Final = (
+    "it looks like a scenario, which zacoustic sim, plan, medium and emulate take"
+)
 # How the parser words an error of grammar, and one of a field, which has no place when the file is
 # YAML.
 _GRAMMAR: Final = re.compile(r"-->\s*(\d+):(\d+).*=\s*(.*)", re.DOTALL)
@@ -96,15 +99,31 @@ def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config, object]":
     """
     import zenoh
 
-    _check_depth(_read_text(path), str(path))
+    text = _read_text(path)
+    _check_depth(text, str(path))
     try:
         config = zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
+        if _is_scenario(text):
+            raise ConfigError(
+                f"{path}: no section plugins.acoustic", hint=_SCENARIO_HINT
+            ) from error
         raise _config_error(error, str(path)) from error
     try:
         return config, json.loads(config.get_json(ACOUSTIC_SECTION))
     except zenoh.ZError as error:
         raise ConfigError(f"{path}: no section plugins.acoustic", hint=_SECTION_HINT) from error
+
+
+def _is_scenario(text: str) -> bool:
+    """Tell whether a text that is no Zenoh config is of another kind of our files."""
+    try:
+        found = parse_json5(text, source="")
+    except ConfigError:
+        return False
+    return (
+        isinstance(found, dict) and "plugins" not in found and isinstance(found.get("nodes"), list)
+    )
 
 
 def _read_text(path: str | Path) -> str:
@@ -134,7 +153,7 @@ def _config_error(error: Exception, source: str) -> ConfigError:
     text = _WHERE_IN_ZENOH.sub("", str(error))
     if grammar := _GRAMMAR.search(text):
         line, column, expected = grammar.groups()
-        plain = expected.strip().replace("expected EOI", "something behind the end of the value")
+        plain = expected.strip().replace("EOI", "the end of the file")
         return ConfigError(f"{source}:{line}:{column}: {plain}")
     if field := _FIELD.search(text):
         message, line, column = field.groups()

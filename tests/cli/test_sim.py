@@ -85,6 +85,7 @@ def test_a_wrong_argument_is_one_line(
         ("node: 2", "node: 9", "allowed: 1, 2"),
         ("every_s: 10", "every_s: 0", "every_s"),
         ('channel: "none"', 'channel: "tea"', "sea"),
+        ('channel: "none"', "plugins: {}", "it looks like the config of a node"),
     ],
 )
 def test_a_wrong_scenario_is_one_line_with_file_and_what_is_allowed(

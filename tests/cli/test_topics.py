@@ -8,7 +8,7 @@ from tests.cli.watched import WATCHED, lines_of, pair, verb
 from tests.gateway.islands import cbor, get, hear, run
 from zacoustic.cli import main
 from zacoustic.core.trace import TraceRecord
-from zacoustic.gateway.chronicle import EVENTS_KEPT, Chronicle
+from zacoustic.gateway.chronicle import EVENTS_KEPT, TROUBLES_KEPT, Chronicle
 from zacoustic.gateway.notices import LinkChanged, RouterChanged
 from zacoustic.gateway.traffic import EXCHANGES_KEPT, Traffic
 
@@ -128,7 +128,7 @@ def test_error_rate_is_that_of_the_last_frames_to_each_node() -> None:
     assert traffic.of_peer(2)["not_delivered"] == EXCHANGES_KEPT / 4 + 1
 
 
-def test_chronicle_keeps_the_last_and_says_what_is_trouble() -> None:
+def test_chronicle_keeps_the_last_and_troubles_longer() -> None:
     chronicle = Chronicle(lambda: 5.0)
     for _ in range(EVENTS_KEPT):
         chronicle.note(LinkChanged(state="up"))
@@ -145,3 +145,13 @@ def test_chronicle_keeps_the_last_and_says_what_is_trouble() -> None:
         "text": "router lost",
     }
     assert len(events[-1]["text"]) == 200
+    for _ in range(EVENTS_KEPT):
+        chronicle.note(LinkChanged(state="up"))
+    events = chronicle.document()["events"]
+    assert isinstance(events, list)
+    assert [each["trouble"] for each in events] == [True, True] + [False] * EVENTS_KEPT
+    for _ in range(2 * EVENTS_KEPT):
+        chronicle.complain("no")
+    events = chronicle.document()["events"]
+    assert isinstance(events, list)
+    assert len(events) == EVENTS_KEPT + TROUBLES_KEPT

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from tests.core.rig import Rig
+from tests.core.rig import End, Rig
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.events import RequestReceived, ResponseReceived
 from zacoustic.core.frame import ASSURED, VOUCHED, WIRE_VERSION, Confirm, Hello, Tag
@@ -119,3 +119,16 @@ def test_who_is_asked_for_its_digest_says_it() -> None:
     rig[2].hear(bytes.fromhex("b60200"), rig.now, source=1, destination=2)
     frames = rig.run(2.1 * unit_s(rig))
     assert Hello(WIRE_VERSION, 1, table().digest).encode() in b"".join(frames)
+
+
+def test_a_life_that_has_said_nothing_is_vouched_for_by_nobody() -> None:
+    rig = old_rig()
+    ask(rig)
+    request = rig[2].got(RequestReceived)[-1]
+    # Without a journal epochs are drawn at random: once in a while it is the one of before.
+    rig.ends[1] = End(1, table("disarm"), epoch=1, capabilities=rig.capabilities, now=rig.now)
+    rig[2].engine.reply(request.call, b"!", rig.now)
+    transmission = rig[2].send(rig.now)
+    assert transmission is not None
+    rig.deliver(2, transmission)
+    assert rig[1].engine.stats.dropped == {"unconfirmed": 1}

@@ -235,7 +235,7 @@ def test_desk_answers_each_query_once_and_refuses_what_is_too_much() -> None:
 
             desk = QueryDesk(worker, ring, limit=1, closed_text="closed")
             server.declare_queryable("desk", lambda query: desk.admit(lambda held: None, query))
-            await fence(client)
+            await fence(server)
             first = asyncio.ensure_future(get(client, "desk"))
             await rung.wait()
             assert (await get(client, "desk")).errors == [

@@ -117,6 +117,8 @@ def test_yaml_config_is_read_too(tmp_path: Path) -> None:
         ("{\n  mode: }", "{path}:2:9: expected "),
         ("{ mode: 'ruter' }", "{path}:1:9: unknown variant `ruter`"),
         ("{ foo: 1 }", "{path}:1:3: unknown field `foo`"),
+        ("{ nodes: [] }", "{path}: no section plugins.acoustic (it looks like a scenario"),
+        ("{ mode: 'peer' } }", "{path}:1:18: expected the end of the file"),
         ("{ plugins: { acoustic: 5 } }", "{path}: plugins.acoustic must be object"),
     ],
 )

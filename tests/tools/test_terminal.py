@@ -62,6 +62,18 @@ def test_complete_picture_has_the_quiet_streams_too() -> None:
     assert line_with(drawn(is_complete=True), "quiet")[:2] == ["12", "quiet"]
 
 
+def test_errors_are_shown_longer_than_what_is_usual() -> None:
+    usual = [
+        {"at_unix_s": 600.0 + number, "event": "peer", "trouble": False, "text": f"peer {number}"}
+        for number in range(9)
+    ]
+    lost = {"at_unix_s": 500.0, "event": "lost", "trouble": True, "text": "lost 3 buoy"}
+    text = drawn({"events": {"events": [lost, *usual]}})
+    assert "peer 8" in text
+    assert "peer 2" not in text
+    assert "lost 3 buoy" in text
+
+
 @pytest.mark.parametrize(
     ("width", "columns"),
     [

@@ -261,9 +261,13 @@ def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
         return msgspec.convert(mapping, Scenario)
     except (msgspec.ValidationError, OverflowError) as error:
         complaint = explain(str(error), mapping, records=_RECORDS, choices=_CHOICES)
-        raise ConfigError(f"{source}: {complaint}") from None
+        hint = _CONFIG_HINT if isinstance(mapping, dict) and "plugins" in mapping else ""
+        raise ConfigError(f"{source}: {complaint}", hint=hint) from None
 
 
+_CONFIG_HINT: Final = (
+    "it looks like the config of a node; a scenario names it: config: FILE, nodes: [ … ]"
+)
 _RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
     "": Scenario,
     "nodes[]": NodeSpec,

@@ -242,7 +242,7 @@ class Handshake:
 
     def confirms_us(self, confirm: Confirm, *, unicast: bool) -> bool:
         """Tell whether a CONFIRM says that its sender knows our present epoch."""
-        return confirm.epoch == self.epoch and self._is_about_us(confirm, unicast=unicast)
+        return self._is_present(confirm) and self._is_about_us(confirm, unicast=unicast)
 
     def heard_introduction(self, source: int) -> None:
         """A frame for us alone confirms us, and introduces its source: it waits for an answer.
@@ -259,7 +259,7 @@ class Handshake:
         if not self._is_about_us(confirm, unicast=unicast):
             return
         peer = self._peers[source]
-        if confirm.epoch != self.epoch:
+        if not self._is_present(confirm):
             # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
             peer.unconfirm()
             self._introduce_soon(peer, now)
@@ -376,6 +376,10 @@ class Handshake:
     @property
     def _digest(self) -> bytes:
         return self.introductions.digest
+
+    def _is_present(self, confirm: Confirm) -> bool:
+        """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
+        return confirm.epoch == self.epoch and self.introductions.is_told
 
     def _is_about_us(self, confirm: Confirm, *, unicast: bool) -> bool:
         return confirm.address == self._address or (

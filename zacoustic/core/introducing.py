@@ -46,12 +46,15 @@ class Introductions:
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
         self.digest = table.digest
+        self.is_told = False
+        """This life has said HELLO: before, nobody can know its epoch."""
 
     def table_changed(self) -> None:
         """Begin a new epoch, because the table is not what peers have confirmed."""
         self.epoch = (self.epoch + 1) & 0xFFFF
         self.digest = self._table.digest
         self._since_hello.clear()
+        self.is_told = False
 
     def begin_frame(self, destination: int) -> None:
         """Nothing has been said in the frame that is composed now."""
@@ -92,6 +95,7 @@ class Introductions:
             self._since_hello[destination] = self._since_hello.get(destination, 0) + 1
             return tag
         self._since_hello[destination] = 1
+        self.is_told = True
         if destination != BROADCAST and not asked and audience[0].shares(self.digest):
             return tag + self._vouch(destination, audience[0], now)
         for peer in self._peers.values() if destination == BROADCAST else audience:

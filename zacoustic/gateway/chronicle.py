@@ -13,6 +13,8 @@ from zacoustic.gateway.notices import Notice
 
 EVENTS_KEPT: Final = 16
 """The last so many are told."""
+TROUBLES_KEPT: Final = 4
+"""Of those before them the last so many that were trouble: what is usual pushes no error out."""
 _LONGEST_TEXT: Final = 200
 COMPLAINT: Final = "complaint"
 """Stands for `event` where the island gave something that was of no use."""
@@ -27,7 +29,8 @@ class Chronicle:
 
     def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
         self._unix_s = unix_s
-        self._events: deque[dict[str, object]] = deque(maxlen=EVENTS_KEPT)
+        self._events: deque[dict[str, object]] = deque()
+        self._troubles: deque[dict[str, object]] = deque(maxlen=TROUBLES_KEPT)
 
     def note(self, notice: Notice) -> None:
         """Keep a notice."""
@@ -40,7 +43,7 @@ class Chronicle:
 
     def document(self) -> dict[str, object]:
         """Return the document, the oldest first."""
-        return {"events": list(self._events)}
+        return {"events": [*self._troubles, *self._events]}
 
     def _keep(self, event: str, text: str, *, is_trouble: bool) -> None:
         self._events.append(
@@ -51,3 +54,5 @@ class Chronicle:
                 "text": text[:_LONGEST_TEXT],
             }
         )
+        if len(self._events) > EVENTS_KEPT and (oldest := self._events.popleft())["trouble"]:
+            self._troubles.append(oldest)

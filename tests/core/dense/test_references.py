@@ -1,5 +1,6 @@
 """References: whatever is lost, doubled and late, what is read is right, and all of it is read."""
 
+import gc
 import random
 from collections.abc import Callable
 
@@ -8,7 +9,8 @@ import pytest
 from tests.telemetry.exchange import dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import by_id
-from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
+from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Snapshot, Speaker
+from zacoustic.core.dense.references import KEPT
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
 
@@ -28,6 +30,12 @@ def answer(speaker: Speaker, listener: Listener, address: int = HERE) -> bool:
     """Acknowledge the newest frame."""
     assert listener.mark is not None
     return speaker.acknowledged(address, listener.mark)
+
+
+def snapshots() -> int:
+    """How many there are in this process."""
+    gc.collect()
+    return sum(isinstance(each, Snapshot) for each in gc.get_objects())
 
 
 @pytest.fixture
@@ -141,8 +149,11 @@ def test_a_reference_to_something_else_is_an_error_and_not_plausible_garbage(
 def test_memory_is_bounded(nav_type: TypeSpec, values: list[dict[str, object]]) -> None:
     codec = DenseCodec({7: nav_type})
     speaker, listener = Speaker(codec), Listener(codec)
+    others = snapshots()
     for tick in range(200):
         encoded = say(speaker, values[tick % 80], tick, HERE)
         listener.decode(encoded.frame)
+    # Each end's, and what the oldest of them refers to.
+    assert snapshots() - others <= 2 * (KEPT + 1)
     assert answer(speaker, listener)
     assert say(speaker, values[0], 200, HERE).reference is encoded.snapshot

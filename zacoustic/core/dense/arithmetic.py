@@ -20,6 +20,9 @@ that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a 
 `ways` values and as many as there happen to be, mod a hash of both ends' knowledge.
 
 The first byte's two highest bits are the marker of a dense frame, and no part of the number.
+
+Flags, picks and numbers are what every message is made of, and a call costs as much as all that
+`narrow` does: so these do it themselves.
 """
 
 from bisect import bisect_right
@@ -58,21 +61,30 @@ MARKER_BITS: Final = 2
 _SPARED_BITS: Final = 64
 
 _WIDTH_BITS: Final = 48
+_LEAST_WIDTH: Final = 1 << _WIDTH_BITS - 1
 _ZEROS: Final = _SPARED_BITS + _WIDTH_BITS  # that many are looked at behind the end of a string
 _FLAG_SHIFT: Final = TOTAL_BITS - PROBABILITY_BITS
 _CHUNK_BITS: Final = 16
 _POINT_MASK: Final = (1 << POINT_BITS) - 1
 
+_IN_A_GAP: Final = "a string in the gap between the symbols"
+_ENDS_INSIDE: Final = "the string ends inside a value"
+
+
+_START: Final = 0, 1 << _WIDTH_BITS, _WIDTH_BITS
+
 
 class Writer:
-    """Writes symbols."""
+    """Writes symbols.
+
+    Args:
+        mark: Where it goes on from, of another writer.
+    """
 
     is_reader = False
 
-    def __init__(self) -> None:
-        self._low = 0
-        self._width = 1 << _WIDTH_BITS
-        self._shift = _WIDTH_BITS
+    def __init__(self, mark: tuple[int, int, int] = _START) -> None:
+        self._low, self._width, self._shift = mark
 
     @property
     def bits(self) -> int:
@@ -98,11 +110,17 @@ class Writer:
 
     def flag(self, probability: int, value: bool) -> bool:
         """Write a flag that is set with `probability`, 1…2**16-1."""
-        split = probability << _FLAG_SHIFT
-        if value:
-            self.narrow(0, split)
-        else:
-            self.narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width = unit * (probability << _FLAG_SHIFT)
+        if not value:
+            self._low += width
+            width = (unit << TOTAL_BITS) - width
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return value
 
     def uniform(self, size: int, value: int) -> int:
@@ -123,10 +141,13 @@ class Writer:
         """Write a number of `width` bits."""
         while width > _CHUNK_BITS:
             width -= _CHUNK_BITS
-            self.narrow((value >> width & 0xFFFF) << _FLAG_SHIFT, 1 << _FLAG_SHIFT)
+            self.raw(_CHUNK_BITS, value >> width)
         if width:
-            share = TOTAL_BITS - width
-            self.narrow((value & (1 << width) - 1) << share, 1 << share)
+            unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
+            lift = _WIDTH_BITS - unit.bit_length()
+            self._low = (self._low + unit * (value & (1 << width) - 1)) << lift
+            self._width = unit << lift
+            self._shift += lift
         return value
 
     def choice(self, shares: Sequence[int], index: int) -> int:
@@ -138,8 +159,15 @@ class Writer:
 
     def pick(self, ends: Sequence[int], index: int) -> int:
         """Write the position in a list of fixed shares, given by its `ends_of`."""
-        start = ends[index]
-        self.narrow(start, ends[index + 1] - start)
+        unit, start = self._width >> TOTAL_BITS, ends[index]
+        width = unit * (ends[index + 1] - start)
+        self._low += unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            width <<= lift
+            self._low <<= lift
+            self._shift += lift
+        self._width = width
         return index
 
     def number(self, curve: Curve, value: int) -> int:
@@ -186,27 +214,26 @@ class Writer:
         """Return the shortest string.
 
         Args:
-            ways: Least number of strings to choose from, ≥ 1; each doubling costs a bit.
+            ways: Least number of strings to choose from, 1…2**32; each doubling costs a bit.
             check: Chooses among as many as there are.
         """
-        size = (self.bits + MARKER_BITS + 7) // 8 or 1
-        least = shortest_bytes(self.bits)
-        while size > least and self._candidates(size - 1)[1] >= ways:
+        bits = self._shift - _WIDTH_BITS
+        size = (bits + MARKER_BITS + 7) // 8
+        # Codes of that size are multiples of this many bits: those up to the interval's last number
+        # less those before its first one lie in it.
+        unit_bits = self._shift - 8 * size + MARKER_BITS
+        before = self._low - 1
+        last = before + self._width
+        while (last >> unit_bits + 8) - (before >> unit_bits + 8) >= ways:
+            if size <= shortest_bytes(bits):
+                break
             size -= 1
-        while True:
-            first, count = self._candidates(size)
-            if count >= ways:
-                code = first + check % count
-                return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
+            unit_bits += 8
+        while (count := (last >> unit_bits) - (before >> unit_bits)) < ways:
             size += 1
-
-    def _candidates(self, size: int) -> tuple[int, int]:
-        """The first code of `size` bytes within the interval, and how many there are."""
-        unit_bits = self._shift - (8 * size - MARKER_BITS)
-        if unit_bits <= 0:
-            return self._low << -unit_bits, self._width << -unit_bits
-        first = -(-self._low >> unit_bits)
-        return first, -(-(self._low + self._width) >> unit_bits) - first
+            unit_bits -= 8
+        code = (before >> unit_bits) + 1 + check % count
+        return (code | MARKER << 8 * (size - 1)).to_bytes(size, "big")
 
 
 def ends_of(*shares: int) -> tuple[int, ...]:
@@ -230,14 +257,13 @@ class Reader:
     is_reader = True
 
     def __init__(self, string: bytes) -> None:
-        self._size = len(string)
-        bits = 8 * len(string) - MARKER_BITS
+        self._size = size = len(string)
+        bits = 8 * size - MARKER_BITS
         # With all the zeros that may be read, so that nobody needs to look where the string ends.
-        self._code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
-        self._bits = bits + _SPARED_BITS
-        self._left = self._bits
+        self._code = code = (int.from_bytes(string, "big") & (1 << bits) - 1) << _ZEROS
+        self._bits = self._left = left = bits + _SPARED_BITS
         self._width = 1 << _WIDTH_BITS
-        self._value = self._code >> self._left
+        self._value = code >> left
 
     @property
     def bits(self) -> int:
@@ -251,12 +277,23 @@ class Reader:
 
     def flag(self, probability: int, value: bool = False) -> bool:
         """Read a flag that is set with `probability`."""
-        split = probability << _FLAG_SHIFT
-        is_set = self._value < (self._width >> TOTAL_BITS) * split
-        if is_set:
-            self._narrow(0, split)
-        else:
-            self._narrow(split, TOTAL - split)
+        unit = self._width >> TOTAL_BITS
+        width, rest = unit * (probability << _FLAG_SHIFT), self._value
+        is_set = rest < width
+        if not is_set:
+            rest -= width
+            width = (unit << TOTAL_BITS) - width
+            if rest >= width:
+                raise PayloadError(_IN_A_GAP)
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return is_set
 
     def uniform(self, size: int, value: int = 0) -> int:
@@ -281,15 +318,23 @@ class Reader:
 
     def raw(self, width: int, value: int = 0) -> int:
         """Read a number of `width` bits."""
-        value = 0
-        while width:
-            chunk = min(width, _CHUNK_BITS)
-            share = TOTAL_BITS - chunk
-            part = self._place() >> share
-            self._narrow(part << share, 1 << share)
-            value = value << chunk | part
-            width -= chunk
-        return value
+        upper = 0
+        while width > _CHUNK_BITS:
+            width -= _CHUNK_BITS
+            upper = upper << _CHUNK_BITS | self.raw(_CHUNK_BITS)
+        if not width:
+            return 0
+        unit = self._width >> TOTAL_BITS << TOTAL_BITS - width
+        value, rest = divmod(self._value, unit)
+        if value >> width:
+            raise PayloadError(_IN_A_GAP)
+        lift = _WIDTH_BITS - unit.bit_length()
+        self._left = left = self._left - lift
+        if left < 0:
+            raise PayloadError(_ENDS_INSIDE)
+        self._width = unit << lift
+        self._value = rest << lift | self._code >> left & (1 << lift) - 1
+        return upper << width | value
 
     def choice(self, shares: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of relative shares."""
@@ -306,11 +351,25 @@ class Reader:
 
     def pick(self, ends: Sequence[int], index: int = 0) -> int:
         """Read the position in a list of fixed shares."""
-        place, index = self._place(), 0
-        while place >= ends[index + 1]:
-            index += 1
-        start = ends[index]
-        self._narrow(start, ends[index + 1] - start)
+        unit, rest = self._width >> TOTAL_BITS, self._value
+        index, width = 0, unit * ends[1]
+        if rest >= width:  # most often it is the first
+            place = rest // unit
+            if place >= TOTAL:
+                raise PayloadError(_IN_A_GAP)
+            index = bisect_right(ends, place) - 1
+            start = ends[index]
+            width = unit * (ends[index + 1] - start)
+            rest -= unit * start
+        if width < _LEAST_WIDTH:
+            lift = _WIDTH_BITS - width.bit_length()
+            self._left = left = self._left - lift
+            if left < 0:
+                raise PayloadError(_ENDS_INSIDE)
+            width <<= lift
+            rest = rest << lift | self._code >> left & (1 << lift) - 1
+        self._width = width
+        self._value = rest
         return index
 
     def number(self, curve: Curve, value: int = 0) -> int:
@@ -368,8 +427,8 @@ class Reader:
         Raises:
             PayloadError: The string is not the one that `Writer.finish` returns.
         """
-        spent, value, width = self.bits, self._value, self._width
-        left = self._left
+        value, width, left = self._value, self._width, self._left
+        spent = self._bits - left
         if left > _ZEROS:
             lift = left - _ZEROS
             value = value << lift | self._code >> _ZEROS & (1 << lift) - 1
@@ -381,16 +440,15 @@ class Reader:
         # Rounded as the writer's: the code itself is a multiple of the unit.
         if count < ways or index != check % count:
             raise PayloadError("the check of the string fails")
-        if self._size > shortest_bytes(spent):
-            # How many strings of one byte less lie in the interval.
-            lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
-            if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways:
-                raise PayloadError("a string longer than needed")
+        # How many strings of one byte less lie in the interval, were they allowed.
+        lowest = (value - (self._code >> left)) & (1 << unit_bits + 8) - 1
+        if (width - 1 - lowest >> unit_bits + 8) + 1 >= ways and self._size > shortest_bytes(spent):
+            raise PayloadError("a string longer than needed")
 
     def _place(self) -> int:
         place = self._value // (self._width >> TOTAL_BITS)
         if place >= TOTAL:
-            raise PayloadError("a string in the gap between the symbols")
+            raise PayloadError(_IN_A_GAP)
         return place
 
     def _narrow(self, start: int, share: int) -> None:
@@ -398,11 +456,11 @@ class Reader:
         width = unit * share
         value = self._value - unit * start
         if value >= width:
-            raise PayloadError("a string in the gap between the symbols")
+            raise PayloadError(_IN_A_GAP)
         lift = _WIDTH_BITS - width.bit_length()
         self._left = left = self._left - lift
         if left < 0:
-            raise PayloadError("the string ends inside a value")
+            raise PayloadError(_ENDS_INSIDE)
         self._width = width << lift
         self._value = value << lift | self._code >> left & (1 << lift) - 1
 

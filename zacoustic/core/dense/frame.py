@@ -33,12 +33,18 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.dense.adaptation import LONGEST_STEPS, StreamState
+from zacoustic.core.dense.adaptation import LONGEST_STEPS
 from zacoustic.core.dense.arithmetic import Reader, Writer, ends_of
-from zacoustic.core.dense.habits import MOST_SAMPLES, new_habits
+from zacoustic.core.dense.habits import MOST_SAMPLES, Presence, new_habits
 from zacoustic.core.dense.layout import Row
 from zacoustic.core.dense.prior import Model
-from zacoustic.core.dense.snapshot import LONG_NAME_BITS, SHORT_NAMES, Snapshot, chained_digest
+from zacoustic.core.dense.snapshot import (
+    LONG_NAME_BITS,
+    NAME_BITS,
+    SHORT_NAMES,
+    Known,
+    Snapshot,
+)
 from zacoustic.core.dense.streamcodec import Beside, StreamCodec
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
@@ -51,7 +57,19 @@ _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: tr
 
 _FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
-Parts = tuple[Row, list[Any]]
+
+def _opening(name: int) -> tuple[int, int, int]:
+    writer = Writer()
+    writer.pick(_KINDS, _REFERRING)
+    writer.raw(NAME_BITS, name)
+    return writer.mark()
+
+
+# Where a writer stands that has written which frame is referred to: so it need not be done again.
+_OPENINGS: Final = [_opening(name) for name in range(SHORT_NAMES + 1)]
+
+_Piece = tuple[int, int | None, tuple[Row, list[Any]]]
+"""A sample to be written: the place of its stream, when it was taken, and its parts."""
 
 
 class DenseSample(msgspec.Struct, frozen=True):
@@ -114,9 +132,11 @@ class DenseCodec:
             stream_id: StreamCodec(stream_id, types[stream_id], priors.get(str(stream_id)))
             for stream_id in sorted(types)
         }
-        self._ids = list(self.streams)
-        root = chained_digest(digest, b"" if model is None else model.digest)
-        self._root = Snapshot({}, new_habits(model, self.streams), {}, root)
+        self._codecs = list(self.streams.values())
+        self._places = {stream_id: place for place, stream_id in enumerate(self.streams)}
+        presence, habits = new_habits(model, self.streams)
+        agreed = digest + (b"" if model is None else model.digest)
+        self._root = Snapshot([(None, None, habit) for habit in habits], presence, agreed)
 
     def encode(
         self,
@@ -144,19 +164,22 @@ class DenseCodec:
             PayloadInvalidError: A value is not of its stream's type.
         """
         aim = _Aim(reference, long_name, is_mistaken)
-        parts: list[Parts] = []
+        pieces: list[_Piece] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
-        count = min(high, _FIRST_TRY)
+        count = high if high < _FIRST_TRY else _FIRST_TRY
         while low < high:
-            more = samples[len(parts) : count]
-            parts.extend([self.streams[each.stream_id].split(each.value) for each in more])
-            encoded = self._best(samples, parts, count, aim)
-            size = len(encoded.frame) if encoded is not None else 2 * room
-            if encoded is not None and size <= room:
+            for sample in samples[len(pieces) : count]:
+                place = self._places[sample.stream_id]
+                pieces.append((place, sample.tick, self._codecs[place].split(sample.value)))
+            encoded = self._best(pieces[:count], aim)
+            if encoded is not None and len(encoded.frame) <= room:
+                if count == high:
+                    return encoded
                 fits, low = encoded, count
             else:
                 high = count - 1
+            size = len(encoded.frame) if encoded is not None else 2 * room
             count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
@@ -174,108 +197,106 @@ class DenseCodec:
             raise PayloadError("an empty frame")
         reader = Reader(frame)
         kind = reader.pick(_KINDS)
-        reference = _named(reader, held) if kind == _REFERRING else self._root
-        page = _Page(reference)
+        known = _named(reader, held) if kind == _REFERRING else self._root
+        streams = known.streams[:]
+        beside: Beside = {}
         samples: list[tuple[int, dict[str, Any]]] = []
         if kind == _SINGLE:
-            stream_id = self._ids[reader.uniform(len(self._ids))]
-            value, state = self.streams[stream_id].read(reader, None, 1, page.beside)
-            page.add(stream_id, state, 0)
-            page.habits.learn(stream_id)
-            samples.append((stream_id, value))
+            place = reader.uniform(len(streams))
+            codec, presence = self._codecs[place], known.presence.after(place)
+            value, state = codec.read(reader, None, 1, beside)
+            samples.append((codec.stream_id, value))
+            streams[place] = state, 0, streams[place][2]
         else:
-            for stream_id in page.habits.code_streams(reader, []):
-                habit, codec = page.habits.stream(stream_id), self.streams[stream_id]
+            places, presence = known.presence.code(reader, ())
+            for place in places:
+                codec, (last, tick, habit) = self._codecs[place], streams[place]
                 nth, is_more = 0, True
                 while is_more:
                     nth += 1
-                    state_before, steps = page.streams.get(stream_id), 1
-                    if state_before is not None:
-                        steps = habit.code_steps(reader, 0, in_frame=nth > 1)
-                    value, state = codec.read(reader, state_before, steps, page.beside)
-                    page.add(stream_id, state, page.ticks.get(stream_id, 0) + steps)
-                    samples.append((stream_id, value))
-                    is_more = habit.code_more(reader, nth, False)
+                    steps = 1
+                    if nth > 1:
+                        steps, habit = habit.code_steps_in_frame(reader, 1)
+                    elif last is not None:
+                        steps, habit = habit.code_steps(reader, 1)
+                    value, last = codec.read(reader, last, steps, beside)
+                    tick = (tick or 0) + steps
+                    beside[codec.stream_id] = last.row
+                    samples.append((codec.stream_id, value))
+                    is_more, habit = habit.code_more(reader, nth, False)
+                streams[place] = last, tick, habit
         if not samples:
             raise PayloadError("a frame of no samples")
         reader.flag(_OTHER)
-        reader.check(1, reference.check)
-        return Decoded(tuple(samples), page.snapshot(frame))
+        reader.check(1, known.check)
+        return Decoded(tuple(samples), Snapshot(streams, presence, known.digest + frame))
 
-    def _best(
-        self,
-        samples: Sequence[DenseSample],
-        parts: Sequence[Parts],
-        count: int,
-        aim: "_Aim",
-    ) -> Encoded | None:
-        """Write a frame of the first `count` samples; None: a stream has too many of them."""
-        lanes: dict[int, list[int]] = {}
-        for place, sample in enumerate(samples[:count]):
-            lanes.setdefault(sample.stream_id, []).append(place)
-        if max(map(len, lanes.values())) > MOST_SAMPLES:
+    def _best(self, pieces: Sequence[_Piece], aim: "_Aim") -> Encoded | None:
+        """Write a frame of these samples; None: a stream has too many of them."""
+        lanes: dict[int, list[_Piece]] = {}
+        plain = 0
+        for piece in pieces:
+            place = piece[0]
+            lanes.setdefault(place, []).append(piece)
+            plain += self._codecs[place].plain_bits
+        if len(pieces) > MOST_SAMPLES and max(map(len, lanes.values())) > MOST_SAMPLES:
             return None
         best: Encoded | None = None
         if aim.reference is not None:
-            best = self._several(samples, parts, lanes, aim)
-            plain = sum(self.streams[each].plain_bits * len(lane) for each, lane in lanes.items())
+            best = self._several(lanes, aim)
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
         alone = _Aim(None, False, aim.is_mistaken)
-        others = [self._several(samples, parts, lanes, alone)]
-        if count == 1:
-            others.append(self._single(samples[0], parts[0], alone))
+        others = [self._several(lanes, alone)]
+        if len(pieces) == 1:
+            others.append(self._single(pieces[0], alone))
         for other in others:
             if best is None or len(other.frame) < len(best.frame):
                 best = other
         return best
 
-    def _several(
-        self,
-        samples: Sequence[DenseSample],
-        parts: Sequence[Parts],
-        lanes: Mapping[int, Sequence[int]],
-        aim: "_Aim",
-    ) -> Encoded:
-        """Write a frame of any samples; `lanes` are their places, by stream id."""
-        writer, known = Writer(), self._root
-        reference, long_name = aim.reference, aim.long_name
-        if reference is None:
+    def _several(self, lanes: Mapping[int, Sequence[_Piece]], aim: "_Aim") -> Encoded:
+        """Write a frame of any samples, by their streams."""
+        known = aim.reference
+        if known is None:
+            known, writer = self._root, Writer()
             writer.pick(_KINDS, _ALONE)
         else:
-            known = reference
-            writer.pick(_KINDS, _REFERRING)
-            writer.uniform(SHORT_NAMES + 1, SHORT_NAMES if long_name else known.short_name)
-            if long_name:
+            writer = Writer(_OPENINGS[SHORT_NAMES if aim.long_name else known.short_name])
+            if aim.long_name:
                 writer.raw(LONG_NAME_BITS, known.long_name)
-        page = _Page(known)
-        for stream_id in page.habits.code_streams(writer, sorted(lanes)):
-            lane, habit = lanes[stream_id], page.habits.stream(stream_id)
-            for nth, place in enumerate(lane, 1):
-                state = page.streams.get(stream_id)
-                steps, tick = _steps(samples[place].tick, page.ticks.get(stream_id))
-                if state is not None:
-                    if nth == 1 and parts[place][0] == state.row:
+        streams = known.streams[:]
+        beside: Beside = {}
+        places, presence = known.presence.code(writer, sorted(lanes))
+        taken = 0
+        for place in places:
+            codec, (last, tick, habit) = self._codecs[place], streams[place]
+            count = len(lanes[place])
+            for nth, (_, taken_at, parts) in enumerate(lanes[place], 1):
+                steps, tick = _steps(taken_at, tick)
+                if nth > 1:
+                    _, habit = habit.code_steps_in_frame(writer, steps)
+                elif last is not None:
+                    if parts[0] == last.row:
                         # What stood still stands still however long it was: the cheapest will do.
                         steps = habit.likeliest_steps
-                    habit.code_steps(writer, steps, in_frame=nth > 1)
-                codec = self.streams[stream_id]
-                state = codec.write(writer, parts[place], state, steps, page.beside)
-                page.add(stream_id, state, tick)
-                habit.code_more(writer, nth, nth < len(lane))
-        return aim.finish(writer, page, known.check, sum(map(len, lanes.values())))
+                    _, habit = habit.code_steps(writer, steps)
+                last = codec.write(writer, parts, last, steps, beside)
+                beside[codec.stream_id] = last.row
+                _, habit = habit.code_more(writer, nth, nth < count)
+            streams[place] = last, tick, habit
+            taken += count
+        return aim.finish(writer, known, streams, presence, taken)
 
-    def _single(self, sample: DenseSample, parts: Parts, aim: "_Aim") -> Encoded:
+    def _single(self, piece: _Piece, aim: "_Aim") -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
-        writer, page = Writer(), _Page(self._root)
+        writer, known, (place, tick, parts) = Writer(), self._root, piece
+        streams = known.streams[:]
         writer.pick(_KINDS, _SINGLE)
-        writer.uniform(len(self._ids), self._ids.index(sample.stream_id))
-        codec = self.streams[sample.stream_id]
-        page.add(
-            sample.stream_id, codec.write(writer, parts, None, 1, page.beside), sample.tick or 0
-        )
-        page.habits.learn(sample.stream_id)
-        return aim.finish(writer, page, self._root.check, 1)
+        writer.uniform(len(streams), place)
+        state = self._codecs[place].write(writer, parts, None, 1, {})
+        streams[place] = state, tick or 0, streams[place][2]
+        return aim.finish(writer, known, streams, known.presence.after(place), 1)
 
 
 class _Aim:
@@ -287,6 +308,8 @@ class _Aim:
         is_mistaken: Tells whether a frame has a name that it must not have.
     """
 
+    __slots__ = ("is_mistaken", "long_name", "reference")
+
     def __init__(
         self,
         reference: Snapshot | None,
@@ -297,13 +320,20 @@ class _Aim:
         self.long_name = long_name
         self.is_mistaken = is_mistaken
 
-    def finish(self, writer: Writer, page: "_Page", check: int, taken: int) -> Encoded:
+    def finish(
+        self,
+        writer: Writer,
+        known: Snapshot,
+        streams: list[Known],
+        presence: Presence,
+        taken: int,
+    ) -> Encoded:
         """End a frame in the one or the other form."""
         mark = writer.mark()
         for is_other in (False, True):
             writer.flag(_OTHER, is_other)
-            frame = writer.finish(1, check)
-            snapshot = page.snapshot(frame)
+            frame = writer.finish(1, known.check)
+            snapshot = Snapshot(streams, presence, known.digest + frame)
             encoded = Encoded(frame, taken, snapshot, self.reference, self.long_name)
             if self.is_mistaken is None or not self.is_mistaken(encoded):
                 return encoded
@@ -311,35 +341,18 @@ class _Aim:
         return msgspec.structs.replace(encoded, is_mistaken=True)
 
 
-class _Page:
-    """What is known while a frame is written or read."""
-
-    def __init__(self, known: Snapshot) -> None:
-        self._digest = known.digest
-        self.streams = dict(known.streams)
-        self.habits = known.habits.copy()
-        self.ticks = dict(known.ticks)
-        self.beside: Beside = {}
-
-    def add(self, stream_id: int, state: StreamState, tick: int) -> None:
-        """Take a sample in."""
-        self.streams[stream_id] = state
-        self.ticks[stream_id] = tick
-        self.beside[stream_id] = state.row
-
-    def snapshot(self, frame: bytes) -> Snapshot:
-        """All of it, for later frames."""
-        digest = chained_digest(self._digest, frame)
-        return Snapshot(self.streams, self.habits, self.ticks, digest)
-
-
 def _named(reader: Reader, held: Reversible[Snapshot]) -> Snapshot:
     """The newest frame of the name that is read."""
-    name = reader.uniform(SHORT_NAMES + 1)
-    long_name = reader.raw(LONG_NAME_BITS) if name == SHORT_NAMES else None
-    for each in reversed(held):
-        if (each.short_name == name) if long_name is None else (each.long_name == long_name):
-            return each
+    name = reader.raw(NAME_BITS)
+    if name != SHORT_NAMES:
+        for each in reversed(held):
+            if each.short_name == name:
+                return each
+    else:
+        name = reader.raw(LONG_NAME_BITS)
+        for each in reversed(held):
+            if each.long_name == name:
+                return each
     raise PayloadError("a reference to a frame that is not held")
 
 
@@ -349,4 +362,7 @@ def _steps(tick: int | None, last: int | None) -> tuple[int, int]:
         return 1, (last or 0) + 1
     if last is None:
         return 1, tick
-    return min(max(tick - last, 1), LONGEST_STEPS), tick
+    steps = tick - last
+    if steps < 1:
+        return 1, tick
+    return steps if steps < LONGEST_STEPS else LONGEST_STEPS, tick

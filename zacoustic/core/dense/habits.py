@@ -7,10 +7,11 @@ or of several; which it is costs one symbol, so that who sends each sample by it
 for all the streams that are not there.
 
 Most frames of a source are like the one before, and after some of the same kind the chances stay
-what they are. So lists of chances are never changed, but followed by others, which are remembered.
+what they are. So habits are never changed, but followed by others, or by themselves; and lists of
+shares that follow others are remembered, with where each share begins and ends.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -27,10 +28,19 @@ _MOST: Final = (1 << 16) - _LEAST
 _EVEN: Final = 1 << 15
 _REMEMBERED: Final = 512  # lists of chances of one kind
 _OFTEN: Final = 7 << 13
-# How often the first sample is so many steps behind its reference, 1…16: shares.
-_STEPS: Final = (240, 320, 200, 160, 130, 100, 80, 60, 50, 40, 30, 25, 20, 15, 12, 40)
-_STEPS_LEFT: Final = tuple(share >> 4 for share in _STEPS)
-_STEPS_IN_FRAME: Final = ends_of(*_STEPS[1:])
+
+Shares = tuple[tuple[int, ...], tuple[int, ...]]
+"""Relative shares of things of which there is one, and the `ends_of` them."""
+
+
+def _shares(*shares: int) -> Shares:
+    return shares, ends_of(*shares)
+
+
+# How often the first sample is so many steps behind its reference, 1…16.
+_STEPS: Final = _shares(240, 320, 200, 160, 130, 100, 80, 60, 50, 40, 30, 25, 20, 15, 12, 40)
+_STEPS_LEFT: Final = tuple(share >> 4 for share in _STEPS[0])
+_STEPS_IN_FRAME: Final = ends_of(*_STEPS[0][1:])
 # What is learnt of it is learnt from acknowledged frames, which are the ones furthest behind their
 # own references: those between them are as many steps behind, or fewer.
 _STEPS_GAIN: Final = 1 << 11
@@ -38,17 +48,17 @@ _STEPS_SHIFT: Final = 2
 
 
 class Habit:
-    """What the frames of a source usually hold of one stream.
+    """What the frames of a source usually hold of one stream; never changed.
 
     Attributes:
         more: How often there is another sample after the first, second …, 2**-16.
         regular: How often a sample is one step behind the one before it in the frame, 2**-16.
-        steps: How often the first one is 1, 2, … steps behind its reference: shares.
+        steps: How often the first one is 1, 2, … steps behind its reference.
     """
 
     __slots__ = ("more", "regular", "steps")
 
-    def __init__(self, more: list[int], regular: int, steps: tuple[int, ...]) -> None:
+    def __init__(self, more: tuple[int, ...], regular: int, steps: Shares) -> None:
         self.more = more
         self.regular = regular
         self.steps = steps
@@ -56,83 +66,73 @@ class Habit:
     @property
     def likeliest_steps(self) -> int:
         """How far the first sample is behind its reference most often, 1…16."""
-        return self.steps.index(max(self.steps)) + 1
+        shares, _ = self.steps
+        return shares.index(max(shares)) + 1
 
-    def copy(self) -> "Habit":
-        """Return one that can be changed."""
-        return Habit(self.more[:], self.regular, self.steps)
-
-    def code_more(self, coder: Coder, samples: int, is_more: bool) -> bool:
-        """Write or read whether there is another sample after so many; learns it."""
+    def code_more(self, coder: Coder, samples: int, is_more: bool) -> tuple[bool, "Habit"]:
+        """Write or read whether there is another sample after so many; gives the habit then."""
         if samples >= MOST_SAMPLES:
-            return False
-        place = min(samples, _COUNTED) - 1
-        found = coder.flag(self.more[place], is_more)
-        self.more[place] = _followed(self.more[place], found)
-        return found
+            return False, self
+        more, place = self.more, (samples if samples < _COUNTED else _COUNTED) - 1
+        chance = more[place]
+        found = coder.flag(chance, is_more)
+        if chance == (_MOST if found else _LEAST):
+            return found, self
+        more = (*more[:place], _followed(chance, found), *more[place + 1 :])
+        return found, Habit(more, self.regular, self.steps)
 
-    def code_steps(self, coder: Coder, steps: int, *, in_frame: bool) -> int:
-        """Write or read how far a sample lies behind its reference, 1…16; learns it."""
-        if in_frame:
-            is_next = coder.flag(self.regular, steps == 1)
-            self.regular = _followed(self.regular, is_next)
-            return 1 if is_next else 2 + coder.pick(_STEPS_IN_FRAME, max(steps - 2, 0))
-        found = coder.pick(_ends(self.steps), max(steps - 1, 0))
-        self.steps = _steps_after(self.steps, found)
-        return found + 1
+    def code_steps(self, coder: Coder, steps: int) -> tuple[int, "Habit"]:
+        """Write or read how far the first sample lies behind its reference, 1…16."""
+        shares, ends = self.steps
+        found = coder.pick(ends, steps - 1)
+        after = _steps_after(shares, found)
+        if after is self.steps:
+            return found + 1, self
+        return found + 1, Habit(self.more, self.regular, after)
+
+    def code_steps_in_frame(self, coder: Coder, steps: int) -> tuple[int, "Habit"]:
+        """Write or read how far a sample lies behind the one before it, 1…16."""
+        is_next = coder.flag(self.regular, steps == 1)
+        after = _followed(self.regular, is_next)
+        habit = self if after == self.regular else Habit(self.more, after, self.steps)
+        return 1 if is_next else 2 + coder.pick(_STEPS_IN_FRAME, steps - 2), habit
 
 
-class Habits:
-    """What the frames of a source usually hold.
+class Presence:
+    """Of which streams the frames of a source usually are; streams are counted by their ids' order.
 
     Attributes:
         single: How often a frame is of one stream alone, 2**-16.
-        present: How often there is something of a stream, 2**-16, in the order of the streams.
+        chances: How often there is something of a stream, 2**-16.
     """
 
-    __slots__ = ("_streams", "present", "single")
+    __slots__ = ("_ends", "chances", "single")
 
-    def __init__(self, single: int, present: tuple[int, ...], streams: dict[int, Habit]) -> None:
+    def __init__(self, single: int, chances: tuple[int, ...]) -> None:
         self.single = single
-        self.present = present
-        self._streams = streams
+        self.chances = chances
+        self._ends: tuple[int, ...] = ()  # of the chances, from their first use on
 
-    def copy(self) -> "Habits":
-        """Return those that can be changed."""
-        return Habits(self.single, self.present, self._streams.copy())
-
-    def stream(self, stream_id: int) -> Habit:
-        """The habit of a stream, to be changed; once for every frame."""
-        habit = self._streams[stream_id] = self._streams[stream_id].copy()
-        return habit
-
-    def code_streams(self, coder: Coder, streams: list[int]) -> list[int]:
-        """Write or read which streams there are; learns it."""
-        ids = list(self._streams)
-        if coder.flag(self.single, len(streams) == 1):
-            place = ids.index(streams[0]) if streams else 0
-            places: tuple[int, ...] = (coder.pick(_ends(self.present), place),)
+    def code(self, coder: Coder, places: Sequence[int]) -> tuple[tuple[int, ...], "Presence"]:
+        """Write or read which streams there are; also gives what is usual after that."""
+        single, chances = self.single, self.chances
+        if coder.flag(single, len(places) == 1):
+            ends = self._ends = self._ends or ends_of(*chances)
+            found: tuple[int, ...] = (coder.pick(ends, places[0] if places else 0),)
         else:
             flag = coder.flag
-            places = tuple(
-                place
-                for place, present in enumerate(self.present)
-                if flag(present, ids[place] in streams)
+            found = tuple(
+                place for place, chance in enumerate(chances) if flag(chance, place in places)
             )
-        self._learn(places)
-        return [ids[place] for place in places]
+        return found, _presence_after(single, chances, found)
 
-    def learn(self, stream_id: int) -> None:
-        """Learn that a frame had one stream."""
-        self._learn((list(self._streams).index(stream_id),))
-
-    def _learn(self, places: tuple[int, ...]) -> None:
-        self.single = _followed(self.single, len(places) == 1)
-        self.present = _present_after(self.present, places)
+    def after(self, place: int) -> "Presence":
+        """What is usual after a frame of one stream."""
+        return _presence_after(self.single, self.chances, (place,))
 
 
-def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
-    """Make the habits of a source of which nothing was heard.
+def new_habits(model: Model | None, streams: Mapping[int, object]) -> tuple[Presence, list[Habit]]:
+    """Make the habits of a source of which nothing was heard: of its frames, and of each stream.
 
     Args:
         model: What a fit says.
@@ -140,31 +140,29 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> Habits:
     """
     single = _EVEN if model is None or not model.single else model.single
     priors = {} if model is None else model.streams
-    habits, chances = {}, []
+    habits, chances = [], []
     for stream_id in streams:
         prior = priors.get(str(stream_id))
-        present, more = min(_EVEN, (3 << 15) // len(streams)), [_EVEN] * _COUNTED
+        present = min(_EVEN, (3 << 15) // len(streams))
+        more: tuple[int, ...] = (_EVEN,) * _COUNTED
         if prior is not None and prior.present:
             present = prior.present
             last = prior.more[-1] if prior.more else _EVEN
-            more = [*prior.more, *[last] * _COUNTED][:_COUNTED]
+            more = (*prior.more, *(last,) * _COUNTED)[:_COUNTED]
         chances.append(max(present, _LEAST))
-        habits[stream_id] = Habit(more, _OFTEN, _STEPS)
-    return Habits(single, tuple(chances), habits)
+        habits.append(Habit(more, _OFTEN, _STEPS))
+    return Presence(single, tuple(chances)), habits
 
 
 def _followed(chance: int, found: bool) -> int:
     chance += ((1 << 16) - chance if found else -chance) >> _SHIFT
-    return _LEAST if chance < _LEAST else min(chance, _MOST)
+    if chance > _MOST:
+        return _MOST
+    return chance if chance > _LEAST else _LEAST
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _ends(shares: tuple[int, ...]) -> tuple[int, ...]:
-    return ends_of(*shares)
-
-
-@lru_cache(maxsize=_REMEMBERED)
-def _steps_after(shares: tuple[int, ...], found: int) -> tuple[int, ...]:
+def _steps_after(shares: tuple[int, ...], found: int) -> Shares:
     """The shares of steps after a first sample that many behind its reference, less one."""
     after = [
         share - (share >> _STEPS_SHIFT) + left
@@ -174,10 +172,12 @@ def _steps_after(shares: tuple[int, ...], found: int) -> tuple[int, ...]:
     for place in range(found):
         after[place] += fewer
     after[found] += 2 * fewer
-    return tuple(after)
+    return _shares(*after)
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _present_after(chances: tuple[int, ...], places: tuple[int, ...]) -> tuple[int, ...]:
-    """The chances of streams after a frame of those at the places."""
-    return tuple(_followed(chance, place in places) for place, chance in enumerate(chances))
+def _presence_after(single: int, chances: tuple[int, ...], places: tuple[int, ...]) -> Presence:
+    return Presence(
+        _followed(single, len(places) == 1),
+        tuple(_followed(chance, place in places) for place, chance in enumerate(chances)),
+    )

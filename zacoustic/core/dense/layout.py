@@ -105,7 +105,26 @@ class Layout:
         self.type_spec = type_spec
         self.columns: list[Column] = []
         self.remainders: list[Remainder] = []
-        self._whole: _Part = _Fields(self, type_spec, "", None)
+        self._whole = _Fields(self, type_spec, "", None)
+        numbers = self._whole.numbers
+        # Most types are nothing but numbers, each a column.
+        self._is_plain = len(numbers) == len(type_spec.fields)
+        self._takers = [(name, number.take) for name, number in numbers]
+        self._values = [(name, number.place, number.value) for name, number in numbers]
+
+    def take(self, value: object) -> Row | None:
+        """Take the row of a value that is validated and within bounds as it is, and has no rest.
+
+        Returns:
+            None where it is not, or has; or where that would take longer to see.
+        """
+        if not self._is_plain or type(value) is not dict or len(value) != len(self._takers):
+            return None
+        try:
+            row = [take(value[name]) for name, take in self._takers]
+        except KeyError:
+            return None
+        return None if None in row else row
 
     def split(self, value: dict[str, Any]) -> tuple[Row, list[Any]]:
         """Take a validated value within bounds apart: its row and its rest."""
@@ -116,8 +135,9 @@ class Layout:
 
     def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
         """Put a value together."""
-        value: dict[str, Any] = self._whole.join(row, rest)
-        return value
+        if self._is_plain:
+            return {name: value(row[place]) for name, place, value in self._values}
+        return self._whole.join(row, rest)
 
 
 class _Part(ABC):
@@ -148,16 +168,13 @@ class _Fields(_Part):
             part = _of_field(layout, type_spec, field, f"{path}{field.name}", guard)
             self._parts.append((field.name, part))
             place += 1
-        # Most fields are plain numbers, and most types of nothing else: no call for each of them.
-        self._numbers = [
-            (name, part.place, part.index, part.value)
-            for name, part in self._parts
-            if isinstance(part, _Number)
-        ]
+        self.numbers = [(name, part) for name, part in self._parts if isinstance(part, _Number)]
+        # Most fields are numbers: no call for each of them.
+        self._indexes = [(name, number.place, number.index) for name, number in self.numbers]
         self._others = [each for each in self._parts if not isinstance(each[1], _Number)]
 
     def split(self, value: dict[str, Any], row: Row, rest: list[Any]) -> None:
-        for name, place, index, _ in self._numbers:
+        for name, place, index in self._indexes:
             row[place] = index(value[name])
         for name, part in self._others:
             part.split(value[name], row, rest)
@@ -165,8 +182,6 @@ class _Fields(_Part):
             quaternion.split([value[name] for name in names], row, rest)
 
     def join(self, row: Row, rest: list[Any]) -> dict[str, Any]:
-        if len(self._numbers) == len(self._names):
-            return {name: value(row[place]) for name, place, _, value in self._numbers}
         value = {name: part.join(row, rest) for name, part in self._parts}
         if not self._quaternions:
             return value
@@ -221,6 +236,7 @@ class _Number(_Part):
         self.place = len(layout.columns)
         self.index: Callable[[Any], int] = lattice.index
         self.value: Callable[[Any], Any] = lattice.value
+        self.take: Callable[[object], int | None] = lattice.take
         limits = field.limits
         both_sides = limits is not None and limits[0] < 0 < limits[1] and not field.wraps
         is_ordered = lattice.is_ordered

@@ -20,13 +20,14 @@ same frame once more; the receiver has it at the place where it came last, which
 at which it was sent.
 """
 
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import takewhile
+from operator import attrgetter
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
-from zacoustic.core.dense.snapshot import Snapshot
+from zacoustic.core.dense.snapshot import SHORT_NAMES, Snapshot
 
 KEPT: Final = 32
 """How many frames each end remembers."""
@@ -36,6 +37,8 @@ LATEST: Final = 2
 
 _OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
 _MARKED: Final = 8  # as many of the last frames have marks of their own
+_LONG_NAMES: Final = SHORT_NAMES  # long names are counted from here on
+_last = attrgetter("last")
 
 
 class _Sent:
@@ -46,6 +49,8 @@ class _Sent:
         last: When it was sent last.
         holders: Who is known to hold it.
     """
+
+    __slots__ = ("first", "holders", "last", "reference", "snapshot")
 
     def __init__(self, encoded: Encoded, count: int) -> None:
         self.snapshot = encoded.snapshot
@@ -67,8 +72,8 @@ class Speaker:
         self._sent: list[_Sent] = []  # by when they were sent last
         self._by_digest: dict[bytes, _Sent] = {}
         self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
-        self._late: deque[Encoded] = deque(maxlen=LATEST)
         self._marks: list[int] = []  # of `_sent`
+        self._late: deque[int] = deque(maxlen=LATEST)  # what the last frames call their references
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -96,21 +101,20 @@ class Speaker:
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
         self._count += 1
-        self._late.append(encoded)
-        again = self._by_digest.get(encoded.snapshot.digest)
-        if again is not None:
-            again.last = self._count
-            place = self._sent.index(again)
-            self._sent.append(self._sent.pop(place))
-            self._marks.append(self._marks.pop(place))
-            return
-        sent = self._by_digest[encoded.snapshot.digest] = _Sent(encoded, self._count)
+        self._late.append(_said(encoded))
+        snapshot = encoded.snapshot
+        sent = self._by_digest.get(snapshot.digest)
+        if sent is None:
+            sent = self._by_digest[snapshot.digest] = _Sent(encoded, self._count)
+        else:
+            sent.last = self._count
+            place = self._sent.index(sent)
+            del self._sent[place], self._marks[place]
         self._sent.append(sent)
-        self._marks.append(encoded.snapshot.mark)
+        self._marks.append(snapshot.mark)
         if len(self._sent) > KEPT:
             oldest = self._sent.pop(0)
-            del self._marks[0]
-            del self._by_digest[oldest.snapshot.digest]
+            del self._marks[0], self._by_digest[oldest.snapshot.digest]
             self._forgotten = oldest.last
 
     def acknowledged(self, listener: int, mark: int) -> bool:
@@ -125,15 +129,17 @@ class Speaker:
         """
         # What is much older than the newest that is known to be held is of no use; a little older
         # is what a late frame leads to.
-        newest = len(self._sent) - 1
-        while newest > 0 and listener not in self._sent[newest].holders:
-            newest -= 1
-        earliest = max(newest - _OVERLAP, 0)
-        if self._marks[earliest:].count(mark) != 1:
-            return False
-        meant = self._sent[self._marks.index(mark, earliest)]
-        held: Snapshot | None = meant.snapshot
+        recent = _OVERLAP
         for each in reversed(self._sent):
+            recent += 1
+            if listener in each.holders:
+                break
+        marks = self._marks[-recent:]
+        if marks.count(mark) != 1:
+            return False
+        place = marks.index(mark) - len(marks)
+        held: Snapshot | None = self._sent[place].snapshot
+        for each in self._sent[place::-1]:
             if each.snapshot is held:
                 if listener in each.holders:
                     break
@@ -157,42 +163,30 @@ class Speaker:
                 is_same = each.snapshot.digest == snapshot.digest
                 if each.snapshot.mark == snapshot.mark and not is_same:
                     return True
-        for late in (*self._late, new):
-            meant = late.reference
-            if meant is None:
-                continue
-            if late.long_name:
-                if meant.long_name == snapshot.long_name:
-                    return True
-            elif meant.short_name == snapshot.short_name:
-                return True
-        return False
+        said = (*self._late, _said(new))
+        return snapshot.short_name in said or _LONG_NAMES + snapshot.long_name in said
 
     def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
         """The newest frame that all hold and that can be named, and whether by its long name.
 
         More than one way only for who must not take the first; the last is to refer to none.
         """
-        for record in reversed(self._sent):
+        for each in reversed(self._sent):
             # Only what came after a frame can push it out at a receiver, or be taken for it.
-            earliest = record.first - LATEST
-            if not listeners <= record.holders or earliest <= self._forgotten:
+            earliest = each.first - LATEST
+            if earliest <= self._forgotten or not listeners <= each.holders:
                 continue
-            meant = record.snapshot
-            others = [each.snapshot for each in self._since(earliest) if each is not record]
-            is_short = meant.short_name not in [other.short_name for other in others]
+            meant = each.snapshot
+            since = self._sent[bisect_left(self._sent, earliest, key=_last) :]
+            is_short = [one.snapshot.short_name for one in since].count(meant.short_name) == 1
             if is_short:
                 yield meant, False
-            is_long = meant.long_name not in [other.long_name for other in others]
+            is_long = [one.snapshot.long_name for one in since].count(meant.long_name) == 1
             if is_long:
                 yield meant, True
             if is_short or is_long:
                 break
         yield None, False
-
-    def _since(self, count: int) -> Iterator[_Sent]:
-        """The frames that were sent then or later, the newest first."""
-        return takewhile(lambda each: each.last >= count, reversed(self._sent))
 
 
 class Listener:
@@ -205,11 +199,8 @@ class Listener:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
-
-    @property
-    def mark(self) -> int | None:
+        self.mark: int | None = None
         """What to acknowledge: the mark of the newest frame; None: none was read."""
-        return next(reversed(self._held.values())).mark if self._held else None
 
     def decode(self, frame: bytes) -> Decoded:
         """Read a frame off the water.
@@ -217,14 +208,25 @@ class Listener:
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        decoded = self._codec.decode(frame, self._held.values())
-        digest = decoded.snapshot.digest
-        self._held.pop(digest, None)
-        self._held[digest] = decoded.snapshot
-        if len(self._held) > KEPT:
-            del self._held[next(iter(self._held))]
+        held = self._held
+        decoded = self._codec.decode(frame, held.values())
+        snapshot = decoded.snapshot
+        held.pop(snapshot.digest, None)
+        held[snapshot.digest] = snapshot
+        if len(held) > KEPT:
+            del held[next(iter(held))]
+        self.mark = snapshot.mark
         return decoded
 
     def forget(self) -> None:
         """Take note that the source has restarted."""
         self._held.clear()
+        self.mark = None
+
+
+def _said(encoded: Encoded) -> int:
+    """What a frame calls its reference: a short name, or a long one behind all short ones."""
+    reference = encoded.reference
+    if reference is None:
+        return -1
+    return _LONG_NAMES + reference.long_name if encoded.long_name else reference.short_name

@@ -12,15 +12,18 @@ Names are short, so two frames may have the same one; `Speaker` sees to it that 
 by the long name where it must.
 """
 
-import hashlib
 import struct
+from hashlib import blake2s
 from typing import Final
 
 from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.habits import Habits
+from zacoustic.core.dense.habits import Habit, Presence
 
-SHORT_NAMES: Final = 31
-"""How many short names there are; what is left of five bits announces a long one."""
+NAME_BITS: Final = 5
+"""Bits of a short name."""
+
+SHORT_NAMES: Final = (1 << NAME_BITS) - 1
+"""How many short names there are; what is left announces a long one."""
 
 LONG_NAME_BITS: Final = 7
 """Bits of a long name."""
@@ -28,17 +31,32 @@ LONG_NAME_BITS: Final = 7
 MARK_BITS: Final = 14
 """Bits of a mark."""
 
-_PARTS: Final = struct.Struct(">IHHH2x")  # of a digest: check, names and mark
+_DIGEST_BYTES: Final = 12
+_LONG_NAME_SHIFT: Final = 16 - LONG_NAME_BITS
+_MARK_SHIFT: Final = 16 - MARK_BITS
+_parts_of = struct.Struct(">IHHH2x").unpack  # of a digest: check, names and mark
+
+Known = tuple[StreamState | None, int | None, Habit]
+"""What is known of a stream:
+
+- its last sample; None: there was none;
+- when that was taken, in steps of the stream; None: there was none. The sender's affair: a receiver
+  counts on from where it began;
+- what the source's frames usually hold of it.
+"""
 
 
 class Snapshot:
     """A frame, as something to refer to; never changed.
 
+    Args:
+        streams: See below.
+        presence: See below.
+        said: The digest of the reference's snapshot, and the frame.
+
     Attributes:
-        streams: Last sample of each stream, by stream id.
-        habits: What the source's frames usually hold.
-        ticks: When the last sample of each stream was taken, in steps of the stream, by stream id.
-            The sender's affair: a receiver counts on from where it began.
+        streams: What is known of each stream, in the order of their ids.
+        presence: Of which streams the source's frames usually are.
         digest: Of all frames up to this one.
         check: What frames that refer to this one are checked against.
         short_name: Says which frame is meant, 0…30.
@@ -46,34 +64,26 @@ class Snapshot:
         mark: Says in an acknowledgement which frame is meant, 0…16383.
     """
 
+    check: int
+    short_name: int
+    long_name: int
+    mark: int
+
     __slots__ = (
         "check",
         "digest",
-        "habits",
         "long_name",
         "mark",
+        "presence",
         "short_name",
         "streams",
-        "ticks",
     )
 
-    def __init__(
-        self,
-        streams: dict[int, StreamState],
-        habits: Habits,
-        ticks: dict[int, int],
-        digest: bytes,
-    ) -> None:
+    def __init__(self, streams: list[Known], presence: Presence, said: bytes) -> None:
         self.streams = streams
-        self.habits = habits
-        self.ticks = ticks
-        self.digest = digest
-        self.check, short, long, mark = _PARTS.unpack(digest)
+        self.presence = presence
+        self.digest = digest = blake2s(said, digest_size=_DIGEST_BYTES).digest()
+        self.check, short, long, mark = _parts_of(digest)
         self.short_name = short % SHORT_NAMES
-        self.long_name = long >> 16 - LONG_NAME_BITS
-        self.mark = mark >> 16 - MARK_BITS
-
-
-def chained_digest(digest: bytes, frame: bytes) -> bytes:
-    """The digest of a frame whose reference has `digest`."""
-    return hashlib.blake2s(digest + frame, digest_size=_PARTS.size).digest()
+        self.long_name = long >> _LONG_NAME_SHIFT
+        self.mark = mark >> _MARK_SHIFT

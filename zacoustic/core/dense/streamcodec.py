@@ -24,6 +24,7 @@ from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.types import OutsideNumbers, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
+_ALL_WAYS: Final = (_AGAINST, _FIRST, _PLAIN)
 # Shares of the three ways where there is a reference, and of the last two where there is none.
 _WAYS: Final = ends_of(60, 3, 1)
 _WAYS_ALONE: Final = ends_of(3, 1)
@@ -64,6 +65,9 @@ class StreamCodec:
         self._steadiness = self._steadiness or [START_STEADY] * columns
         self._rest = RestCodec(self.layout.remainders, () if prior is None else prior.lines)
         self._widths = [math.ceil(math.log2(size)) for size in self.model.sizes]
+        self._is_guarded = any(column.guard is not None for column in self.layout.columns)
+        self._no_row: Row = [None] * columns
+        self._no_rest: list[Any] = [None] * len(self.layout.remainders)
         # What a row costs plainly where everything is there, bits.
         self.plain_bits = sum(self._widths)
 
@@ -73,6 +77,9 @@ class StreamCodec:
         Raises:
             PayloadInvalidError: It is not of the stream's type.
         """
+        row = self.layout.take(value)
+        if row is not None:
+            return row, []
         return self.layout.split(self.outside.bound(self.type_spec.validate(value)))
 
     def write(
@@ -86,22 +93,24 @@ class StreamCodec:
         """Write a sample in the shortest way; gives its state."""
         row, rest = parts
         before = coder.mark()
-        limit = coder.bits + self._plain_bits(row) + plain_bits(rest) + _DEAR_BITS
+        limit = coder.bits + _DEAR_BITS
+        limit += self._plain_bits(row) if self._is_guarded else self.plain_bits
+        if rest:
+            limit += plain_bits(rest)
         best, fewest = _PLAIN, 1 << 60
-        for way in (_AGAINST, _FIRST, _PLAIN) if reference is not None else (_FIRST, _PLAIN):
-            coder.rewind(before)
+        for way in _ALL_WAYS if reference is not None else _ALL_WAYS[1:]:
             try:
-                state = self._code(coder, way, list(row), list(rest), reference, steps, beside)
+                state = self._code(coder, way, row, rest, reference, steps, beside)
             except TooFarError:
-                continue
-            if coder.bits < fewest:
-                best, fewest = way, coder.bits
-            if fewest <= limit:
-                break
-        if best != way:
+                pass
+            else:
+                bits = coder.bits
+                if bits <= limit:
+                    return state
+                if bits < fewest:
+                    best, fewest = way, bits
             coder.rewind(before)
-            state = self._code(coder, best, list(row), list(rest), reference, steps, beside)
-        return state
+        return self._code(coder, best, row, rest, reference, steps, beside)
 
     def read(
         self, coder: Coder, reference: StreamState | None, steps: int, beside: Beside
@@ -111,15 +120,12 @@ class StreamCodec:
         Raises:
             PayloadError: There is none.
         """
-        row: Row = [None] * len(self.layout.columns)
-        rest: list[Any] = [None] * len(self.layout.remainders)
-        state = self._code(coder, None, row, rest, reference, steps, beside)
+        row, rest = self._no_row[:], self._no_rest[:]
+        state = self._code(coder, 0, row, rest, reference, steps, beside)
         return self.layout.join(row, rest), state
 
     def _plain_bits(self, row: Row) -> int:
         """What a row costs plainly, bits."""
-        if None not in row:
-            return self.plain_bits
         return sum(
             width for width, count in zip(self._widths, row, strict=True) if count is not None
         )
@@ -127,27 +133,29 @@ class StreamCodec:
     def _code(
         self,
         coder: Coder,
-        way: int | None,
+        way: int,
         row: Row,
         rest: list[Any],
         reference: StreamState | None,
         steps: int,
         beside: Beside,
     ) -> StreamState:
+        """Write or read a sample in a way; a reader finds out which."""
         if reference is not None:
-            way = coder.pick(_WAYS, way or 0)
+            way = coder.pick(_WAYS, way)
             if way == _AGAINST:
                 state = self.model.code(coder, row, reference, steps)
-                state.rest = self._rest.code(coder, row, rest, state.rest, plainly=False)
+                if rest:
+                    state.rest = self._rest.code(coder, row, rest, state.rest, plainly=False)
                 return state
         else:
-            way = 1 + coder.pick(_WAYS_ALONE, (way or 1) - 1)
+            way = 1 + coder.pick(_WAYS_ALONE, way - 1)
         if way == _FIRST and self.prior is not None and self.prior.firsts:
             self._code_first(coder, row, self.prior.firsts, beside)
         else:
             self.model.code_plainly(coder, row)
         known = row if reference is None else reference.row
-        known_rest = [None] * len(self.layout.remainders) if reference is None else reference.rest
+        known_rest = self._no_rest if reference is None else reference.rest
         return StreamState(
             row=[old if new is None else new for new, old in zip(row, known, strict=True)],
             velocity=None,

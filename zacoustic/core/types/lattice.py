@@ -25,9 +25,12 @@ class Lattice:
         is_ordered: Whether neighbouring integers are neighbouring values: not so for enum and bool.
         index: Gives the integer of a validated value within bounds, 0…size-1.
         value: Gives the value of an integer of 0…size-1.
+        take: Gives the integer of a value that is validated and within bounds as it is; None: it
+            is not, or that would take longer to see.
     """
 
     index: Callable[[Any], int]
+    take: Callable[[object], int | None]
     value: Callable[[int], Any]
 
     def __init__(self, field: FieldSpec) -> None:
@@ -39,22 +42,28 @@ class Lattice:
             self.size = quantiser.high_count - quantiser.low_count + 1
             self.index = quantiser.indexer()
             self.value = quantiser.locator()
+            self.take = quantiser.taker()
         elif field.is_integer:
             least, greatest = (int(limit) for limit in field.limits or INTEGER_LIMITS[field.type])
             # Where it wraps the top is the bottom, and `validate` has folded it already.
             self.size = greatest - least + (0 if field.wraps else 1)
             self.index = lambda value: (value - least) % self.size
             self.value = lambda index: index + least
+            self.take = lambda value: (
+                value - least if type(value) is int and 0 <= value - least < self.size else None
+            )
         elif field.type == "enum":
             names, positions = field.values, {name: n for n, name in enumerate(field.values)}
             self.size = len(names)
             self.index = positions.__getitem__
             self.value = names.__getitem__
+            self.take = lambda value: positions.get(value) if type(value) is str else None
         else:
             assert field.type == "bool"
             self.size = 2
             self.index = int
             self.value = bool
+            self.take = lambda value: int(value) if type(value) is bool else None
 
     @staticmethod
     def has_lattice(field: FieldSpec) -> bool:

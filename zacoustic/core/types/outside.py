@@ -28,13 +28,10 @@ class OutsideNumbers:
         """Numbers that were moved to an end of their range, by path of the field."""
         self.escaped: Counter[str] = Counter()
         """Numbers that were carried in full width, by path of the field."""
-        self._bound = self._of_type(type_spec, "")
-
-    def bound(self, value: dict[str, Any]) -> dict[str, Any]:
-        """Clamp and count the numbers of a value that `TypeSpec.validate` returned."""
-        if self._bound is not None:
-            self._bound(value)
-        return value
+        self.bound: Callable[[dict[str, Any]], dict[str, Any]] = (
+            self._of_type(type_spec, "") or _as_it_is
+        )
+        """Clamps and counts the numbers of a value that `TypeSpec.validate` returned."""
 
     def _of_type(self, type_spec: TypeSpec, path: str) -> Bound | None:
         bounds = [
@@ -83,3 +80,8 @@ class OutsideNumbers:
             return low if number < low else high
 
         return bound
+
+
+def _as_it_is(value: dict[str, Any]) -> dict[str, Any]:
+    """The bound of a type all of whose numbers are within their ranges."""
+    return value

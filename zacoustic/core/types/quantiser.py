@@ -15,6 +15,7 @@ step (measured around the circle where it wraps), and encoding what was decoded 
 count.
 """
 
+import math
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Final
@@ -42,6 +43,7 @@ class Quantiser:
         self.step = step
         self._low, self._high = limits
         self._integers = isinstance(step, int)
+        self._wraps = wraps
         ratio = Fraction(repr(step))
         if ratio.denominator > _EXACT:
             simple = Fraction(step).limit_denominator(_SIMPLE)
@@ -82,11 +84,38 @@ class Quantiser:
         count, low = self.count, self.low_count
         if self._integers or self._ratio is None:
             return lambda value: count(value) - low
-        numerator, denominator = self._ratio
+        # As floats, which both are exactly: a float times an integer has to make it one each time.
+        numerator, denominator = map(float, self._ratio)
         if self._folds_at is None:
             return lambda value: round(value * denominator / numerator) - low
         size = self.high_count - low + 1
         return lambda value: (round(value * denominator / numerator) - low) % size
+
+    def taker(self) -> Callable[[object], int | None]:
+        """Make the indexer of numbers that may be none, or out of bounds: for those it gives None.
+
+        It checks and counts in one call, which is what most numbers of most samples need.
+        """
+        kind, least, greatest = (int if self._integers else float), self._low, self._high
+        index = self.indexer()
+        if self._wraps or self._integers or self._ratio is None:
+            beyond = greatest if self._wraps else math.inf
+
+            def take(value: object) -> int | None:
+                if type(value) is kind and least <= value <= greatest and value != beyond:
+                    return index(value)
+                return None
+
+            return take
+        numerator, denominator = map(float, self._ratio)
+        low = self.low_count
+
+        def take_float(value: object) -> int | None:
+            if type(value) is float and least <= value <= greatest:
+                return round(value * denominator / numerator) - low
+            return None
+
+        return take_float
 
     def locator(self) -> Callable[[int], int | float]:
         """Make the function that gives the `value` of so many counts above `low_count`."""
@@ -95,6 +124,8 @@ class Quantiser:
             return lambda index: value(index + low)
         least, greatest = self._low, self._high
         numerator, denominator = self._ratio
+        if least <= self._multiple(low) and self._multiple(self.high_count) <= greatest:
+            return lambda index: (index + low) * numerator / denominator
 
         def locate(index: int) -> int | float:
             found = (index + low) * numerator / denominator

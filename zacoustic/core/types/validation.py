@@ -48,9 +48,16 @@ def compile_validator(
 def compile_fields(fields: tuple[FieldSpec, ...], nested: Mapping[str, Check]) -> Check:
     """Make the check of a value that has these fields."""
     plan = [(field.name, _field_check(field, nested), field) for field in fields]
+    checks = [(name, check_field) for name, check_field, _ in plan]
 
     def check(value: object) -> dict[str, Any]:
         given = _as_mapping(value)
+        # Nearly all values have just these fields, and all is well.
+        if type(given) is dict and len(given) == len(checks):
+            try:
+                return {name: check_field(given[name]) for name, check_field in checks}
+            except (KeyError, RefusedError):
+                pass  # what is wrong is found below
         result: dict[str, Any] = {}
         found = len(given)
         for name, check_field, field in plan:
@@ -75,7 +82,7 @@ def compile_fields(fields: tuple[FieldSpec, ...], nested: Mapping[str, Check]) -
 
 
 def _as_mapping(value: object) -> Mapping[Any, Any]:
-    if isinstance(value, Mapping):
+    if type(value) is dict or isinstance(value, Mapping):
         return value
     if isinstance(value, msgspec.Struct):
         return {name: getattr(value, name) for name in value.__struct_fields__}

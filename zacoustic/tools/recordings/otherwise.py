@@ -23,7 +23,15 @@ import msgspec
 from zacoustic.config import Config
 from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.frame import Hello, TableRow, Tag, parse_frame
+from zacoustic.core.frame import (
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+    Tag,
+    parse_frame,
+)
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     ReceivedFrame,
@@ -275,19 +283,40 @@ class _Through:
             if not isinstance(opened, Opened):
                 yield frame
                 continue
-            source, records, rows = opened.source, opened.records, b""
-            first = next(iter(parse_frame(records, lambda *_: None)), None)
+            source, rows = opened.source, b""
+            first, records = self._unconfirming(opened)
             if isinstance(first, Hello) and first.digest == self._life.digest:
                 if self._epochs.get(source) != first.epoch:
                     rows = _rows_of(self._then, first.epoch)
                 self._epochs[source] = first.epoch
-            elif not isinstance(first, Hello | Tag) and source in self._epochs:
-                records = Tag(self._epochs[source]).encode() + records
+            elif first is None and source in self._epochs:
+                first = Tag(self._epochs[source])
+            records = (first.encode() if first is not None else b"") + records
             envelope = Envelope(capabilities, source)
             for said in (records, rows):
                 if said:
                     wrapped = envelope.wrap(said, opened.destination)
                     yield msgspec.structs.replace(frame, frame_bytes=wrapped)
+
+    def _unconfirming(self, opened: Opened) -> tuple[Hello | Tag | None, bytes]:
+        """Return what a frame begins with if its sender does not share our table, and the rest.
+
+        Then it confirms nothing, and says HELLO where it has said that by TAG and CONFIRM.
+        """
+        first: Hello | Tag | None = None
+        controls, offset = b"", 0
+        for item in parse_frame(opened.records, lambda *_: None):
+            if not isinstance(item, Hello | Tag | Confirm | Ask | TableRow):
+                break
+            said = item.encode()
+            offset += len(said)
+            if isinstance(item, Hello | Tag):
+                first = item
+            elif not isinstance(item, Confirm) or item.epoch != self._life.epoch:
+                controls += said
+            elif isinstance(first, Tag):
+                first = Hello(WIRE_VERSION, first.epoch, self._life.digest)
+        return first, controls + opened.records[offset:]
 
 
 def replay_through(path: str | Path, config_of: Mapping[int, Config]) -> list[Otherwise]:

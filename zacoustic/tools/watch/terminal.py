@@ -39,6 +39,8 @@ from zacoustic.tools.watch.words import (
 
 EVENTS_SHOWN: Final = 6
 """The newest so many events of each gateway."""
+TROUBLES_SHOWN: Final = 3
+"""Of those before them the newest so many that were trouble."""
 FRAMES_SHOWN: Final = 5
 """The newest so many frames of each gateway."""
 _BAR_CELLS: Final = 18
@@ -252,11 +254,12 @@ def _frames(view: GatewayView) -> RenderableType:
 
 
 def _events(view: GatewayView) -> RenderableType:
+    older = [event for event in view.events[EVENTS_SHOWN:] if event.is_trouble][:TROUBLES_SHOWN]
     lines = [
         Text(f"{time_words(event.ago_s):>8} ago  ", style=_DIM).append(
             f"{event.text}", style=_BAD if event.is_trouble else ""
         )
-        for event in view.events[:EVENTS_SHOWN]
+        for event in (*view.events[:EVENTS_SHOWN], *older)
     ]
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(view.dropped.items()))
     if dropped:
