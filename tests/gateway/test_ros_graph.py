@@ -21,7 +21,7 @@ from tests.gateway.islands import (
     run,
     zenoh_config,
 )
-from tests.gateway.rosnode import LATCHED, Node, Told, reply, ros_session
+from tests.gateway.rosnode import LATCHED, Node, reply, ros_session
 from tests.gateway.rospair import ADD, FIBONACCI, SECTION, STRING, TWIST, Pair, changed, with_pair
 from tests.ros import captures
 from tests.ros.captures import ADD_HASH, TWIST_HASH
@@ -208,17 +208,13 @@ async def test_a_proxy_goes_when_a_program_here_serves_and_comes_back_after_it(p
     assert await watcher.available(Entity.SERVER, name) is not None
     served = own.serve(name, ADD, lambda asked: {"sum": -1})
     client = pair.shore.client(name, ADD)
-    changed = Told()
-    pair.shore.session.liveliness().declare_subscriber(
-        "@ros2_lv/7/**", lambda sample: changed.tell(str(sample.key_expr))
-    )
     while any(token.topic == name for token in await graph(pair.shore, 1)):
-        await changed.next()
+        pass  # asked again, since a session misses a token that goes and comes while it subscribes
     assert [value for value, _ in await client.call({"a": 2, "b": 3})] == [{"sum": -1}]
     for each in served:
         each.undeclare()
     while not any(token.topic == name for token in await graph(pair.shore, 1)):
-        await changed.next()
+        pass
     pair.auv.serve(name, ADD, lambda asked: {"sum": asked["a"] + asked["b"]})
     await fence(pair.auv.session)
     assert [value for value, _ in await client.call({"a": 2, "b": 3})] == [{"sum": 5}]
