@@ -36,6 +36,7 @@ from zacoustic.core.rmw_desert import specs as rmw_desert
 from zacoustic.core.streamspecs import (
     CODECS,
     DENSE,
+    DENSE_CODING,
     OPAQUE_CODECS,
     ActionSpec,
     ServiceSpec,
@@ -168,7 +169,9 @@ class Stream:
             each.canonical().decode() if each else None for each in (self.type, self.response_type)
         ]
         head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
-        if spec.codec != "cbor":
+        if spec.codec == DENSE:
+            head.append(f"codec {DENSE} {DENSE_CODING}")
+        elif spec.codec != "cbor":
             head.append(f"codec {spec.codec}")
         if isinstance(spec, ActionSpec):
             feedback = self.feedback_type.canonical().decode() if self.feedback_type else None

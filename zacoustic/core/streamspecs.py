@@ -33,6 +33,10 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
 DENSE: Final = "dense"
 """The codec of dense streams."""
 
+DENSE_CODING: Final = 2
+"""How dense strings are coded, in the digests of dense streams: what was coded in another way might
+be read, and look right."""
+
 
 class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     """A topic: samples from any publisher to its subscribers."""
