@@ -44,7 +44,11 @@ def test_everything_crosses_and_every_line_is_json(link: str) -> None:
         "auv1/nav", "fleet/{node}/status", "auv1/waypoint", "auv1/arm request",
         "auv1/arm response",
     }  # fmt: skip
-    assert all(lane["sent"] == lane["crossed"] > 0 for lane in lanes.values())
+    assert all(lane["crossed"] > 0 for lane in lanes.values())
+    for name, lane in lanes.items():
+        # What is sent once may meet another frame in the water, and is told to be lost then.
+        lost = 0 if name.startswith("auv1/arm") else summary["lost_frames"]
+        assert lane["sent"] - lost <= lane["crossed"] <= lane["sent"]
     assert all(QUICKEST_S[link] < lane["mean_delay_s"] < 5 for lane in lanes.values())
     streams_bytes = sum(lane["transmitted_bytes"] for lane in lanes.values())
     assert streams_bytes + summary["overhead_bytes"] == summary["transmitted_bytes"]

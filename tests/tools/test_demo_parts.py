@@ -140,6 +140,23 @@ def test_a_process_that_died_is_the_only_thing_missing_before_the_start(
     assert not summary.ok
 
 
+def test_a_best_effort_sample_whose_frame_was_lost_is_told_and_no_failure(
+    logbook: Logbook,
+) -> None:
+    everything(logbook)
+    logbook.take("vehicle", put(1, 108.0))
+    for source in (1, 2):  # what the other island lost explains nothing
+        assert not summary_of(logbook).ok
+        frame = {"source": source, "sequence": 1, "frame_bytes": 12}
+        logbook.take("medium", {"event": "emission", **frame, "airtime_s": 0.2})
+        logbook.take("medium", {"event": "reception", **frame, "node": 3 - source,
+                                "outcome": "collision", "propagation_s": 0.667})  # fmt: skip
+    summary = summary_of(logbook)
+    assert summary.ok
+    assert summary.lost == ("auv1/nav from auv1: 1 of 2 did not cross (number 1)",)
+    assert "everything else crossed" in as_text(summary)
+
+
 def test_a_lost_frame_alone_is_no_failure(logbook: Logbook, clock: Hand) -> None:
     everything(logbook)
     frame = {"source": 2, "sequence": 1, "frame_bytes": 4}

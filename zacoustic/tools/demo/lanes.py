@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
+from zacoustic.core.qos import Reliability
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.errors import PayloadInvalidError, UnknownStreamError
 from zacoustic.tools.demo.islands import NAMES, SHORE
 
@@ -22,6 +23,11 @@ class Lane:
         self.name = name
         self.stream_id = stream.stream_id
         self.source = source
+        spec = stream.spec
+        self.is_repeated = not (
+            isinstance(spec, TopicSpec) and spec.qos.reliability is Reliability.BEST_EFFORT
+        )
+        """What the water loses is sent again; a best-effort sample is not."""
         self.transmitted_bytes: int | None = None
         """Bytes on the link, as the sender's gateway counts them; None: not heard yet."""
         self.faults: list[str] = []

@@ -106,6 +106,14 @@ class Logbook:
         """Both clients are done, and nothing is missing."""
         return {"vehicle", "console"} <= self.done and not any(lane.missing for lane in self.lanes)
 
+    def lost_frames(self, source: int | None = None) -> int:
+        """How many frames were lost, of one island or of all."""
+        return sum(
+            frame.outcome not in (None, "received")
+            for frame in self.frames
+            if source in (None, frame.source)
+        )
+
     def in_the_water(self) -> list[Frame]:
         """Frames that have not reached their end yet."""
         return [frame for frame in self.frames if frame.outcome is None]

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import msgspec
 
 from zacoustic.tools.columns import align
+from zacoustic.tools.demo.lanes import Lane
 from zacoustic.tools.demo.logbook import Logbook, island_name
 
 _HEADER = ("stream", "from", "sent", "crossed", "mean delay", "bytes", "airtime")
@@ -34,9 +35,11 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True, tag="summary", tag_fiel
     """How the demo went."""
 
     ok: bool
-    """Everything that should cross did, unchanged and once."""
+    """Everything that should cross did, unchanged and once, but for what the water lost."""
     missing: tuple[str, ...]
     """What did not, or arrived otherwise than it was sent; one line each."""
+    lost: tuple[str, ...] = ()
+    """Best-effort samples that were in frames which the water lost; one line each stream."""
     duration_s: float
     """From the word `go` to the end, s."""
     streams: tuple[LaneSummary, ...]
@@ -65,10 +68,11 @@ def summary_of(logbook: Logbook, problems: tuple[str, ...] = ()) -> Summary:
     return Summary(
         ok=not missing,
         missing=missing,
+        lost=tuple(_line(lane) for lane in logbook.lanes if _is_lost(lane, logbook)),
         duration_s=round(logbook.elapsed_s, 3),
         streams=tuple(_lane_summaries(logbook, total)),
         frames=len(logbook.frames),
-        lost_frames=sum(frame.outcome not in (None, "received") for frame in logbook.frames),
+        lost_frames=logbook.lost_frames(),
         transmitted_bytes=total,
         overhead_bytes=sum(logbook.overhead_bytes.values()),
         airtime_s=round(logbook.airtime_s, 3),
@@ -96,12 +100,22 @@ def _missing(logbook: Logbook) -> Iterator[str]:
         head = f"{lane.name} from {island_name(lane.source)}"
         if not lane.sent:
             yield f"{head}: nothing was sent"
-        if lane.missing:
-            numbers = ", ".join(map(str, lane.missing))
-            yield f"{head}: {len(lane.missing)} of {lane.sent} did not cross (number {numbers})"
+        if lane.missing and not _is_lost(lane, logbook):
+            yield _line(lane)
         yield from (f"{head}: number {fault}" for fault in lane.faults)
     for client in sorted({"vehicle", "console"} - logbook.done):
         yield f"{client}: not done with what it had to do"
+
+
+def _is_lost(lane: Lane, logbook: Logbook) -> bool:
+    """Whether what is missing is explained: it was sent once, in frames that were lost."""
+    return not lane.is_repeated and 0 < len(lane.missing) <= logbook.lost_frames(lane.source)
+
+
+def _line(lane: Lane) -> str:
+    numbers = ", ".join(map(str, lane.missing))
+    missing = f"{len(lane.missing)} of {lane.sent} did not cross (number {numbers})"
+    return f"{lane.name} from {island_name(lane.source)}: {missing}"
 
 
 def as_text(summary: Summary) -> str:
@@ -116,9 +130,16 @@ def as_text(summary: Summary) -> str:
         f"{summary.frames} frames, {summary.lost_frames} lost, {summary.transmitted_bytes} bytes, "
         f"{summary.airtime_s:.2f} s of airtime in {summary.duration_s:.1f} s ({rate:.0%})",
         *(f"missing: {line}" for line in summary.missing),
-        "everything crossed" if summary.ok else "not everything crossed",
+        *(f"lost in the water, best effort: {line}" for line in summary.lost),
+        _conclusion(summary),
     ]
     return "\n".join(lines)
+
+
+def _conclusion(summary: Summary) -> str:
+    if not summary.ok:
+        return "not everything crossed"
+    return "everything else crossed" if summary.lost else "everything crossed"
 
 
 def _cells(lane: LaneSummary) -> tuple[str, ...]:
