@@ -32,6 +32,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Opened
 from zacoustic.core.events import (
     CallFailure,
@@ -66,10 +67,7 @@ from zacoustic.core.transmitter import Transmitter
 from zacoustic.core.wireprofile import WireProfile
 
 _NO_RULES = TransmitRules()
-_PROTOCOLS: Final[dict[WireProfile, type[Protocols]]] = {
-    WireProfile.NATIVE: Protocols,
-    WireProfile.RMW_DESERT: RmwDesertProtocols,
-}
+_PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
 class Engine:
@@ -109,11 +107,14 @@ class Engine:
         self._events: deque[Event] = deque()
         emit = self._events.append
         self._journal = journal = JournalPort()
+        self.doubt = Doubt(address, table, stored, journal, emit)
+        """Whether something of former lives is forgotten; to be read only."""
         self._protocols = protocols = _PROTOCOLS[table.wire](
             address,
             table,
             epoch,
             rules=rules,
+            doubt=self.doubt,
             journal=journal,
             stats=self.stats,
             rng=rng,

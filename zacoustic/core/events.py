@@ -265,6 +265,17 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal may be less than what was written last: it is damaged, or was put back.
+
+    The node has begun anew with what is right in it. What came before, and whose outcome it does
+    not know, it does not do again: see `zacoustic.core.doubt`.
+    """
+
+    reason: str
+    """What was found, and by whom, one line."""
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -296,6 +307,7 @@ Event = (
     | SilenceChanged
     | StreamTuned
     | JournalStateChanged
+    | JournalDoubted
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -10,6 +10,7 @@ from zacoustic.core.events import (
     DeliveryEnded,
     DeliveryStored,
     Event,
+    JournalDoubted,
     JournalStateChanged,
     LinkStateChanged,
     PeerFound,
@@ -33,6 +34,7 @@ from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
     EntityHeard,
     JournalChanged,
+    JournalInDoubt,
     LinkChanged,
     Notify,
     PeerBack,
@@ -132,6 +134,8 @@ class Exchange:
                 )
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
+            case JournalDoubted():
+                self._notify(JournalInDoubt(reason=event.reason))
             case PeerSeen():
                 self._health.note_peer(event)
                 self._notify(

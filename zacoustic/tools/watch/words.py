@@ -84,6 +84,8 @@ def state_words(view: GatewayView) -> str:
         words.append("SILENT by order or by a quiet window")
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
+    if view.journal_doubt:
+        words.append(f"journal in doubt: {view.journal_doubt}")
     return ", ".join(words)
 
 
