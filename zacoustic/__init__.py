@@ -4,9 +4,6 @@ What a program needs is here; a name is imported when it is first used, so that 
 starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without asyncio.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any, Final
-
 from zacoustic.errors import (
     CallTimeoutError,
     ConfigError,
@@ -28,7 +25,10 @@ from zacoustic.errors import (
     ZacousticError,
 )
 
+TYPE_CHECKING = False  # that of typing, which takes 20 ms, in which Ctrl-C has a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
     from zacoustic import blocking
     from zacoustic.config import Config, read_config
     from zacoustic.core.actions.news import GoalStatus
@@ -141,7 +141,7 @@ __all__ = [
     "read_config",
 ]
 
-_HOMES: Final = {
+_HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.actions.news": ("GoalStatus",),
     "zacoustic.core.events": (
@@ -174,8 +174,10 @@ _HOMES: Final = {
 }  # fmt: skip
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 (of a module: anything)
+def __getattr__(name: str) -> "Any":  # noqa: ANN401 (of a module: anything)
     """Import a public name when it is first used."""
+    import importlib
+
     if name == "__version__":
         from importlib import metadata
 

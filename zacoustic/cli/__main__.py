@@ -1,8 +1,8 @@
-"""`python -m zacoustic.cli`: the command line where no script is installed."""
+"""`python -m zacoustic.cli`: the same as `python -m zacoustic`."""
 
 import sys
 
-from zacoustic.cli import main
+from zacoustic.__main__ import start
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start())
