@@ -2,7 +2,7 @@
 
 A closed one is replaced by the null device, also for libraries: otherwise the next file that is
 opened, a recording or a socket, would get its descriptor and whatever is printed. What an encoding
-lacks is written as ``\\uXXXX``, which in JSON is the same character.
+lacks is written as its JSON escape.
 """
 
 import codecs
