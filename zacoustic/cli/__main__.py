@@ -1,8 +1,5 @@
 """`python -m zacoustic.cli`: the same as `python -m zacoustic`."""
 
-import sys
+import runpy
 
-from zacoustic.__main__ import start
-
-if __name__ == "__main__":
-    sys.exit(start())
+runpy.run_module("zacoustic", run_name="__main__", alter_sys=True)
