@@ -104,6 +104,7 @@ class LinkCarrier:
             rng=random.Random(random.SystemRandom().getrandbits(64)),
             stored=state.entries,
             rules=rules,
+            trace=None,
         )
         self._runner = LinkRunner(
             self._engine,
