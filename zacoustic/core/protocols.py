@@ -104,6 +104,7 @@ class Protocols:
             handshake=handshake,
             demand=self.demand,
             journal=journal,
+            doubt=doubt,
             rng=rng,
             emit=emit,
         )
@@ -317,6 +318,7 @@ class Protocols:
     def link_up(self, now: int) -> None:
         """The link is up."""
         self._doubt.link_up(now)
+        self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
         self.repeater.link_up(now)
