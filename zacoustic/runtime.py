@@ -37,6 +37,7 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.errors import LinkClosedError, ZacousticError
+from zacoustic.hostclock import AskClock
 from zacoustic.journal import Journal
 from zacoustic.journal.thread import JournalThread
 from zacoustic.link import Link
@@ -80,7 +81,8 @@ class LinkRunner:
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
         wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
-        clock_error_s: How wrong that may be, s.
+        clock_error_s: How wrong that may be, s, where nobody can be asked.
+        ask_clock: Asks how wrong it may be; None: nobody can be asked.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
 
@@ -94,6 +96,7 @@ class LinkRunner:
         journal: Journal | None = None,
         wall_clock: Clock | None = None,
         clock_error_s: float = 0.0,
+        ask_clock: AskClock | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
         self.engine = engine
@@ -119,6 +122,7 @@ class LinkRunner:
         self._wake_pending = False
         self._wall_clock = wall_clock
         self._clock_error_ns = seconds_to_ns(clock_error_s)
+        self._ask_clock = ask_clock
         self._offset_ns = 0
         self._clock_told_at: int | None = None
         self._permit_log = permit_log
@@ -309,7 +313,9 @@ class LinkRunner:
         is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
         if is_old or abs(self._offset_ns - before) > _CLOCK_JITTER_NS:
             self._clock_told_at = now
-            self.engine.handle_clock(self._offset_ns, self._clock_error_ns, now)
+            asked = None if self._ask_clock is None else self._ask_clock()
+            error_ns = self._clock_error_ns if asked is None else asked.error_ns
+            self.engine.handle_clock(self._offset_ns, error_ns, now)
         else:
             self._offset_ns = before
 
@@ -329,6 +335,7 @@ class LinkRunner:
                 frame_bytes=len(sent.frame_bytes),
                 destination=sent.destination,
                 outcome=report.outcome.value,
+                utc_in_doubt=not self.engine.clock.is_sure,
             )
         )
 

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
     JournalStateChanged,
@@ -48,6 +49,7 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | ClockStateChanged
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -23,6 +23,7 @@ from zacoustic.core.events import (
     SampleReceived,
     StreamsDiffer,
 )
+from zacoustic.core.journal import BOOT_KEY
 from zacoustic.core.measurements import Range
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.qos import Reliability
@@ -33,6 +34,7 @@ from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
+from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal, JournalState
 from zacoustic.link import Link
 from zacoustic.node.carrier import (
@@ -96,13 +98,14 @@ class LinkCarrier:
         self._report = report
         self._fail = fail
         self._recording = recording
+        host = HostClock()
         make = Engine if recording is None else recording.make
         self._engine = make(
             address=address,
             table=table,
             epoch=state.boot_epoch,
             rng=random.Random(random.SystemRandom().getrandbits(64)),
-            stored=state.entries,
+            stored=state.entries | {BOOT_KEY: host.boot},
             rules=rules,
             trace=self._trace,
         )
@@ -111,8 +114,9 @@ class LinkCarrier:
             link,
             self._deliver,
             journal=journal,
-            wall_clock=time.time_ns,
+            wall_clock=host.utc_ns,
             clock_error_s=rules.clock_error_s,
+            ask_clock=host.ask,
             permit_log=permit_log,
         )
         self._thread = threading.get_ident()
