@@ -17,6 +17,7 @@ from zacoustic.core.events import (
     CallFailure,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     RequestReceived,
     ResponseReceived,
@@ -97,19 +98,23 @@ class LinkCarrier:
         self._fail = fail
         self._recording = recording
         make = Engine if recording is None else recording.make
-        self._engine = make(
-            address=address,
-            table=table,
-            epoch=state.boot_epoch,
-            rng=random.Random(random.SystemRandom().getrandbits(64)),
-            stored=state.entries,
-            rules=rules,
-            trace=self._trace,
-        )
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            return make(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=random.Random(random.SystemRandom().getrandbits(64)),
+                stored=stored,
+                rules=rules,
+                trace=self._trace,
+            )
+
         self._runner = LinkRunner(
-            self._engine,
+            renew(state.boot_epoch, state.entries),
             link,
             self._deliver,
+            renew=renew,
             journal=journal,
             wall_clock=time.time_ns,
             clock_error_s=rules.clock_error_s,
@@ -131,11 +136,11 @@ class LinkCarrier:
     @property
     def stats(self) -> EngineStats:
         """What the engine has counted."""
-        return self._engine.stats
+        return self._runner.engine.stats
 
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
-        return self._engine.stats.ledger()
+        return self._runner.engine.stats.ledger()
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; peers learn of it as of a restart."""
@@ -335,9 +340,12 @@ class LinkCarrier:
                 _logger.warning(
                     "node %d and node %d define stream %d (%s) in different ways: "
                     "nothing of it passes between them",
-                    self._engine.address, event.address, event.stream_id,
+                    self._runner.engine.address, event.address, event.stream_id,
                     stream.name if stream else "only there",
                 )  # fmt: skip
+                self._report(event)
+            case EngineRestarted():
+                self._progress.set()
                 self._report(event)
             case DeliveryStored():
                 self._deliveries.stored(event)
@@ -377,7 +385,9 @@ class LinkCarrier:
     def _fail_range(self, event: RangeFailed) -> None:
         error = range_error(event)
         if event.range_id is None:
-            _logger.warning("node %d: ranging is not possible: %s", self._engine.address, error)
+            _logger.warning(
+                "node %d: ranging is not possible: %s", self._runner.engine.address, error
+            )
             return
         answer = self._ranges.pop(event.range_id, None)
         if answer is not None and not answer.done():
@@ -395,10 +405,10 @@ class LinkCarrier:
     def _is_flushed(self) -> bool:
         if self._runner.failure is not None:
             raise LinkClosedError(f"the node has failed: {self._runner.failure}")
-        stats = self._engine.stats
+        stats = self._runner.engine.stats
         # Beside the streams what they do not carry: subscriptions.
         lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
-        waiting = any(self._engine.pending(each) for each in lanes)
+        waiting = any(self._runner.engine.pending(each) for each in lanes)
         return not waiting and stats.frames_transmitted == sum(stats.reports.values())
 
     async def _wait_failed(self) -> None:
