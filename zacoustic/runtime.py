@@ -103,6 +103,8 @@ class LinkRunner:
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
+        self.settled: Callable[[], None] | None = None
+        """Whoever sets this is told each time when all has been done that an input called for."""
         self._deliver = deliver
         self._clock = clock
         self._now = 0
@@ -277,6 +279,8 @@ class LinkRunner:
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
                     self._arm()
+                    if self.settled is not None:
+                        self.settled()
                     return
         finally:
             self._is_servicing = False

@@ -143,6 +143,6 @@ def _log(notice: "Notice") -> None:
 
 def _print(notice: "Notice", *, as_json: bool) -> None:
     if as_json:
-        print_json(notice)
+        print_json(notice, flush=True)
     else:
-        print_text("\n".join(map(one_line, notice.lines())))
+        print_text("\n".join(map(one_line, notice.lines())), flush=True)

@@ -89,7 +89,7 @@ async def _print_lines(watch: "Watch", arguments: argparse.Namespace) -> None:
 
 def _print_json(views: "list[GatewayView]") -> None:
     for view in views:
-        print_json(view)
+        print_json(view, flush=True)
 
 
 async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:

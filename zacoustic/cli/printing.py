@@ -1,7 +1,7 @@
 """How verbs print: everything passes here, so nothing that others wrote steers the terminal.
 
 Results go to standard output, notes to standard error: with `--json` standard output carries JSON
-only. Whoever reads a pipe wants each line when it happens.
+only. What happens while the verb runs is flushed: whoever reads a pipe wants each line then.
 """
 
 import sys
@@ -13,20 +13,21 @@ from zacoustic.safetext import json_line, one_line, some_lines, without_secrets
 T = TypeVar("T")
 
 
-def print_text(text: str) -> None:
+def print_text(text: str, *, flush: bool = False) -> None:
     """Print lines for people; what is in a line of them must have been made safe as one."""
-    print(some_lines(text), flush=True)
+    print(some_lines(text), flush=flush)
 
 
-def print_json(value: object) -> None:
+def print_json(value: object, *, flush: bool = False) -> None:
     """Print one JSON object in a line.
 
     Args:
         value: A record, or what JSON holds.
+        flush: It is read now.
     """
     import msgspec
 
-    print(json_line(msgspec.to_builtins(value, str_keys=True)), flush=True)
+    print(json_line(msgspec.to_builtins(value, str_keys=True)), flush=flush)
 
 
 def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
@@ -40,7 +41,7 @@ def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
 def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
     """Print one result: a record as JSON, or its line for people."""
     if as_json:
-        print_json(record)
+        print_json(record, flush=True)
     else:
         print(one_line(text), flush=True)
 

@@ -301,14 +301,9 @@ class Engine:
         """
         self._now = now
         return self._protocols.publish(
-            stream_id,
-            value,
-            now,
-            instance=instance,
-            encoding=encoding,
-            delete=delete,
+            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
             queued_at=queued_at,
-        )
+        )  # fmt: skip
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.
@@ -432,6 +427,10 @@ class Engine:
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
         return self._protocols.pending(stream_id)
+
+    def expire(self, now: int) -> int | None:
+        """Forget what waits and is too old; returns when something else will be, ns, or None."""
+        return self._protocols.queue.drop_expired(now)
 
     @property
     def expired(self) -> dict[int, int]:

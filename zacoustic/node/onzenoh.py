@@ -100,6 +100,10 @@ class ZenohCarrier:
             raise SessionError("the Zenoh session is closed")
         return self._open_island
 
+    def expired(self) -> dict[int, int]:
+        """Return nothing: what waits is the gateway's."""
+        return {}
+
     def ledger(self) -> list[LedgerEntry]:
         """Return nothing: the link is the gateway's."""
         return []
