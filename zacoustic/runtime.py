@@ -99,6 +99,8 @@ class LinkRunner:
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
+        self.settled: Callable[[], None] | None = None
+        """Whoever sets this is told each time when all has been done that an input called for."""
         self._is_foreign_on_air = False
         self._is_busy = False
         self._deliver = deliver
@@ -275,6 +277,8 @@ class LinkRunner:
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
                     self._alarm.set(None if self._is_closing else self.engine.poll_timeout())
+                    if self.settled is not None:
+                        self.settled()
                     return
         finally:
             self._is_servicing = False

@@ -1,5 +1,6 @@
 """What the nodes of a fleet say: everything, at random, for a while."""
 
+import contextlib
 import random
 from collections.abc import Callable
 from typing import Any
@@ -42,7 +43,5 @@ def anything(rng: random.Random, address: int, table: StreamTable) -> Say:
 
 def said(engine: Engine, now: int, say: Say) -> None:
     """Give a command; what the engine refuses is refused."""
-    try:
+    with contextlib.suppress(LocalError):
         say(engine, now)
-    except LocalError:
-        pass

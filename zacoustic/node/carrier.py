@@ -156,6 +156,10 @@ class Carrier(Protocol):
         """Add a stream; only where `can_declare`."""
         ...
 
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
+        ...
+
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
         ...

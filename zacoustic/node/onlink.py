@@ -11,13 +11,13 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from zacoustic.core.actions.news import ActionEvent
+from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
     CallFailure,
     DeliveryEnded,
     DeliveryStored,
-    EngineRestarted,
     Event,
     RequestReceived,
     ResponseReceived,
@@ -32,7 +32,6 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec
-from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
 from zacoustic.journal import Journal, JournalState
 from zacoustic.link import Link
@@ -107,7 +106,7 @@ class LinkCarrier:
                 rng=random.Random(random.SystemRandom().getrandbits(64)),
                 stored=stored,
                 rules=rules,
-                trace=self._trace,
+                trace=None,
             )
 
         self._runner = LinkRunner(
@@ -121,7 +120,8 @@ class LinkCarrier:
             permit_log=permit_log,
         )
         self._thread = threading.get_ident()
-        self._progress = asyncio.Event()
+        self._settled = asyncio.Event()
+        self._runner.settled = self._settled.set
         self._watch: asyncio.Task[None] | None = None
         self._listeners = Listeners(self._runner, table)
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
@@ -141,6 +141,10 @@ class LinkCarrier:
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
         return self._runner.engine.stats.ledger()
+
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
+        return self._runner.engine.expired
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; peers learn of it as of a restart."""
@@ -169,6 +173,7 @@ class LinkCarrier:
         if self._watch is not None:
             await asyncio.wait([self._watch])
         await self._close_recording()
+        self._settled.set()
         self._end_all(LinkClosedError("the node was closed"))
 
     async def range(self, address: int, timeout_s: float) -> Range:
@@ -189,10 +194,26 @@ class LinkCarrier:
                     self._runner.apply(lambda engine, now: engine.ranging.cancel(range_id))
 
     async def flush(self) -> None:
-        """Wait until nothing is queued and no transmission is under way."""
-        while not self._is_flushed():
-            self._progress.clear()
-            await self._progress.wait()
+        """Wait until nothing is queued and no transmission is under way.
+
+        What waits may also expire, be cancelled or be pushed out: each ends in an input of the
+        engine, but expiry of what is best effort, for which an engine sets no timer.
+        """
+        loop = asyncio.get_running_loop()
+        while True:
+            expires_at = self._runner.apply(lambda engine, now: engine.expire(now))
+            if self._is_flushed():
+                return
+            self._settled.clear()
+            if expires_at is None:
+                await self._settled.wait()
+                continue
+            delay_s = ns_to_seconds(max(0, expires_at - time.monotonic_ns()))
+            timer = loop.call_later(delay_s, self._settled.set)
+            try:
+                await self._settled.wait()
+            finally:
+                timer.cancel()
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Make the way out of a publisher."""
@@ -344,9 +365,6 @@ class LinkCarrier:
                     stream.name if stream else "only there",
                 )  # fmt: skip
                 self._report(event)
-            case EngineRestarted():
-                self._progress.set()
-                self._report(event)
             case DeliveryStored():
                 self._deliveries.stored(event)
             case DeliveryEnded():
@@ -398,13 +416,7 @@ class LinkCarrier:
             recording, self._recording = self._recording, None
             await recording.close()
 
-    def _trace(self, record: TraceRecord) -> None:
-        if record.what in ("report", "receive"):  # the end of a frame, or an acknowledgement
-            self._progress.set()
-
     def _is_flushed(self) -> bool:
-        if self._runner.failure is not None:
-            raise LinkClosedError(f"the node has failed: {self._runner.failure}")
         stats = self._runner.engine.stats
         # Beside the streams what they do not carry: subscriptions.
         lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
@@ -418,7 +430,7 @@ class LinkCarrier:
             error = LinkClosedError(f"the node has failed: {failure}")
             error.__cause__ = failure
             self._end_all(error)
-            self._progress.set()
+            self._settled.set()
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
