@@ -71,16 +71,15 @@ def frames(variant: int, modem: Modem) -> tuple[Stranger, ...]:
         deliver=deliver,
         digest=False,
     )
+
+    def speak(address: int, say: load.Say) -> None:
+        network.apply(address, lambda engine, now: load.said(engine, now, say))
+
     for address in addresses:
         at_s = rng.uniform(0, 10)
         while at_s < _BUSY_S:
             say = load.anything(rng, address, table)
-            network.at(
-                at_s,
-                lambda address=address, say=say: network.apply(
-                    address, lambda engine, now: load.said(engine, now, say)
-                ),
-            )
+            network.at(at_s, functools.partial(speak, address, say))
             at_s += rng.expovariate(1 / 15)
     network.run(until_s=_BUSY_S + 600)
     return tuple(heard)
