@@ -11,11 +11,14 @@ A system that cannot be asked is believed to be as exact as the configuration sa
 import ctypes
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
 import msgspec
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.journal import BOOT_KEY
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _STA_UNSYNC: Final = 0x40
@@ -67,6 +70,21 @@ def ask_kernel() -> ClockState | None:
     return None
 
 
+def error_asked(ask: AskClock | None, stated_s: float) -> Callable[[], int | None]:
+    """Return what tells how wrong the clock may be now, ns; None: nothing keeps it right.
+
+    Args:
+        ask: Asks the kernel, or None.
+        stated_s: What the configuration says, s, where nobody can be asked.
+    """
+
+    def error_ns() -> int | None:
+        state = None if ask is None else ask()
+        return seconds_to_ns(stated_s) if state is None else state.error_ns
+
+    return error_ns
+
+
 def boot_name() -> bytes:
     """Return the name of the present run of the monotonic clock; empty: this system has none."""
     try:
@@ -84,3 +102,7 @@ class HostClock(msgspec.Struct, frozen=True, kw_only=True):
     """Tells how wrong that may be."""
     boot: bytes = msgspec.field(default_factory=boot_name)
     """Name of the present run of the monotonic clock; empty: it has none."""
+
+    def named(self, stored: Mapping[str, bytes]) -> dict[str, bytes]:
+        """Return what a journal has kept, with the name of this run for the next engine."""
+        return {**stored, BOOT_KEY: self.boot}

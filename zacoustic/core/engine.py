@@ -11,7 +11,8 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
 - After `poll_transmit` has returned a transmission it returns None until `handle_transmit_report`
   brings its report.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the water never raise; any exception from them is a bug. Commands raise `LocalError`s.
+- Inputs from the water never raise; any exception from them is a bug, and another engine goes on
+  from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
 
 Who does what::
 
@@ -300,14 +301,9 @@ class Engine:
         """
         self._now = now
         return self._protocols.publish(
-            stream_id,
-            value,
-            now,
-            instance=instance,
-            encoding=encoding,
-            delete=delete,
+            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
             queued_at=queued_at,
-        )
+        )  # fmt: skip
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.
@@ -433,6 +429,10 @@ class Engine:
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
         return self._protocols.pending(stream_id)
+
+    def expire(self, now: int) -> int | None:
+        """Forget what waits and is too old; returns when something else will be, ns, or None."""
+        return self._protocols.queue.drop_expired(now)
 
     @property
     def expired(self) -> dict[int, int]:

@@ -10,6 +10,7 @@ from zacoustic.core.events import (
     DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     JournalStateChanged,
     LinkStateChanged,
@@ -33,6 +34,7 @@ from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
     ClockChanged,
+    EngineLost,
     EntityHeard,
     JournalChanged,
     LinkChanged,
@@ -136,6 +138,8 @@ class Exchange:
                         ordered_by=event.ordered_by,
                     )
                 )
+            case EngineRestarted():
+                self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
             case ClockStateChanged():

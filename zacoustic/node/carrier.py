@@ -15,6 +15,7 @@ from zacoustic.core.events import (
     ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
+    EngineRestarted,
     JournalStateChanged,
     LinkStateChanged,
     PeerFound,
@@ -50,6 +51,7 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | ClockStateChanged
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound
@@ -154,6 +156,10 @@ class Carrier(Protocol):
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; only where `can_declare`."""
+        ...
+
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
         ...
 
     def ledger(self) -> list[LedgerEntry]:
