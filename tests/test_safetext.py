@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import zacoustic
-from tests.hostile import HOSTILE, assert_harmless, strictly
+from tests.hostilenames import HOSTILE, assert_harmless, strictly
 from zacoustic.safetext import html_text, json_line, one_line, some_lines, without_secrets
 
 TEXTS = st.text(st.characters(), max_size=40)

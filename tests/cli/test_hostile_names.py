@@ -14,7 +14,7 @@ import zenoh
 
 from tests.cli.watched import verb
 from tests.gateway.islands import free_port, matched, run, zenoh_config, zenoh_router
-from tests.hostile import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
+from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
 from tests.tools.boards import DOCUMENTS, NOW_S
 from zacoustic.cli import main
 
