@@ -36,6 +36,9 @@ is built."""
 DOUBT_KEY = "doubt"
 """Key of why the journal may not be what was written last, a line of UTF-8: written by the store,
 deleted by the engine when it does not matter any more."""
+BOOT_KEY = "boot"
+"""Key that the shell adds to what was stored, and keeps nowhere: it names the run of the monotonic
+clock. Instants of two lives with the same name can be compared; without a name none can."""
 
 
 class JournalPort:

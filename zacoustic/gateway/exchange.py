@@ -6,9 +6,11 @@ from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     JournalDoubted,
     JournalStateChanged,
@@ -32,6 +34,8 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
+    ClockChanged,
+    EngineLost,
     EntityHeard,
     JournalChanged,
     JournalInDoubt,
@@ -120,7 +124,11 @@ class Exchange:
                 self._notify(LinkChanged(state=event.state.value))
             case SilenceChanged():
                 state = self._orders.silence(event)
-                self._notify(SilenceKept(silent=state.silent, until_utc=state.until_utc or ""))
+                self._notify(
+                    SilenceKept(
+                        silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt
+                    )
+                )
             case StreamTuned():
                 self._notify(
                     TopicTuned(
@@ -132,10 +140,14 @@ class Exchange:
                         ordered_by=event.ordered_by,
                     )
                 )
+            case EngineRestarted():
+                self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
             case JournalDoubted():
                 self._notify(JournalInDoubt(reason=event.reason))
+            case ClockStateChanged():
+                self._notify(ClockChanged(doubt=event.doubt))
             case PeerSeen():
                 self._health.note_peer(event)
                 self._notify(

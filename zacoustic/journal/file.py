@@ -31,6 +31,7 @@ import msgspec
 
 from zacoustic.journal.image import PAGE_BYTES
 from zacoustic.journal.inspection import APPLICATION_ID, FORMAT, Node, added, check_of
+from zacoustic.privatefile import keep_private
 
 LIMIT_BYTES: Final = 64 * 1024 * 1024
 """Size that a file may have; its log may have as much again while a commit that large runs."""
@@ -80,6 +81,7 @@ class JournalFile:
         node = node or Node(address, secrets.token_bytes(_IDENTITY_BYTES), 0, 0, False)
         self.node = msgspec.structs.replace(node, commits=max(node.commits, commits))
         """What it says of itself."""
+        keep_private(path)  # SQLite gives its log the mode of the file
         with contextlib.ExitStack() as unless_ready:
             # Transactions are begun by hand; each call may be on another thread, one at a time.
             self._store = store = sqlite3.connect(

@@ -12,8 +12,10 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
+    EngineRestarted,
     JournalDoubted,
     JournalStateChanged,
     LinkStateChanged,
@@ -50,6 +52,8 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | JournalDoubted
+    | ClockStateChanged
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -36,7 +36,7 @@ from zacoustic.core.streams import Stream, StreamTable
 
 _ANY_DEPTH: Final = 65535
 _EPOCH_BITS, _DELIVERIES_BITS = 16, 20
-"""A delivery id: former lives, epoch, and bits that count."""
+"""A delivery id: number of the life, epoch, and bits that count."""
 
 
 class ReliableSending:
@@ -301,10 +301,10 @@ class ReliableSending:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left; ids of its samples are not given away again."""
-        former = max(1, int.from_bytes(stored.get(LIFE_KEY, b""), "big")) - 1
-        if former:  # the epoch is another one also where the journal is an old copy
-            life = former << _EPOCH_BITS | self._handshake.epoch
-            self._next_delivery_id += life << _DELIVERIES_BITS
+        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
+            # The epoch is another one also where the journal is an old copy.
+            begin = life << _EPOCH_BITS | self._handshake.epoch
+            self._next_delivery_id += begin << _DELIVERIES_BITS
         for kept in self._keeping.recover(stored, self._table, self._emit):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
 
