@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json, print_line
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json
+from zacoustic.cli.printing import print_line
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 

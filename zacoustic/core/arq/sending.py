@@ -35,8 +35,7 @@ from zacoustic.core.stats import Cause
 from zacoustic.core.streams import Stream, StreamTable
 
 _ANY_DEPTH: Final = 65535
-_EPOCH_BITS, _DELIVERIES_BITS = 16, 20
-"""A delivery id: number of the life, epoch, and bits that count."""
+_EPOCH_BITS, _DELIVERIES_BITS = 16, 20  # of a delivery id, behind the number of the life
 
 
 class ReliableSending:
