@@ -8,7 +8,7 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
   None; then re-arm one timer from `poll_timeout`.
 - ``now`` is an instant in ns of one monotonic clock and never decreases. A timer that fires early
   is handed the instant that was asked for.
-- After a transmission `poll_transmit` returns None until `handle_transmit_report` brings its report.
+- After a transmission `poll_transmit` returns None until `handle_transmit_report` has been called.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
 - Inputs from the water never raise; any exception from them is a bug, and another engine goes on
   from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
