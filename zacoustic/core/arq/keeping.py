@@ -51,6 +51,8 @@ class Keeping:
 
     def __init__(self, journal: JournalPort) -> None:
         self._journal = journal
+        self.highest_id = 0
+        """The highest delivery id that was found."""
 
     def keep(
         self,
@@ -117,6 +119,7 @@ class Keeping:
                 (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=KeptSample))
                 for number in sorted(numbers[name])
             ]
+            self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
             if stream is None or stream.digest != count.digest:
                 self._journal.write(name, None)
                 for number, sample in samples:

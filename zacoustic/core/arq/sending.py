@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable, Iterable, Mapping, Set
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -306,6 +307,7 @@ class ReliableSending:
             self._next_delivery_id += begin << _DELIVERIES_BITS
         for kept in self._keeping.recover(stored, self._table, self._emit):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
+        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
 
     # Below the methods above
 
@@ -432,19 +434,18 @@ class ReliableSending:
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
+        lane.closing += lane.is_closing(sample, outcome)
         if sample.stage is Stage.OBJECT:
             self.places.left(sample, outcome, now)
         sample.stage = Stage.ENDED
-        ended = DeliveryEnded(
-            delivery_id=sample.delivery_id,
-            stream_id=lane.key[0],
-            outcome=outcome,
-            missing=tuple(lane.missing(sample)) if missing is None else missing,
-            ended_at=now,
-            detail=detail,
-        )
+        ended = lane.ended(sample, outcome, now, detail, missing)
         if lane.is_kept:  # no later life is to find the sample, and tell another end of it
-            self._keeping.forget(lane, sample, lambda at: self._emit(ended))
+            self._keeping.forget(lane, sample, partial(self._forgotten, lane, sample, ended))
         else:
             self._emit(ended)
         return leaves_gap
+
+    def _forgotten(self, lane: SendLane, sample: Outgoing, ended: DeliveryEnded, now: int) -> None:
+        self._emit(ended)
+        lane.closing -= lane.is_closing(sample, ended.outcome)
+        self._advance(lane, now)

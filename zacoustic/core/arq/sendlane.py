@@ -8,9 +8,11 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, resolve_floor
+from zacoustic.core.arq.reception import Reception
 from zacoustic.core.arq.rhythm import SendRhythm
 from zacoustic.core.arq.spans import Spans
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.frame import Control, Sync
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import LaneKey, Waiting
@@ -119,34 +121,6 @@ class SampleWaiting(Waiting):
         return self.head[:-1] + bytes((self.head[-1] | mark,))
 
 
-class Reception:
-    """What one receiver is known to have of a lane."""
-
-    __slots__ = (
-        "anew", "contradicted_at", "expected", "in_sync", "is_told", "lineage", "settled_at",
-        "skips_to",
-    )  # fmt: skip
-
-    def __init__(self, expected: int) -> None:
-        self.expected = expected
-        """It has told that it has everything before this number."""
-        self.in_sync = False
-        """It knows the lineage, and nothing that it waits for is gone."""
-        self.skips_to = 0
-        """It is not to have the sample before this number, and others may still lack that: until
-        it has told to await this number, it is addressed alone, with a floor of its own."""
-        self.lineage: int | None = None
-        """The lineage in which it was told last where the count stands; None: not in this life."""
-        self.is_told = False
-        """It has told in this life what it awaits."""
-        self.contradicted_at: int | None = None
-        """Instant at which it acknowledged what cannot be, and was asked a second time, ns."""
-        self.anew = 0
-        """How often its count was begun anew for that."""
-        self.settled_at: int | None = None
-        """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
-
-
 class SendLane:
     """Samples of one key in the order of their numbers.
 
@@ -178,6 +152,8 @@ class SendLane:
         self.spans = spans
         self.born = 0
         """What has a smaller number was published by a former life."""
+        self.closing = 0
+        """So many samples of former lives were given up, and the journal has them still."""
         self.is_former = False
         """This life has published nothing yet: it begins a lineage of its own when it does."""
         self.next_number = next_number
@@ -200,11 +176,13 @@ class SendLane:
 
     def told(self, address: int, sync: Sync) -> int:
         """Return the number that a receiver awaits by SYNC; above all: that cannot be."""
-        number = self._next_for(address)
-        is_present = sync.lineage == self.spans.of(address, number).lineage
+        first = self.spans.heard_of(address, self._next_for(address), sync.lineage)
         expected = resolve_floor(sync.floor, self.receptions[address].expected)
-        is_possible = is_present and expected <= self.spans.end_of(number, self.next_number)
-        return expected if is_possible else self.next_number + 1
+        is_possible = first is not None and expected <= self.spans.end_of(first, self.next_number)
+        if not is_possible:
+            return self.next_number + 1
+        self.receptions[address].lineage = sync.lineage
+        return expected
 
     def contradicts(self, address: int, sync: Sync) -> bool:
         """Tell whether SYNC of a receiver, which `told` does not understand, cannot be."""
@@ -307,9 +285,35 @@ class SendLane:
             if address not in sample.held and not self._waits(address, first)
         ]
 
+    def ended(
+        self,
+        sample: Outgoing,
+        outcome: DeliveryOutcome,
+        now: int,
+        detail: str,
+        missing: tuple[int, ...] | None,
+    ) -> DeliveryEnded:
+        """Return what is told of a sample that ends."""
+        return DeliveryEnded(
+            delivery_id=sample.delivery_id,
+            stream_id=self.key[0],
+            outcome=outcome,
+            missing=tuple(self.missing(sample)) if missing is None else missing,
+            ended_at=now,
+            detail=detail,
+        )
+
+    def is_closing(self, sample: Outgoing, outcome: DeliveryOutcome) -> bool:
+        """Tell whether the end of a sample must be safe before a later lineage is begun.
+
+        Else a life that finds it again would take what is heard of that lineage for its delivery.
+        """
+        is_given_up = outcome is not DeliveryOutcome.DELIVERED
+        return self.is_kept and sample.number < self.born and is_given_up
+
     def _waits(self, address: int, first: int) -> bool:
         """Tell whether a receiver lacks something of a lineage before that of this number."""
-        return bool(first) and self.floor_of(address) < first
+        return bool(first) and (self.closing > 0 or self.floor_of(address) < first)
 
     def _some_wait(self, sample: Outgoing) -> bool:
         first = self.spans.first_of(sample.number)
@@ -374,11 +378,12 @@ class SendLane:
         waiting = sample.waiting
         skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
         alone = next(skip, None)
-        if alone is None and (self.spans.own or self._some_wait(sample)):
+        is_private = bool(self.spans.own) or self._some_wait(sample)
+        if alone is None and is_private:
             alone = lacking[0]  # the others must not hear this lineage yet, or not at all
         lacking = lacking if alone is None else [alone]
         waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
-        waiting.sync, waiting.for_one_node = b"", False
+        waiting.sync, waiting.for_one_node = b"", is_private
         span = self.spans.of(lacking[0], sample.number)
         for address in lacking:
             reception = self.receptions[address]

@@ -58,6 +58,18 @@ class Spans:
         own = self.own.get(address)
         return own if own is not None and span.first <= own.first <= number else span
 
+    def heard_of(self, address: int, number: int, lineage: int) -> int | None:
+        """Return a number of the span that a receiver speaks of; None: that cannot be.
+
+        It is that of the oldest number which it lacks, or a later one: then a former life of this
+        node has known that it lacks nothing of those before.
+        """
+        present = self.of(address, number)
+        if lineage == present.lineage:
+            return number
+        later = (each.first for each in self.all if each.first > number)
+        return next((each for each in later if self.of(address, each).lineage == lineage), None)
+
     def first_of(self, number: int) -> int:
         """Return the first number of the span of a number; 0: there is no span before it."""
         if len(self.all) == 1:
