@@ -302,8 +302,7 @@ class ReliableSending:
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left; ids of its samples are not given away again."""
         if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
-            # The epoch is another one also where the journal is an old copy.
-            begin = life << _EPOCH_BITS | self._handshake.epoch
+            begin = life << _EPOCH_BITS | self._handshake.epoch  # another one on an old copy, too
             self._next_delivery_id += begin << _DELIVERIES_BITS
         for kept in self._keeping.recover(stored, self._table, self._emit):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)

@@ -64,22 +64,9 @@ class Outgoing:
     """
 
     __slots__ = (
-        "acknowledged",
-        "asked",
-        "delivery_id",
-        "due_at",
-        "expires_at",
-        "follows",
-        "held",
-        "marked",
-        "number",
-        "order",
-        "sent_at",
-        "stage",
-        "tries",
-        "unknown",
-        "waiting",
-    )
+        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "follows", "held", "marked",
+        "number", "order", "sent_at", "stage", "tries", "unknown", "waiting",
+    )  # fmt: skip
 
     def __init__(
         self, number: int, delivery_id: int, waiting: Waiting, expires_at: int | None
