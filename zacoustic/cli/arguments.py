@@ -1,14 +1,10 @@
-"""Arguments that several verbs share, and how results are printed: each said in one place."""
+"""Arguments that several verbs share, each said in one place."""
 
 import argparse
-import json
 import math
-from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import Final
 
 from zacoustic.errors import ConfigError
-
-T = TypeVar("T")
 
 DEFAULT_WINDOW_S: Final = 10.0
 """Time whose samples usually share a frame, s."""
@@ -111,18 +107,3 @@ def check_positive(arguments: argparse.Namespace, *names: str) -> None:
         value = getattr(arguments, name)
         if value is not None and not 0 < value < math.inf:
             raise ConfigError(f"--{name} {value}; allowed: above 0")
-
-
-def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
-    """Print what a verb has found, for people or as one JSON object."""
-    if not as_json:
-        print(text(result))
-        return
-    import msgspec
-
-    print(json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False))
-
-
-def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
-    """Print one result at once: whoever reads a pipe wants each line when it happens."""
-    print(json.dumps(record, ensure_ascii=False) if as_json else text, flush=True)

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from zacoustic.cli.printing import print_text
 from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -81,6 +82,8 @@ def _view(arguments: argparse.Namespace, title: str) -> "View":
     except ModuleNotFoundError as error:
         if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
             raise
-        print("zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view")
+        print_text(
+            "zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view"
+        )
         return LinesView()
     return LiveView(title=title, screenshot=arguments.screenshot)

@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from zacoustic.cli.arguments import add_json, print_result
+from zacoustic.cli.arguments import add_json
+from zacoustic.cli.printing import print_result, print_text
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -50,7 +51,7 @@ class ReportCommand(Command):
             _write(arguments.html, as_page(figures, plots_of(facts, figures), title=title))
         print_result(figures, as_text, as_json=arguments.json)
         if arguments.html is not None and not arguments.json:
-            print(f"\n{arguments.html}: written")
+            print_text(f"\n{arguments.html}: written")
         return EXIT_OK
 
 

@@ -2,12 +2,12 @@
 
 import argparse
 import contextlib
-import json
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -78,7 +78,7 @@ class SimCommand(Command):
                 trace=trace,
                 record=record,
             )
-        print(_json(result) if arguments.json else as_text(result))
+        print_result(result, as_text, as_json=arguments.json)
         return EXIT_OK
 
 
@@ -97,14 +97,8 @@ def _tell(arguments: argparse.Namespace) -> int:
             raise ConfigError(f"--{name} with --story; allowed: with a scenario")
     with _written_to(arguments.trace) as trace, recorded_to(arguments.record) as record:
         result = tell_story(arguments.story, trace=trace, record=record)
-    print(_json(result) if arguments.json else story_as_text(result))
+    print_result(result, story_as_text, as_json=arguments.json)
     return EXIT_FAILED if result.complaints else EXIT_OK
-
-
-def _json(result: object) -> str:
-    import msgspec
-
-    return json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False)
 
 
 @contextlib.contextmanager

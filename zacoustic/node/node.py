@@ -1,6 +1,7 @@
 """`Node`: one participant, from `open` to `close`."""
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -98,6 +99,7 @@ class Node(EndpointMaker):
         carrier = await self._make_carrier(identity.config, identity.address, table)
         await carrier.open()
         self.name, self.address = identity.name, identity.address
+        self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._carrier = carrier
         self._catalogue = Catalogue(identity, table, carrier)
 
@@ -242,6 +244,10 @@ class Node(EndpointMaker):
     def stats(self) -> EngineStats:
         """What was counted; on Zenoh no frames, they are the gateway's."""
         return self._opened().stats
+
+    def expired(self) -> dict[int, int]:
+        """Return what became too old before it could be sent, by stream id; on Zenoh nothing."""
+        return self._opened().expired()
 
     def ledger(self) -> list[LedgerEntry]:
         """Return every byte given to the link, by stream and cause; on Zenoh nothing."""
