@@ -2,10 +2,10 @@
 
 import argparse
 import json
-import math
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
+from zacoustic.core.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
 from zacoustic.errors import ConfigError
 
 T = TypeVar("T")
@@ -91,8 +91,8 @@ def window_of(arguments: argparse.Namespace) -> float:
         ConfigError: It is none.
     """
     window_s: float = arguments.window
-    if not 0 < window_s < math.inf:
-        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+    if not is_duration(window_s):
+        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0, {DURATIONS}")
     return window_s
 
 
@@ -109,8 +109,9 @@ def check_positive(arguments: argparse.Namespace, *names: str) -> None:
     """
     for name in names:
         value = getattr(arguments, name)
-        if value is not None and not 0 < value < math.inf:
-            raise ConfigError(f"--{name} {value}; allowed: above 0")
+        if value is not None and not SHORTEST_S <= value <= LONGEST_S:
+            limits = f"{SHORTEST_S:g}..{LONGEST_S:g}"
+            raise ConfigError(f"--{name} {value}; allowed: above 0, {limits}")
 
 
 def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
