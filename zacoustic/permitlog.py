@@ -27,6 +27,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.engine import Engine
+from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
 from zacoustic.errors import ConfigError
 
 _WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of them
@@ -81,6 +83,32 @@ class PermitLog:
         """Append an emission; does not block."""
         line = msgspec.json.encode(emission) + b"\n"
         self._thread.submit(self._append, line)
+
+    def note_report(
+        self, engine: Engine, sent: Transmission, report: TransmitReport, offset_ns: int
+    ) -> None:
+        """Append what a link reports, unless it made no sound.
+
+        Args:
+            engine: Whose transmission it was.
+            sent: The transmission.
+            report: What became of it.
+            offset_ns: UTC less the clock of the report, ns.
+        """
+        if report.outcome is TransmitOutcome.REJECTED:
+            return
+        modem = engine.measurements.modem
+        self.note(
+            emission(
+                node=engine.address,
+                begun_utc_ns=report.started_at + offset_ns,
+                duration_ns=report.finished_at - report.started_at,
+                source_level_db=None if modem is None else modem.source_level_db,
+                frame_bytes=len(sent.frame_bytes),
+                destination=sent.destination,
+                outcome=report.outcome.value,
+            )
+        )
 
     async def close(self) -> None:
         """Write what waits, and end."""

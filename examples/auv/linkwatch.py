@@ -64,6 +64,10 @@ class LinkWatch:
         self.documents: dict[str, Any] = {}
         """The newest of each, by the end of its key."""
         self.fates = Fates()
+        self.answered_at_s: float | None = None
+        """When the gateway has answered last that it lives; None: it was not asked."""
+        self.down_at_s: float | None = None
+        """Since when the link is not up, as far as it was seen; None: it is."""
         self._airtimes: deque[tuple[float, float]] = deque(maxlen=256)
         self._frames: dict[tuple[str, float], Frame] = {}
         self._progress: dict[tuple[int, int], deque[tuple[float, int]]] = {}
@@ -81,6 +85,10 @@ class LinkWatch:
             case "streams":
                 self.fates.take(document)
             case "link":
+                if document["state"] == "up":
+                    self.down_at_s = None
+                elif self.down_at_s is None:
+                    self.down_at_s = now_s
                 self._airtimes.append((now_s, document["airtime_s"]))
             case "water":
                 self._take_frames(document)

@@ -3,7 +3,6 @@
 import argparse
 import asyncio
 import contextlib
-import json
 import os
 import random
 import sys
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import is_duration, ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import json_line, one_line
 from zacoustic.serving import parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class _Reporter:
         if self._stop.is_set():
             return
         try:
-            print(json.dumps(record) if self._as_json else text, flush=True)
+            print(json_line(record) if self._as_json else one_line(text), flush=True)
         except BrokenPipeError:
             self._stop.set()
             # The interpreter flushes once more at its end.

@@ -18,6 +18,8 @@ from typing import Final
 import pytest
 
 from zacoustic.cli import complete_parser, main
+from zacoustic.core.journal import JournalWrite
+from zacoustic.journal import journal_in
 
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")
 NOBODY: Final = ("--connect", "tcp/127.0.0.1:1")
@@ -331,3 +333,19 @@ def test_an_interrupt_at_any_import_ends_it_without_a_word(
         )  # fmt: skip
         assert process.returncode in {0, 1, 130, -2}, (at, words)
         assert process.stderr == "", (at, words)
+
+
+def test_a_journal_that_is_a_link_is_that_of_the_file(tmp_path: Path) -> None:
+    kept, links = tmp_path / "kept", tmp_path / "links"
+    links.mkdir()
+    first = journal_in(links, 1)
+    first.path.symlink_to(kept)
+    kept.write_bytes(b"")
+    epochs = []
+    for _ in range(2):
+        journal = journal_in(links, 1)
+        epochs.append(journal.recover().boot_epoch)
+        journal.commit([JournalWrite(write_id=0, key="k", value=b"v")])
+        journal.close()
+    assert epochs[1] != epochs[0]
+    assert journal_in(links, 1).path == kept

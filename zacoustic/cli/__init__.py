@@ -23,8 +23,9 @@ import importlib
 import logging
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
+from zacoustic.cli.printing import print_note, print_text
 from zacoustic.cli.streams import UNREAD, flush_output
 from zacoustic.command import (
     EXIT_FAILED,
@@ -37,6 +38,7 @@ from zacoustic.command import (
     add_command,
 )
 from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.safetext import one_line, some_lines, without_secrets
 
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
@@ -158,7 +160,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the complaint and exit."""
-        self.exit(EXIT_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(EXIT_USAGE, f"{one_line(f'{self.prog}: {message} (see {self.prog} --help)')}\n")
 
 
 class _Version(argparse.Action):
@@ -167,7 +169,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib import metadata
 
-        print(f"zacoustic {metadata.version('zacoustic')}")
+        print_text(f"zacoustic {metadata.version('zacoustic')}")
         parser.exit()
 
 
@@ -269,15 +271,23 @@ def _order(item: tuple[str, Command]) -> tuple[int, str]:
 def _start_logging(*, verbose: bool) -> None:
     # Standard error always: with --json, standard output carries JSON only.
     logging.raiseExceptions = False  # a full disk under standard error is no reason to fail
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format="zacoustic: %(message)s",
-        stream=sys.stderr,
-    )
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Formatter("zacoustic: %(message)s"))
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler])
+
+
+class _Formatter(logging.Formatter):
+    """One line for a message, whatever is in it; a traceback stands below in lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 (of the base)
+        return one_line(without_secrets(super().formatMessage(record)))
+
+    def formatException(self, ei: Any) -> str:  # noqa: ANN401, N802 (of the base)
+        return some_lines(without_secrets(super().formatException(ei)))
 
 
 def _complain(program: str, error: object, code: int = EXIT_FAILED) -> int:
     """Print one line, whatever the message holds."""
     with contextlib.suppress(OSError):
-        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+        print_note(f"{program}: {' '.join(str(error).split())}")
     return code

@@ -1,9 +1,9 @@
 """The verb `zacoustic bench`: measures, of which there is one kind so far, `telemetry`."""
 
 import argparse
-import sys
 
-from zacoustic.cli.arguments import add_json, add_telemetry, print_result, window_of
+from zacoustic.cli.arguments import add_json, add_telemetry, window_of
+from zacoustic.cli.printing import print_note, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
 
 _DEFAULT_SEED = 1
@@ -60,6 +60,6 @@ class TelemetryBench(Command):
         print_result(report, as_text, as_json=arguments.json)
         if report.different:
             what = f"{report.different} of {report.decoded} frames were decoded to something else"
-            print(f"zacoustic bench telemetry: {what}", file=sys.stderr)
+            print_note(f"zacoustic bench telemetry: {what}")
             return EXIT_FAILED
         return EXIT_OK

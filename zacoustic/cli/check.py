@@ -1,9 +1,9 @@
 """The verb `zacoustic check`: is a configuration valid, and what does it cost on the water?"""
 
 import argparse
-import sys
 
-from zacoustic.cli.arguments import add_json, add_node_file, add_profile, print_result
+from zacoustic.cli.arguments import add_json, add_node_file, add_profile
+from zacoustic.cli.printing import print_note, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
@@ -40,5 +40,5 @@ class CheckCommand(Command):
         print_result(report, as_text, as_json=arguments.json)
         unusable = [link for link in report.links if link.error]
         for link in unusable:
-            print(f"zacoustic check: {arguments.file}: {link.error}", file=sys.stderr)
+            print_note(f"zacoustic check: {arguments.file}: {link.error}")
         return EXIT_FAILED if unusable else EXIT_OK

@@ -2,8 +2,8 @@
 
 import argparse
 import contextlib
-import json
 
+from zacoustic.cli.printing import print_line
 from zacoustic.cli.topics import add_watch_arguments, read_watch
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.serving import parse_place, place_name
@@ -59,5 +59,5 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     where = ", ".join(arguments.connect or [arguments.config or "this network"])
     url = f"http://{place_name(host, port)}"
-    print(json.dumps({"url": url}) if arguments.json else f"page      {url}", flush=True)
+    print_line({"url": url}, f"page      {url}", as_json=arguments.json)
     serve(Lookout(make, where, arguments.node), host, port)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_text
 from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -83,6 +84,8 @@ def _view(arguments: argparse.Namespace, title: str, picture: IO[bytes] | None) 
     except ModuleNotFoundError as error:
         if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
             raise
-        print("zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view")
+        print_text(
+            "zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view"
+        )
         return LinesView()
     return LiveView(title=title, screenshot=picture)

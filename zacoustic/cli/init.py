@@ -1,12 +1,11 @@
 """The verb `zacoustic init`: a first configuration from what a live Zenoh network carries."""
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import Final
 
 from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_json, print_note, print_text
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -76,10 +75,10 @@ class InitCommand(Command):
                 "file": str(output) if output is not None else None,
                 "text": text,
             }  # fmt: skip
-            print(json.dumps(seen, ensure_ascii=False))
+            print_json(seen)
         elif output is None:
-            print(text, end="")
+            print_text(text.removesuffix("\n"))
         else:
-            print(f"{output}: {len(config.table)} streams; look for EDIT, then:", file=sys.stderr)
-            print(f"  zacoustic check {output}", file=sys.stderr)
+            print_note(f"{output}: {len(config.table)} streams; look for EDIT, then:")
+            print_note(f"  zacoustic check {output}")
         return EXIT_OK

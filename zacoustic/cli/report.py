@@ -3,8 +3,9 @@
 import argparse
 from pathlib import Path
 
-from zacoustic.cli.arguments import add_json, print_result
+from zacoustic.cli.arguments import add_json
 from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_result, print_text
 from zacoustic.command import EXIT_OK, Command
 
 
@@ -51,5 +52,5 @@ class ReportCommand(Command):
                 page.write(as_page(figures, plots_of(facts, figures), title=title).encode())
         print_result(figures, as_text, as_json=arguments.json)
         if arguments.html is not None and not arguments.json:
-            print(f"\n{arguments.html}: written")
+            print_text(f"\n{arguments.html}: written")
         return EXIT_OK

@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.cli.arguments import (
-    OBJECT_PER_LINE,
-    add_island,
-    add_json,
-    check_positive,
-    print_line,
-)
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_island, add_json, check_positive
+from zacoustic.cli.printing import print_line
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 

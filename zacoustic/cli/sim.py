@@ -1,12 +1,12 @@
 """The verb `zacoustic sim`: a scenario with its traffic, in virtual time."""
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.errors import ConfigError
@@ -78,7 +78,7 @@ class SimCommand(Command):
                 trace=_writer(file),
                 record=record,
             )
-        print(_json(result) if arguments.json else as_text(result))
+        print_result(result, as_text, as_json=arguments.json)
         return EXIT_OK
 
 
@@ -97,14 +97,8 @@ def _tell(arguments: argparse.Namespace) -> int:
             raise ConfigError(f"--{name} with --story; allowed: with a scenario")
     with new_file("--trace", arguments.trace) as file, recorded_to(arguments.record) as record:
         result = tell_story(arguments.story, trace=_writer(file), record=record)
-    print(_json(result) if arguments.json else story_as_text(result))
+    print_result(result, story_as_text, as_json=arguments.json)
     return EXIT_FAILED if result.complaints else EXIT_OK
-
-
-def _json(result: object) -> str:
-    import msgspec
-
-    return json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False)
 
 
 def _writer(file: IO[bytes] | None) -> "Callable[[TraceRecord], None] | None":

@@ -11,7 +11,8 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
 - After `poll_transmit` has returned a transmission it returns None until `handle_transmit_report`
   brings its report.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the water never raise; any exception from them is a bug. Commands raise `LocalError`s.
+- Inputs from the water never raise; any exception from them is a bug, and another engine goes on
+  from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
 
 Who does what::
 

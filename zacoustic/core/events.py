@@ -265,6 +265,21 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
+    """An internal error has ended the engine of this node; a new one goes on from the journal.
+
+    Told by whoever runs engines. Best-effort samples that waited are lost; how all else ends that
+    was under way is told behind this.
+    """
+
+    faults: int
+    """Internal errors of this process so far."""
+    cause: str
+    """What was raised, one line."""
+    changed_at: int
+    """Instant, ns."""
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -296,6 +311,7 @@ Event = (
     | SilenceChanged
     | StreamTuned
     | JournalStateChanged
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -9,6 +9,7 @@ from zacoustic.core.events import (
     DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     JournalStateChanged,
     LinkStateChanged,
@@ -31,6 +32,7 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
+    EngineLost,
     EntityHeard,
     JournalChanged,
     LinkChanged,
@@ -130,6 +132,8 @@ class Exchange:
                         ordered_by=event.ordered_by,
                     )
                 )
+            case EngineRestarted():
+                self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
             case PeerSeen():

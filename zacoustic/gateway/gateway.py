@@ -40,6 +40,7 @@ from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
+from zacoustic.safetext import one_line, without_secrets
 
 if TYPE_CHECKING:
     from zacoustic.gateway.metrics import MetricsServer
@@ -205,7 +206,7 @@ class Gateway:
             mode=mode_of(self._zenoh_config),
             zid=str(junction.island.session.zid()),
             endpoints=tuple(
-                f"{word} {endpoint}"
+                f"{word} {without_secrets(endpoint)}"
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
@@ -223,7 +224,7 @@ class Gateway:
     @property
     def _locator(self) -> str:
         links = self.config.links
-        return links[0].locator if links else type(self._link).__name__
+        return without_secrets(links[0].locator) if links else type(self._link).__name__
 
     def _about(self) -> dict[str, object]:
         """Return what does not change, for the health report."""
@@ -317,4 +318,4 @@ def _locator(config: Config) -> str:
 
 def _log(notice: Notice) -> None:
     for line in notice.lines():
-        _logger.info("%s", line)
+        _logger.info("%s", one_line(line))

@@ -18,7 +18,7 @@ import zenoh
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, PeerFound, PeerLost
+from zacoustic.core.events import EngineRestarted, Event, PeerFound, PeerLost
 from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -114,21 +114,25 @@ class Junction:
         self._loop = asyncio.get_running_loop()
         self._doorbell = Doorbell(self._loop, self._attend)
         ring = self._doorbell.ring
-        seed = random.SystemRandom().getrandbits(64)
-        _logger.info("node %d: epoch %d, seed %d", address, state.boot_epoch, seed)
-        engine = make_engine(
-            address=address,
-            table=table,
-            epoch=state.boot_epoch,
-            rng=random.Random(seed),
-            stored=state.entries,
-            rules=rules,
-            trace=self._trace,
-        )
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            seed = random.SystemRandom().getrandbits(64)
+            _logger.info("node %d: epoch %d, seed %d", address, epoch, seed)
+            return make_engine(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=random.Random(seed),
+                stored=stored,
+                rules=rules,
+                trace=self._trace,
+            )
+
         self.runner = LinkRunner(
-            engine,
+            renew(state.boot_epoch, state.entries),
             link,
             self._deliver,
+            renew=renew,
             clock=clock,
             journal=journal,
             wall_clock=time.time_ns,
@@ -309,6 +313,8 @@ class Junction:
 
     def _deliver(self, event: Event) -> None:
         self._exchange.deliver(event)
+        if isinstance(event, EngineRestarted):
+            self._doorbell.ring()  # the island goes on
         if isinstance(event, PeerLost | PeerFound):
             is_lost = isinstance(event, PeerLost)
             if self._dialects.note_peer(event.address, is_lost=is_lost):

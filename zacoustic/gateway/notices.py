@@ -149,6 +149,24 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
         return ["journal   can be written again"]
 
 
+class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
+    """A bug has ended the engine; a new one goes on from the journal."""
+
+    faults: int
+    """How many internal errors there were since the start."""
+    cause: str
+    """What was raised."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """It is to be reported; the log has what to report."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"internal  error {self.faults}, please report the log; it goes on: {self.cause}"]
+
+
 class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     """A node was heard for the first time, or has restarted."""
 

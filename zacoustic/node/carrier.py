@@ -14,6 +14,7 @@ from zacoustic.core.events import (
     CallFailure,
     DeadlineMissed,
     DeliveryEnded,
+    EngineRestarted,
     JournalStateChanged,
     LinkStateChanged,
     PeerFound,
@@ -48,6 +49,7 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -97,19 +97,23 @@ class LinkCarrier:
         self._fail = fail
         self._recording = recording
         make = Engine if recording is None else recording.make
-        self._engine = make(
-            address=address,
-            table=table,
-            epoch=state.boot_epoch,
-            rng=random.Random(random.SystemRandom().getrandbits(64)),
-            stored=state.entries,
-            rules=rules,
-            trace=None,
-        )
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            return make(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=random.Random(random.SystemRandom().getrandbits(64)),
+                stored=stored,
+                rules=rules,
+                trace=None,
+            )
+
         self._runner = LinkRunner(
-            self._engine,
+            renew(state.boot_epoch, state.entries),
             link,
             self._deliver,
+            renew=renew,
             journal=journal,
             wall_clock=time.time_ns,
             clock_error_s=rules.clock_error_s,
@@ -132,15 +136,15 @@ class LinkCarrier:
     @property
     def stats(self) -> EngineStats:
         """What the engine has counted."""
-        return self._engine.stats
+        return self._runner.engine.stats
 
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
-        return self._engine.stats.ledger()
+        return self._runner.engine.stats.ledger()
 
     def expired(self) -> dict[int, int]:
         """Samples and calls that became too old before they could be sent, by stream id."""
-        return self._engine.expired
+        return self._runner.engine.expired
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; peers learn of it as of a restart."""
@@ -357,7 +361,7 @@ class LinkCarrier:
                 _logger.warning(
                     "node %d and node %d define stream %d (%s) in different ways: "
                     "nothing of it passes between them",
-                    self._engine.address, event.address, event.stream_id,
+                    self._runner.engine.address, event.address, event.stream_id,
                     stream.name if stream else "only there",
                 )  # fmt: skip
                 self._report(event)
@@ -399,7 +403,9 @@ class LinkCarrier:
     def _fail_range(self, event: RangeFailed) -> None:
         error = range_error(event)
         if event.range_id is None:
-            _logger.warning("node %d: ranging is not possible: %s", self._engine.address, error)
+            _logger.warning(
+                "node %d: ranging is not possible: %s", self._runner.engine.address, error
+            )
             return
         answer = self._ranges.pop(event.range_id, None)
         if answer is not None and not answer.done():
@@ -411,10 +417,10 @@ class LinkCarrier:
             await recording.close()
 
     def _is_flushed(self) -> bool:
-        stats = self._engine.stats
+        stats = self._runner.engine.stats
         # Beside the streams what they do not carry: subscriptions.
         lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
-        waiting = any(self._engine.pending(each) for each in lanes)
+        waiting = any(self._runner.engine.pending(each) for each in lanes)
         return not waiting and stats.frames_transmitted == sum(stats.reports.values())
 
     async def _wait_failed(self) -> None:

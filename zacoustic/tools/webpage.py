@@ -18,6 +18,8 @@ from typing import Any, Final
 
 from nicegui import app, ui
 
+from zacoustic.tools.truth import SCRIPT, STYLE, Alarm, beat_html
+
 _Message = MutableMapping[str, Any]
 _Receive = Callable[[], Awaitable[_Message]]
 _Send = Callable[[_Message], Awaitable[None]]
@@ -68,6 +70,31 @@ def serve_page(
     )
     for number in _SIGNALS:  # nothing is left that could be interrupted
         signal.signal(number, signal.SIG_IGN)
+
+
+class Banner:
+    """The banner of one page, in which it says what is dead (`truth`); made with the page.
+
+    Args:
+        what: Begins it when the page's server is gone.
+    """
+
+    def __init__(self, what: str) -> None:
+        ui.add_css(STYLE)
+        ui.add_body_html(f"<script>{SCRIPT}</script>")
+        self._what = what
+        self._number = 0
+        self._element = ui.html(sanitize=False).style("display: none").mark("beat")
+
+    def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
+        """Say that the server lives; at least every second.
+
+        Args:
+            alarm: What it knows to be dead; None: nothing.
+            taken: Number of the last order of this page that was taken.
+        """
+        self._number += 1
+        self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
 
 
 class Visitors:

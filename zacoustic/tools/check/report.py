@@ -28,6 +28,7 @@ from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
+from zacoustic.safetext import without_secrets
 from zacoustic.tools.check import desert
 from zacoustic.tools.check.bits import SampleBits, sample_bits
 
@@ -239,13 +240,14 @@ def _type_row(codec: TypedCodec) -> TypeRow:
 
 def _link_row(locator: str, address: int) -> LinkRow:
     """Build the link, without opening it: that tells whether its package and settings are right."""
+    shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)
     except ZacousticError as error:
-        return LinkRow(locator=locator, error=str(error))
+        return LinkRow(locator=shown, error=without_secrets(error))
     capabilities = getattr(link, "capabilities", None)
     mtu_bytes = capabilities.mtu_bytes if isinstance(capabilities, LinkCapabilities) else None
-    return LinkRow(locator=locator, error="", mtu_bytes=mtu_bytes)
+    return LinkRow(locator=shown, error="", mtu_bytes=mtu_bytes)
 
 
 def _notes(

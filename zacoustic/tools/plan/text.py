@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.plan.report import NodePlan, PlanReport, StreamPlan
 
@@ -32,12 +33,12 @@ def _lines(report: PlanReport) -> Iterator[str]:
         yield "it fits"
     else:
         yield f"it does not fit: all of it would take {report.demand:.0%} of the time"
-        yield from (f"  {each}" for each in report.misfits)
+        yield from (one_line(f"  {each}") for each in report.misfits)
         for change in report.changes:
-            yield f"it would fit with: {change.what} ({change.demand:.0%} of the time)"
+            yield one_line(f"it would fit with: {change.what} ({change.demand:.0%} of the time)")
         if not report.changes:
             yield "no single change that was tried makes it fit"
-    yield from (f"note: {each}" for each in report.notes)
+    yield from (one_line(f"note: {each}") for each in report.notes)
 
 
 def _stream_cells(row: StreamPlan) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.recordings.figures import Figures
 from zacoustic.tools.recordings.linkfigures import METRICS
@@ -52,11 +53,11 @@ def sheets_of(figures: Figures) -> list[Sheet]:
 
 def as_text(figures: Figures) -> str:
     """Return everything as text."""
-    parts = [head_of(figures)]
+    parts = [one_line(head_of(figures))]
     for sheet in sheets_of(figures):
         right = sheet.header[sheet.left :]
         parts.append(f"\n{sheet.title}\n{align(sheet.header, sheet.rows, right=right)}")
-    parts += [f"\n{note}" for note in figures.notes]
+    parts += [f"\n{one_line(note)}" for note in figures.notes]
     return "\n".join(parts)
 
 
