@@ -34,7 +34,7 @@ from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
 from zacoustic.island.latching import stamp_samples
-from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
+from zacoustic.island.session import Island, endpoints_of, listen_at, listen_here, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
@@ -83,6 +83,7 @@ class Gateway:
     ) -> None:
         self.config = config
         self._zenoh_config = _zenoh_config(config)
+        self._listens_here = listen_here(self._zenoh_config)
         self._link = link or registry.create(_locator(config), config.address)
         journal = journal or config.journal or MemoryJournal()
         if isinstance(journal, str | Path):
@@ -210,6 +211,7 @@ class Gateway:
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
+            listens_here=self._listens_here,
             link=self._locator,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),

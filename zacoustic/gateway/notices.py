@@ -36,6 +36,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """Id of its Zenoh session."""
     endpoints: tuple[str, ...]
     """Where the session listens and what it connects to, as the config says."""
+    listens_here: bool = False
+    """The file has no `listen`: only this computer reaches the session."""
     link: str
     """Locator of the modem."""
     link_state: str
@@ -61,6 +63,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
             f"address   {self.address} {self.name}".rstrip(),
             f"session   {self.mode} {self.zid}",
             *(f"endpoint  {endpoint}" for endpoint in self.endpoints),
+            *["endpoint  only this computer reaches it: no listen in the file"] * self.listens_here,
             f"link      {self.link} ({self.link_state})",
             f"streams   {len(self.streams)}: {', '.join(self.streams)}",
             f"digest    {self.digest}",
