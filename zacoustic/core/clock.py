@@ -15,8 +15,9 @@ from typing import Final, Protocol
 NS_PER_S: Final = 1_000_000_000
 """Nanoseconds in a second."""
 SHORTEST_S: Final = 1e-6
+"""Shortest duration that users may write, s."""
 LONGEST_S: Final = 1e9
-"""Durations that users may write, s; beyond them arithmetic ends, and no use is known."""
+"""Longest one, s; beyond both arithmetic ends, and no use is known."""
 DURATIONS: Final = f"{SHORTEST_S:g}..{LONGEST_S:g} s"
 """The same in words."""
 
