@@ -71,6 +71,10 @@ class VirtualDesert:
         self._serve(address - 1)
         return result
 
+    def publish(self, address: int, stream_id: int, sample: bytes) -> int:
+        """Publish a sample from a node; returns its delivery id."""
+        return self.apply(address, lambda engine, now: engine.publish(stream_id, sample, now))
+
     def at(self, instant_s: float, action: Callable[[], object]) -> None:
         """Do something at an instant, s."""
         self.agenda.at(instant_s, action)

@@ -35,10 +35,7 @@ def carry(seed: int, period_s: float, every_s: float, *, told_s: float = 0.2) ->
     )
     for number in range(SAMPLES):
         sample = bytes((number, *range(11)))
-        desert.at(
-            5.0 + number * every_s,
-            partial(desert.apply, 1, lambda engine, now, it=sample: engine.publish(1, it, now)),
-        )
+        desert.at(5.0 + number * every_s, partial(desert.publish, 1, 1, sample))
     desert.run(until_s=2000.0)
     events = [event for _, _, event in desert.events]
     received = [event.value[0] for event in events if isinstance(event, SampleReceived)]
