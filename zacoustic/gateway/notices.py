@@ -102,12 +102,15 @@ class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
     """Nothing is transmitted now."""
     until_utc: str
     """End as far as it is known; empty: until it is resumed, or no silence."""
+    doubt: str = ""
+    """Why it may last longer than it was ordered; empty: it does not."""
 
     def lines(self) -> list[str]:
         """One line."""
         if not self.silent:
             return ["silence   ended"]
-        return [f"silence   until {self.until_utc or 'it is resumed'}"]
+        doubt = f" ({self.doubt})" if self.doubt else ""
+        return [f"silence   until {self.until_utc or 'it is resumed'}{doubt}"]
 
 
 class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
@@ -150,6 +153,24 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
         if self.failure:
             return [f"journal   fails, what is reliable waits: {self.failure}"]
         return ["journal   can be written again"]
+
+
+class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
+    """Nothing is transmitted for want of a time that is sure; or no longer."""
+
+    doubt: str
+    """What is missing; empty: nothing."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Nothing is transmitted."""
+        return bool(self.doubt)
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [
+            f"clock     nothing is transmitted: {self.doubt}" if self.doubt else "clock     sure"
+        ]
 
 
 class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):

@@ -181,7 +181,7 @@ class ReliableSending:
             if sample.stage is not Stage.ON_AIR:
                 continue
             sample.stage = Stage.SENT
-            sample.sent_at = report.finished_at
+            sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
             sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     # For the water
@@ -362,7 +362,7 @@ class ReliableSending:
 
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note what a receiver has, and repeat at once what it must have missed."""
-        latest = 0
+        latest: Outgoing | None = None
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
                 continue  # its own feedback tells
@@ -370,10 +370,7 @@ class ReliableSending:
             has_it = sample.number < expected
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
             if (has_it or holds_it) and source not in sample.acknowledged | sample.held:
-                # Only what was sent last is surely what this answers.
-                if sample.order == self._order:
-                    self._pacing.measured(lane, sample, source, now)
-                latest = max(latest, sample.order)
+                latest = sample if latest is None or latest.order < sample.order else latest
             if has_it:
                 sample.acknowledged.add(source)
                 sample.held.discard(source)
@@ -381,9 +378,13 @@ class ReliableSending:
                 sample.held.add(source)
             else:
                 sample.held.discard(source)  # it has restarted, and lost what it held
-        if latest:
+        if latest is None:
+            self._pacing.answered_again(lane, source)
+        else:
+            is_last = latest.order == self._order
+            order = self._pacing.first_acknowledged(lane, latest, source, now, is_last=is_last)
             self._pacing.answered(source, now)
-            lane.due_soon(source, before=latest)
+            lane.due_soon(source, before=order)
         self._refresh(lane)
 
     def _repeat(self, now: int) -> None:
