@@ -286,7 +286,9 @@ def test_what_is_dead_is_said_and_what_it_means_for_an_order() -> None:
     # The gateway goes as well: nothing of what it said last is known any more.
     clock.now_s += 1.7
     desk.tick()
-    assert readout.alarm(desk) == Alarm("NOT SENT: gateway gone", pytest.approx(1.7))
+    gone = readout.alarm(desk)
+    assert gone is not None
+    assert (gone.text, gone.since_s) == ("NOT SENT: gateway gone", pytest.approx(1.7))
     assert readout.link_state(desk).startswith("not known")
     assert [line.is_bad for line in readout.link_lines(desk)] == [True]
     desk.arm(True)

@@ -1,5 +1,6 @@
 """What a report begins with: what was lost, and what was only left out; and hostile names in it."""
 
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from zacoustic.tools.recordings.gathering import add_messages
 from zacoustic.tools.sim.recorder import recorded_to
 
 RUN_S = 1200.0
+TEXT = HOSTILE.encode()[:40]
 
 
 def reported(depth: int = 1, **settings: Any) -> Figures:
@@ -81,12 +83,10 @@ def trial_of_an_enemy(path: Path) -> None:
         nodes={1: HOSTILE_NAME, 2: ".."},
     )
     with recorded_to(path) as recorder:
+        assert recorder is not None
         network = VirtualNetwork(line(0, 800), table, build=recorder.make)
         for stream_id in (1, 2, 3):
-            network.at(
-                float(stream_id),
-                lambda each=stream_id: network.publish(1, each, HOSTILE.encode()[:40]),
-            )
+            network.at(float(stream_id), partial(network.publish, 1, stream_id, TEXT))
         network.run(until_s=60.0)
 
 
