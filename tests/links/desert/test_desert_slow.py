@@ -7,11 +7,13 @@ from functools import partial
 import pytest
 
 from tests.links.desert.desert_virtual import VirtualDesert
+from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SampleReceived
 from zacoustic.core.qos import Qos, Reliability
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic_desert.config import DesertConfig
+from zacoustic_desert.link import DesertLink
 
 SAMPLES = 12
 TABLE = StreamTable(
@@ -67,6 +69,36 @@ def test_desert_slower_than_the_link_is_told_carries_all_in_few_frames(
 def test_burst_does_not_fill_a_slow_desert(count: Callable[[int], int]) -> None:
     for seed in range(count(400)):
         assert sent(carry(seed, 4.0, 0.0)) <= 28
+
+
+def found(desert: VirtualDesert, told_s: float) -> list[str]:
+    """Return what the doctor finds by the round trips that an engine has measured."""
+    link = DesertLink("127.0.0.1:4000", DesertConfig(period_s=told_s))
+    round_trips_ns = desert.engine(1).stats.round_trips_ns
+    peers = {
+        str(address): {"round_trip_s": ns_to_seconds(each)}
+        for address, each in round_trips_ns.items()
+    }
+    assert list(peers) == ["2"]
+    return [f"{each.what}: {each.cure}" for each in link.assess({"peers": peers})]
+
+
+# Not in step with a period: then a frame might meet the same instant of it each time.
+@pytest.mark.parametrize("every_s", [11.3, 61.7])
+def test_doctor_names_a_slow_desert(every_s: float) -> None:
+    for period_s in (4.0, 10.0):
+        for seed in range(4):
+            (finding,) = found(carry(seed, period_s, every_s), 0.2)
+            assert "node 2 answers after" in finding
+            assert "period_s in the locators of both ends" in finding
+
+
+@pytest.mark.parametrize("every_s", [5.0, 10.0, 60.0])
+def test_doctor_finds_nothing_where_the_period_is_as_told(every_s: float) -> None:
+    for seed in range(4):
+        assert not found(carry(seed, 0.2, every_s), 0.2)
+    assert not found(carry(1, 4.0, 3 * every_s, told_s=4.0), 4.0)
+    assert not DesertLink("127.0.0.1:4000").assess({"peers": {"2": {"round_trip_s": None}}})
 
 
 @pytest.mark.parametrize("every_s", [5.0, 10.0, 60.0])

@@ -13,6 +13,7 @@ from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority
+from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import StreamTable
 
 _COPIED_AT_ONCE: Final = 2
@@ -29,13 +30,15 @@ class Pacing:
     Args:
         table: The streams.
         rng: Draws the pauses between repetitions.
+        stats: Is told how long that is.
     """
 
-    def __init__(self, table: StreamTable, rng: random.Random) -> None:
+    def __init__(self, table: StreamTable, rng: random.Random, stats: EngineStats) -> None:
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
         self._table = table
         self._rng = rng
+        self._stats = stats
         self._timings: dict[int, PeerTiming] = {}
         self._heard_at: dict[int, int] = {}
 
@@ -82,7 +85,7 @@ class Pacing:
             # What comes so late was said because nothing further came, and the answer was lost.
             is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
             if is_answer:
-                timing.measured(round_trip_ns, times)
+                self._measured(source, round_trip_ns, times)
         if not times.is_delegated:
             return sample.order
         reception = lane.receptions[source]
@@ -102,7 +105,7 @@ class Pacing:
         """An ACK says nothing new: the one before answered what went before the last repetition."""
         reception = lane.receptions[source]
         if reception.late_ns is not None and self.times is not None:
-            self.timing(source).measured(reception.late_ns, self.times)
+            self._measured(source, reception.late_ns, self.times)
             reception.late_ns = None
 
     def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
@@ -231,6 +234,11 @@ class Pacing:
         drawn_ns = row_frames(priority) * self.times.longest_ns
         longest_ns = max(least_ns + drawn_ns, at_most_ns)
         return min(sample.due_at, sample.sent_at + longest_ns)
+
+    def _measured(self, source: int, round_trip_ns: int, times: LinkTimes) -> None:
+        timing = self.timing(source)
+        timing.measured(round_trip_ns, times)
+        self._stats.round_trips_ns[source] = timing.smooth_ns
 
     def _before_end(self, sample: Outgoing, at: int) -> int:
         """Return an instant, or the last one that leaves time for an answer before the sample ends.

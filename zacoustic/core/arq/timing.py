@@ -135,6 +135,11 @@ class PeerTiming:
         self._unanswered = 0
         self._unheard = 0
 
+    @property
+    def smooth_ns(self) -> int:
+        """The usual round trip, ns; 0 before one was measured."""
+        return self._smooth_ns or 0
+
     def least_ns(self, times: LinkTimes) -> int:
         """Return how long an answer takes at least, as far as known, ns."""
         if self.shortest_ns is not None:
