@@ -7,8 +7,9 @@ when, how loud and how long. One JSON object a line::
      "bytes": 64, "destination": 255, "outcome": "sent"}
 
 `utc` is the beginning; `source_level_db` is dB re 1 µPa at 1 m, null where the modem does not tell.
-An `outcome` other than ``sent``, ``delivered`` and ``not_delivered`` may have been cut short:
-``aborted``; what was ``rejected`` made no sound and is not in the log.
+`"utc_in_doubt": true` stands in a line whose `utc` nothing has kept right. An `outcome` other than
+``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
+``rejected`` made no sound and is not in the log.
 
 Files may block, so lines are written by a thread of its own, in their order, each flushed at once.
 A file that cannot be opened is an error at the start. One that cannot be written later is a
@@ -36,7 +37,7 @@ _WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of the
 _logger = logging.getLogger(__name__)
 
 
-class Emission(msgspec.Struct, frozen=True, kw_only=True):
+class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One line."""
 
     utc: str
@@ -53,6 +54,8 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True):
     """Address, 255: all."""
     outcome: str
     """How it ended."""
+    utc_in_doubt: bool = False
+    """Nothing kept the clock right."""
 
 
 class PermitLog:
@@ -107,6 +110,7 @@ class PermitLog:
                 frame_bytes=len(sent.frame_bytes),
                 destination=sent.destination,
                 outcome=report.outcome.value,
+                utc_in_doubt=not engine.clock.is_sure,
             )
         )
 
@@ -145,6 +149,7 @@ def emission(
     frame_bytes: int,
     destination: int,
     outcome: str,
+    utc_in_doubt: bool = False,
 ) -> Emission:
     """Make the line of an emission that began at a UTC, ns since 1970."""
     return Emission(
@@ -155,6 +160,7 @@ def emission(
         bytes=frame_bytes,
         destination=destination,
         outcome=outcome,
+        utc_in_doubt=utc_in_doubt,
     )
 
 

@@ -25,7 +25,7 @@ from functools import partial
 from typing import Final, TypeAlias, TypeVar
 
 from zacoustic.alarm import Alarm
-from zacoustic.core.clock import NS_PER_S, Clock, seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
 from zacoustic.core.journal import JournalWrite
@@ -37,6 +37,7 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
+from zacoustic.hostclock import AskClock, error_asked
 from zacoustic.inbox import Inbox
 from zacoustic.journal import Journal
 from zacoustic.journal.thread import NO_WRITE, JournalThread
@@ -75,7 +76,8 @@ class LinkRunner:
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
         wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
-        clock_error_s: How wrong that may be, s.
+        clock_error_s: How wrong that may be, s, where `ask_clock` tells nothing.
+        ask_clock: Asks how wrong that may be.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
 
@@ -90,6 +92,7 @@ class LinkRunner:
         journal: Journal | None = None,
         wall_clock: Clock | None = None,
         clock_error_s: float = 0.0,
+        ask_clock: AskClock | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
         self.engine = engine
@@ -118,7 +121,7 @@ class LinkRunner:
         self._closed = asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
         self._wall_clock = wall_clock
-        self._clock_error_ns = seconds_to_ns(clock_error_s)
+        self._clock_error = error_asked(ask_clock, clock_error_s)
         self._offset_ns = 0
         self._clock_told_at: int | None = None
         self._permit_log = permit_log
@@ -306,14 +309,11 @@ class LinkRunner:
         if self._wall_clock is None:
             return
         now = self._instant()
-        self._offset_ns, before = self._wall_clock() - self._clock(), self._offset_ns
-        told_at = self._clock_told_at
+        offset_ns, told_at = self._wall_clock() - self._clock(), self._clock_told_at
         is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
-        if is_old or abs(self._offset_ns - before) > _CLOCK_JITTER_NS:
-            self._clock_told_at = now
-            self.engine.handle_clock(self._offset_ns, self._clock_error_ns, now)
-        else:
-            self._offset_ns = before
+        if is_old or abs(offset_ns - self._offset_ns) > _CLOCK_JITTER_NS:
+            self._offset_ns, self._clock_told_at = offset_ns, now
+            self.engine.handle_clock(offset_ns, self._clock_error(), now)
 
     def _log_emission(self, sent: Transmission | None, report: TransmitReport) -> None:
         if self._permit_log is not None and sent is not None and self._wall_clock is not None:

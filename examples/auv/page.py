@@ -163,8 +163,8 @@ class Page:
             self._values = ui.html(sanitize=False).mark("values")
 
     def _hands(self) -> None:
-        with ui.element("div").classes("hands za-live"):
-            with ui.element("div").classes("panel"):
+        with ui.element("div").classes("hands"):
+            with ui.element("div").classes("panel za-live"):
                 with ui.element("div").classes("strip"):
                     ui.label("By hand").classes("caption")
                     self._hint = ui.label().classes("hint")
@@ -173,7 +173,7 @@ class Page:
                 ui.html(look.KEYS_HINT, sanitize=False).classes("keys")
             with ui.element("div").classes("panel"):
                 self._missions()
-            with ui.element("div").classes("panel orders"):
+            with ui.element("div").classes("panel orders za-live"):
                 ui.label("Orders").classes("caption")
                 self._orders = ui.html(sanitize=False).mark("orders")
 
@@ -228,18 +228,18 @@ class Page:
         desk = self._desk
         ui.label("Mission; a click on the map fills in north and east").classes("caption")
         self._why = ui.label().classes("why").mark("why")
-        with ui.element("div").classes("fields"):
+        with ui.element("div").classes("fields za-live"):
             self._depth = _field("depth m", 10, 0, 70)
             self._speed = _field("speed m/s", 1.5, 0, 2.2)
             self._heading = _field("heading °", 90, 0, 360)
             self._north = _field("north m", 60, -2000, 2000)
             self._east = _field("east m", 160, -2000, 2000)
-        with ui.element("div").classes("strip").style("margin-top: 8px"):
+        with ui.element("div").classes("strip za-live").style("margin-top: 8px"):
             self._button("arm", lambda: desk.arm(True))
             self._button("disarm", lambda: desk.arm(False))
             self._button("by hand", desk.by_hand)
             self._button("photo", desk.photo)
-        with ui.element("div").classes("strip").style("margin-top: 6px"):
+        with ui.element("div").classes("strip za-live").style("margin-top: 6px"):
             self._button("hold", self._hold)
             self._button("go to", self._goto)
             self._button("cancel", desk.cancel_goal)

@@ -338,7 +338,7 @@ def _reports(desk: Desk) -> tuple[int, int]:
     until_s = now_s - desk.watch.way_s - NAV_PERIOD_S
     since_s = max(until_s - REPORTS_WINDOW_S, track[0][0] if track else until_s)
     came = sum(1 for made_at_s, _ in track if since_s < made_at_s <= until_s)
-    due = round((until_s - since_s) / NAV_PERIOD_S)
+    due = max(0, round((until_s - since_s) / NAV_PERIOD_S))
     return min(came, due), due
 
 

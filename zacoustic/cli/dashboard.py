@@ -33,6 +33,12 @@ class DashboardCommand(Command):
             help="where the page is; port 0: any that is free (default: %(default)s)",
         )  # fmt: skip
 
+        parser.add_argument(
+            "--name", action="append", default=[], metavar="HOST",
+            help="answer to browsers that find it under this name as well; addresses and this "
+            "computer's own name are always good; may be given again",
+        )  # fmt: skip
+
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until Ctrl-C.
 
@@ -60,4 +66,4 @@ def _serve(arguments: argparse.Namespace) -> None:
     where = ", ".join(arguments.connect or [arguments.config or "this network"])
     url = f"http://{place_name(host, port)}"
     print_line({"url": url}, f"page      {url}", as_json=arguments.json)
-    serve(Lookout(make, where, arguments.node), host, port)
+    serve(Lookout(make, where, arguments.node), host, port, arguments.name)

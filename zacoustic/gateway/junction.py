@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 import logging
 import random
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
@@ -27,6 +26,7 @@ from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dates import Dates
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.framefeed import FrameFeed
@@ -42,6 +42,7 @@ from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
+from zacoustic.hostclock import HostClock
 from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.queries import QueryDesk
 from zacoustic.island.session import Island
@@ -82,6 +83,7 @@ class Junction:
         about: What a monitor is told of it that does not change.
         notify: Told what people want to know.
         clock: Where instants come from.
+        host: The clock of this computer.
         make_engine: Makes the engine.
     """
 
@@ -101,6 +103,7 @@ class Junction:
         about: Mapping[str, object],
         notify: Notify,
         clock: Clock,
+        host: HostClock,
         make_engine: MakeEngine = Engine,
     ) -> None:
         self.failure: Exception | None = None
@@ -123,7 +126,7 @@ class Junction:
                 table=table,
                 epoch=epoch,
                 rng=random.Random(seed),
-                stored=stored,
+                stored=host.named(stored),
                 rules=rules,
                 trace=self._trace,
             )
@@ -135,11 +138,13 @@ class Junction:
             renew=renew,
             clock=clock,
             journal=journal,
-            wall_clock=time.time_ns,
+            wall_clock=host.utc_ns,
             clock_error_s=rules.clock_error_s,
+            ask_clock=host.ask,
             permit_log=permit_log,
         )
-        self._chronicle = Chronicle()
+        dates = Dates(clock, host.utc_ns)
+        self._chronicle = Chronicle(dates.unix_s)
         self._complaints = Complaints(clock, tell=self._chronicle.complain)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
@@ -149,7 +154,7 @@ class Junction:
             self.siblings,
             self._complaints,
             self._dialects,
-            KeptSamples(self.runner.keep, clock=clock, wall_clock=time.time_ns),
+            KeptSamples(self.runner.keep, clock=clock, wall_clock=host.utc_ns),
             clock=clock,
             ring=ring,
         )
@@ -191,9 +196,12 @@ class Junction:
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
+            dates=dates,
             clock=clock,
         )
-        self._orders = OrderDesk(table, self.runner, self.siblings, clock=clock)
+        self._orders = OrderDesk(
+            table, self.runner, self.siblings, clock=clock, wall_clock=host.utc_ns
+        )
         self._pings = PingDesk(self.runner, self.siblings, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
     EngineRestarted,
@@ -49,6 +50,7 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | ClockStateChanged
     | EngineRestarted
     | PeerSeen
     | PeerLost

@@ -33,6 +33,7 @@ from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
+from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal, JournalState
 from zacoustic.link import Link
 from zacoustic.node.carrier import (
@@ -96,7 +97,7 @@ class LinkCarrier:
         self._report = report
         self._fail = fail
         self._recording = recording
-        make = Engine if recording is None else recording.make
+        host, make = HostClock(), Engine if recording is None else recording.make
 
         def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
             return make(
@@ -104,7 +105,7 @@ class LinkCarrier:
                 table=table,
                 epoch=epoch,
                 rng=random.Random(random.SystemRandom().getrandbits(64)),
-                stored=stored,
+                stored=host.named(stored),
                 rules=rules,
                 trace=None,
             )
@@ -115,8 +116,9 @@ class LinkCarrier:
             self._deliver,
             renew=renew,
             journal=journal,
-            wall_clock=time.time_ns,
+            wall_clock=host.utc_ns,
             clock_error_s=rules.clock_error_s,
+            ask_clock=host.ask,
             permit_log=permit_log,
         )
         self._thread = threading.get_ident()
@@ -403,9 +405,8 @@ class LinkCarrier:
     def _fail_range(self, event: RangeFailed) -> None:
         error = range_error(event)
         if event.range_id is None:
-            _logger.warning(
-                "node %d: ranging is not possible: %s", self._runner.engine.address, error
-            )
+            node = self._runner.engine.address
+            _logger.warning("node %d: ranging is not possible: %s", node, error)
             return
         answer = self._ranges.pop(event.range_id, None)
         if answer is not None and not answer.done():

@@ -12,18 +12,14 @@ screen on the bridge run for days, and what they say on standard error is read:
 """
 
 import signal
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Collection
 from types import FrameType
 from typing import Any, Final
 
 from nicegui import app, ui
 
 from zacoustic.tools.truth import SCRIPT, STYLE, Alarm, beat_html
-
-_Message = MutableMapping[str, Any]
-_Receive = Callable[[], Awaitable[_Message]]
-_Send = Callable[[_Message], Awaitable[None]]
-_Application = Callable[[_Message, _Receive, _Send], Awaitable[None]]
+from zacoustic.tools.visitors import Gatekeeper, Visitors, own_names
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -35,6 +31,7 @@ def serve_page(
     port: int,
     start: Callable[[], Awaitable[None]],
     stop: Callable[[], Awaitable[None]],
+    names: Collection[str] = (),
     **look: Any,  # noqa: ANN401 (of NiceGUI)
 ) -> None:
     """Serve a page until SIGINT or SIGTERM.
@@ -45,6 +42,7 @@ def serve_page(
         port: Where it listens.
         start: Is awaited on the loop before anybody is served.
         stop: Is awaited on the loop when nobody is any more.
+        names: Names under which browsers find it, besides this computer's own (`visitors`).
         look: What else `ui.run` takes.
     """
 
@@ -53,7 +51,7 @@ def serve_page(
             signal.signal(number, _interrupted)
         stack = app.middleware_stack
         assert stack is not None
-        app.middleware_stack = Visitors(stack)
+        app.middleware_stack = Gatekeeper(Visitors(stack), own_names(host, *names))
         await start()
 
     app.on_startup(begin)
@@ -95,41 +93,6 @@ class Banner:
         """
         self._number += 1
         self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
-
-
-class Visitors:
-    """Around an application of ASGI: those who leave before they are answered are let go.
-
-    Args:
-        application: Answers.
-    """
-
-    def __init__(self, application: _Application) -> None:
-        self._application = application
-
-    async def __call__(self, scope: _Message, receive: _Receive, send: _Send) -> None:
-        """Answer one request.
-
-        What goes wrong in the answer shows itself with those who stay for it.
-        """
-        has_left = has_begun = False
-
-        async def hear() -> _Message:
-            nonlocal has_left
-            message = await receive()
-            has_left = has_left or message["type"] == "http.disconnect"
-            return message
-
-        async def say(message: _Message) -> None:
-            nonlocal has_begun
-            has_begun = True
-            await send(message)
-
-        try:
-            await self._application(scope, hear, say)
-        except Exception:
-            if has_begun or not has_left:
-                raise
 
 
 def _interrupted(number: int, _: FrameType | None) -> None:

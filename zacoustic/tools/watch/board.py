@@ -58,13 +58,15 @@ class Board:
     """Documents in, views out.
 
     Args:
-        unix_s: The clock of people here, s.
+        unix_s: The clock of people here, s; None: this computer's, as it was at first and goes on
+            from there, so that ages never jump.
     """
 
-    def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, unix_s: Callable[[], float] | None = None) -> None:
         self.unreadable = 0
         """Documents that were none."""
-        self._unix_s = unix_s
+        began_s = time.time() - time.monotonic()
+        self._unix_s = unix_s or (lambda: began_s + time.monotonic())
         self._boards: dict[int, _GatewayBoard] = {}
 
     def take(self, key: str, payload: bytes) -> None:
@@ -163,6 +165,7 @@ class _GatewayBoard:
             link_state=link.state,
             link_detail=link.detail,
             is_silent=link.silent,
+            why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
             bit_rate_bps=capabilities.bit_rate_bps if capabilities else None,
             battery_v=modem.battery_v,

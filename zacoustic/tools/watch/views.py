@@ -174,6 +174,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """What it waits for."""
     is_silent: bool
     """Silence is kept."""
+    why_silent: str = ""
+    """Why, one line."""
     mtu_bytes: int | None
     """Largest frame, bytes."""
     bit_rate_bps: float | None

@@ -13,6 +13,7 @@ LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
 OLD_S: Final = 120.0
 """A node that was not heard for longer than this is worth a colour, s."""
 
+_SILENT: Final = "SILENT by order or by a quiet window"
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
 _DAY_S: Final = 86_400
@@ -81,7 +82,7 @@ def state_words(view: GatewayView) -> str:
     if view.link_detail:
         words.append(view.link_detail)
     if view.is_silent:
-        words.append("SILENT by order or by a quiet window")
+        words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
     return ", ".join(words)
