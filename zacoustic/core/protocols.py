@@ -106,6 +106,7 @@ class Protocols:
             journal=journal,
             doubt=doubt,
             rng=rng,
+            stats=stats,
             emit=emit,
         )
         self.receiving = ReliableReceiving(

@@ -5,8 +5,8 @@ class Reception:
     """What one receiver is known to have of a lane."""
 
     __slots__ = (
-        "anew", "contradicted_at", "expected", "in_sync", "is_told", "lineage", "settled_at",
-        "skips_to",
+        "anew", "contradicted_at", "expected", "in_sync", "is_told", "late_ns", "lineage",
+        "settled_at", "skips_to",
     )  # fmt: skip
 
     def __init__(self, expected: int) -> None:
@@ -25,5 +25,7 @@ class Reception:
         """Instant at which it acknowledged what cannot be, and was asked a second time, ns."""
         self.anew = 0
         """How often its count was begun anew for that."""
+        self.late_ns: int | None = None
+        """How long the last round trip took at least, if the next ACK says the same again, ns."""
         self.settled_at: int | None = None
         """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""

@@ -64,8 +64,9 @@ class Outgoing:
     """
 
     __slots__ = (
-        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "follows", "held", "marked",
-        "number", "order", "sent_at", "stage", "tries", "unknown", "waiting",
+        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "first_order", "follows",
+        "held", "marked", "number", "order", "sent_at", "sent_before_at", "stage", "tries",
+        "unknown", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -91,7 +92,12 @@ class Outgoing:
         self.tries = 0
         self.order = 0
         """Counts transmissions of the node: what was sent after what."""
+        self.first_order = 0
+        """The same of its first transmission."""
         self.sent_at = 0
+        """End of its last transmission, ns."""
+        self.sent_before_at = 0
+        """End of the one before that, ns."""
         self.due_at = 0
 
 
@@ -345,6 +351,7 @@ class SendLane:
             is_off_beat = bool(sample.tries) and not sample.marked
             if sample.waiting.sync or is_off_beat or self._has_large:
                 self.rhythm.end()
+        sample.first_order = sample.first_order or sample.order
         sample.tries += 1
         sample.asked = False
 
