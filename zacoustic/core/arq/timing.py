@@ -228,7 +228,10 @@ class PeerTiming:
         """
         round_trip_ns = self._round_trip_ns(times, rank)
         factor = self._factor(priority)
-        pause_ns = round(round_trip_ns * factor)
+        # A round trip that took long once is no reason to be silent for hours.
+        rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
+        pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
+        pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
         range_ns = least_range_ns = self._least_range_ns(times, frames)
         if factor > 1:
             range_ns = max(range_ns, pause_ns // 2)
