@@ -1,6 +1,7 @@
 """The parts of the demo that need no water: lanes, logbook, verdict, views, files, processes."""
 
 import asyncio
+import io
 import json
 import sys
 from pathlib import Path
@@ -192,12 +193,13 @@ def test_views_write_a_line_for_each_note_and_the_summary_last(
         assert lines[-1] == "not everything crossed"
 
 
-def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook, tmp_path: Path) -> None:
+def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook) -> None:
     rich_console = pytest.importorskip("rich.console")
     from zacoustic.tools.demo.live import LiveView
 
     console = rich_console.Console(width=120, height=40, force_terminal=True, record=True)
-    view = LiveView(console=console, screenshot=tmp_path / "demo.svg", title="the title")
+    drawn = io.BytesIO()
+    view = LiveView(console=console, screenshot=drawn, title="the title")
     view.begin(logbook)
     everything(logbook)
     view.tick()
@@ -206,7 +208,7 @@ def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook, tmp_path: P
     shown = console.export_text()
     for part in ("the title", "in the water now", "auv1/nav", "everything crossed"):
         assert part in shown
-    picture = (tmp_path / "demo.svg").read_text(encoding="utf-8")
+    picture = drawn.getvalue().decode()
     assert picture.startswith("<svg")
     assert "url(http" not in picture.replace('"', "")
 

@@ -1,9 +1,9 @@
 """Arguments that several verbs share, each said in one place."""
 
 import argparse
-import math
 from typing import Final
 
+from zacoustic.core.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
 from zacoustic.errors import ConfigError
 
 DEFAULT_WINDOW_S: Final = 10.0
@@ -87,8 +87,8 @@ def window_of(arguments: argparse.Namespace) -> float:
         ConfigError: It is none.
     """
     window_s: float = arguments.window
-    if not 0 < window_s < math.inf:
-        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+    if not is_duration(window_s):
+        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0, {DURATIONS}")
     return window_s
 
 
@@ -105,5 +105,6 @@ def check_positive(arguments: argparse.Namespace, *names: str) -> None:
     """
     for name in names:
         value = getattr(arguments, name)
-        if value is not None and not 0 < value < math.inf:
-            raise ConfigError(f"--{name} {value}; allowed: above 0")
+        if value is not None and not SHORTEST_S <= value <= LONGEST_S:
+            limits = f"{SHORTEST_S:g}..{LONGEST_S:g}"
+            raise ConfigError(f"--{name} {value}; allowed: above 0, {limits}")

@@ -19,12 +19,13 @@ class CheckCommand(Command):
         add_profile(parser, " of the airtimes")
         add_json(parser)
         parser.epilog = (
-            "fails when the file is valid and its link cannot be used on this computer\n\n"
+            "fails when the file is valid, and its link cannot be used on this computer, or\n"
+            "something in it can never cross\n\n"
             "example:\n  zacoustic check fleet.json5 --address 2"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the report; fails when a link cannot be used here.
+        """Print the report; fails when a link cannot be used here, or something never crosses.
 
         Raises:
             ConfigError: The file or an argument is wrong.
@@ -41,4 +42,4 @@ class CheckCommand(Command):
         unusable = [link for link in report.links if link.error]
         for link in unusable:
             print_note(f"zacoustic check: {arguments.file}: {link.error}")
-        return EXIT_FAILED if unusable else EXIT_OK
+        return EXIT_FAILED if unusable or report.misfits else EXIT_OK

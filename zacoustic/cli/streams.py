@@ -47,7 +47,7 @@ def flush_output() -> str:
         return UNREAD
     except (OSError, ValueError) as error:
         silence_output()
-        return f"standard output: {getattr(error, 'strerror', None) or error}"
+        return str(getattr(error, "strerror", None) or error)
     return ""
 
 

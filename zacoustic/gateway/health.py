@@ -179,7 +179,9 @@ class Health:
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
         asked = held.query.key_expr
-        documents = {**self._encoded(), **self._clock_document()}
+        # Whoever watches asks for the clock every second, to know that this gateway lives.
+        is_pulse = str(asked).endswith("/clock")
+        documents = {**({} if is_pulse else self._encoded()), **self._clock_document()}
         held.answer(
             [
                 Answer(key=key, payload=payload, encoding=JSON)
@@ -298,6 +300,7 @@ class Health:
         self, address: int, confirmed: dict[int, bool], heard_at_unix_s: float | None
     ) -> dict[str, object]:
         seen = self._seen.get(address)
+        round_trip_ns = self._engine.stats.round_trips_ns.get(address)
         return {
             "name": self._engine.table.nodes.get(address, ""),
             "epoch": seen.epoch if seen else None,
@@ -306,6 +309,7 @@ class Health:
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": heard_at_unix_s,
             **self._traffic.of_peer(address),
+            "round_trip_s": ns_to_seconds(round_trip_ns) if round_trip_ns else None,
             "metrics": self._engine.measurements.metrics(address),
         }
 

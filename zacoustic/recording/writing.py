@@ -229,7 +229,13 @@ def _open(path: Path) -> "tuple[IO[bytes], Writer]":
 
 
 def _free_name(path: Path) -> Path:
-    """Return the path, or one with the time in its name where that is taken."""
+    """Return the path, or one with the time in its name where that is taken.
+
+    Raises:
+        ConfigError: It is a folder.
+    """
+    if path.is_dir():
+        raise ConfigError(f"recording {path} is a folder; allowed: a file in it")
     if not path.exists():
         return path
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S}Z"

@@ -55,6 +55,9 @@ def _paragraphs(report: Report) -> Iterator[str]:
     if report.types:
         yield ""
         yield align(_TYPES, [_type_cells(row) for row in report.types], right=_RIGHT)
+    if report.misfits:
+        yield ""
+        yield from (f"fails: {misfit}" for misfit in report.misfits)
     if report.notes:
         yield ""
         yield from (one_line(f"note: {note}") for note in report.notes)

@@ -7,8 +7,7 @@ import io
 import re
 import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from rich import box
 from rich.console import Console, Group, RenderableType
@@ -38,12 +37,12 @@ class LiveView(View):
 
     Args:
         console: Where to; a new one on standard output unless given.
-        screenshot: Where to save a picture of it as SVG, or None.
+        screenshot: Takes a picture of it as SVG, or None.
         title: What stands above it.
     """
 
     def __init__(
-        self, *, console: Console | None = None, screenshot: Path | None = None, title: str
+        self, *, console: Console | None = None, screenshot: IO[bytes] | None = None, title: str
     ) -> None:
         self._console = console or Console()
         self._screenshot = screenshot
@@ -85,7 +84,7 @@ class LiveView(View):
             paper.print(self._picture_with_sound or self._picture())
             paper.print(closing)
             drawn = _FONT.sub("", paper.export_svg(title="make demo"))
-            self._screenshot.write_text(drawn, encoding="utf-8", newline="\n")
+            self._screenshot.write(drawn.encode())
 
     def _picture(self) -> RenderableType:
         assert self._logbook is not None
