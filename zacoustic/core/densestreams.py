@@ -148,11 +148,16 @@ class DenseStreams:
         A node that subscribes to nothing of what may be in them is not waited for, and would take
         one reference for another.
         """
-        return destination != BROADCAST or any(
-            source in self._demand.wanted(stream.stream_id)
-            if stream.is_on_demand
-            else stream.may_subscribe(self._address)
-            for stream in self._streams_of(source)
+        streams = self._streams_of(source)
+        return (
+            destination != BROADCAST
+            or not streams
+            or any(
+                source in self._demand.wanted(stream.stream_id)
+                if stream.is_on_demand
+                else stream.may_subscribe(self._address)
+                for stream in streams
+            )
         )
 
     def receive(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
