@@ -42,6 +42,9 @@ LEAST_CUT_PIECES: Final = 4
 """So many packets that hold less than a frame are more than an accident."""
 LEAST_CUT_SHARE: Final = 0.1
 """And that share of all."""
+ANSWER_FRAMES: Final = 2
+"""In so many frames' time a sample is usually answered, besides the latency both ways: its receiver
+waits for a further one, and then the answer takes its own."""
 DELIMITER: Final = b"\0"
 """What the core puts before and behind each frame."""
 SUSPECT_FRAMES: Final = 20
@@ -192,7 +195,35 @@ class DesertLink(Link):
         ]
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """See whether frames come in pieces."""
+        """See whether frames come in pieces, and answers much later than the settings say."""
+        return [*self._assess_pieces(health), *self._assess_answers(health)]
+
+    def _assess_answers(self, health: Mapping[str, Any]) -> list[Finding]:
+        measured_s = {
+            address: row["round_trip_s"]
+            for address, row in health.get("peers", {}).items()
+            if row.get("round_trip_s") is not None
+        }
+        if not measured_s:
+            return []
+        frame_s = ns_to_seconds(self.capabilities.airtime_ns(self.capabilities.mtu_bytes))
+        expected_s = 2 * self._config.latency_s + ANSWER_FRAMES * frame_s
+        # All are behind this end of DESERT: the promptest of them shows how it is.
+        address, least_s = min(measured_s.items(), key=lambda each: each[1])
+        if least_s <= expected_s:
+            return []
+        return [
+            Finding(
+                what=f"DESERT is slower than the link is told: node {address} answers after "
+                f"{least_s:.1f} s; by the settings, {expected_s:.1f} s at the most",
+                why="frames wait in DESERT, more and more of them, and what is in them comes late",
+                cure="period_s in the locators of both ends as period_ in DESERT's script (it is "
+                f"{self._config.period_s:g} here; DESERT's own default is 10), or a smaller "
+                "period_ there; or publish less",
+            )
+        ]
+
+    def _assess_pieces(self, health: Mapping[str, Any]) -> list[Finding]:
         readings = health.get("link", {}).get("diagnostics", {})
         pieces, cut = readings.get("pieces", 0), readings.get("pieces_cut", 0)
         if cut < LEAST_CUT_PIECES or cut < pieces * LEAST_CUT_SHARE:

@@ -302,3 +302,22 @@ def test_what_is_typical_comes_from_the_model(
     assert main(["check", str(write(tmp_path, section)), "--json"]) == 0
     rows = {row["stream_id"]: row for row in json.loads(capsys.readouterr().out)["streams"]}
     assert rows[30]["bits"]["typical"] == 12.5
+
+
+BLOB = {"name": "Blob", "fields": [{"name": "b", "type": "uint8", "length": 400}]}
+
+
+def test_what_can_never_cross_fails_and_says_what_makes_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream: dict[str, Any] = {"id": 12, "topic": "map", "type": "Blob", "publishers": [2]}
+    section = SECTION | {"types": [*SECTION["types"], BLOB], "streams": [stream]}
+    assert main(["check", str(write(tmp_path, section))]) == 1
+    told = capsys.readouterr().out
+    assert "fails: stream 12 (map), topic: even its smallest record" in told
+    assert 'it never crosses (reliability: "reliable" in its stream: then it crosses in parts)' in (
+        told
+    )
+    section = section | {"streams": [stream | {"reliability": "reliable"}]}
+    assert main(["check", str(write(tmp_path, section))]) == 0
+    assert "fails:" not in capsys.readouterr().out

@@ -3,13 +3,8 @@
 import argparse
 import asyncio
 
-from zacoustic.cli.arguments import (
-    add_json,
-    add_load,
-    add_node_file,
-    check_positive,
-    print_result,
-)
+from zacoustic.cli.arguments import add_json, add_load, add_node_file, check_positive
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 

@@ -3,7 +3,8 @@
 import argparse
 import math
 
-from zacoustic.cli.arguments import add_json, add_load, print_result
+from zacoustic.cli.arguments import add_json, add_load
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 

@@ -3,19 +3,13 @@
 import argparse
 import asyncio
 import contextlib
-import sys
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.cli.arguments import (
-    OBJECT_PER_LINE,
-    add_connect,
-    add_json,
-    check_positive,
-    print_line,
-)
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_connect, add_json, check_positive
+from zacoustic.cli.printing import print_line, print_note
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
@@ -106,7 +100,7 @@ async def _publish(arguments: argparse.Namespace) -> int:
         except TimeoutError:
             what = "arrived" if arguments.wait else "sent"
             text = f"not {what} within {arguments.timeout:g} s"
-            print(f"zacoustic pub: {text}", file=sys.stderr)
+            print_note(f"zacoustic pub: {text}")
             return EXIT_TIMED_OUT
     if end is None:
         return EXIT_OK

@@ -101,6 +101,7 @@ class Protocols:
             demand=self.demand,
             journal=journal,
             rng=rng,
+            stats=stats,
             emit=emit,
         )
         self.receiving = ReliableReceiving(

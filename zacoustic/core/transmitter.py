@@ -4,6 +4,7 @@ import random
 
 from zacoustic.core.access import Wanted
 from zacoustic.core.airtime import AirtimeCaps
+from zacoustic.core.hosttime import HostTime
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
 from zacoustic.core.measurements import Measurements
 from zacoustic.core.port import LinkPort
@@ -24,6 +25,7 @@ class Transmitter:
         address: Address of the node.
         protocols: What it has to say.
         silence: When it must not.
+        host: What is known of UTC.
         rules: What the config says of transmitting.
         stats: Counts.
         rng: For the back-off of the medium access.
@@ -35,6 +37,7 @@ class Transmitter:
         address: int,
         protocols: Protocols,
         silence: Silence,
+        host: HostTime,
         rules: TransmitRules,
         stats: EngineStats,
         rng: random.Random,
@@ -53,7 +56,8 @@ class Transmitter:
         self._stats = stats
         self._rng = rng
         self._measurements = measurements
-        self._clock: tuple[int, int] | None = None
+        self._host = host
+        self._offset_ns: int | None = None
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
@@ -67,15 +71,20 @@ class Transmitter:
             measurements=self._measurements,
         )
         self.port = port
-        if self._clock is not None:
-            port.access.handle_clock(*self._clock, now)
+        self._tell_access(port, now)
         self._protocols.use_link(port, now)
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """The host tells what its clock says; see `Engine.handle_clock`."""
-        self._clock = (offset_ns, error_ns)
+        self._offset_ns = offset_ns
         if self.port is not None:
             self.port.access.handle_clock(offset_ns, error_ns, now)
+
+    def clock_doubt(self, now: int) -> str:
+        """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
+        if self.port is None:
+            return self._silence.clock_doubt
+        return self._silence.clock_doubt or self.port.access.clock_doubt(now)
 
     def make(self, now: int) -> tuple[Transmission, tuple[int, ...]] | None:
         """Make the transmission that is worth most now, if one may begin.
@@ -136,6 +145,14 @@ class Transmitter:
         return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
+
+    def _tell_access(self, port: LinkPort, now: int) -> None:
+        """Tell a new policy what is known of UTC, and what the host says if that is nothing."""
+        known = self._host.time
+        if known.offset_ns is not None:
+            port.access.handle_clock(known.offset_ns, known.error_at(now), now)
+        elif self._offset_ns is not None:
+            port.access.handle_clock(self._offset_ns, None, now)
 
     def _transmit_at(self, now: int) -> int | None:
         """Return when a frame of what waits goes."""

@@ -6,9 +6,11 @@ from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     JournalStateChanged,
     LinkStateChanged,
@@ -31,6 +33,8 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
+    ClockChanged,
+    EngineLost,
     EntityHeard,
     JournalChanged,
     LinkChanged,
@@ -118,7 +122,11 @@ class Exchange:
                 self._notify(LinkChanged(state=event.state.value))
             case SilenceChanged():
                 state = self._orders.silence(event)
-                self._notify(SilenceKept(silent=state.silent, until_utc=state.until_utc or ""))
+                self._notify(
+                    SilenceKept(
+                        silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt
+                    )
+                )
             case StreamTuned():
                 self._notify(
                     TopicTuned(
@@ -130,8 +138,12 @@ class Exchange:
                         ordered_by=event.ordered_by,
                     )
                 )
+            case EngineRestarted():
+                self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
+            case ClockStateChanged():
+                self._notify(ClockChanged(doubt=event.doubt))
             case PeerSeen():
                 self._health.note_peer(event)
                 self._notify(

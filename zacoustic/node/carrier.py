@@ -12,8 +12,10 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
+    EngineRestarted,
     JournalStateChanged,
     LinkStateChanged,
     PeerFound,
@@ -48,6 +50,8 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | ClockStateChanged
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound
@@ -152,6 +156,10 @@ class Carrier(Protocol):
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; only where `can_declare`."""
+        ...
+
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
         ...
 
     def ledger(self) -> list[LedgerEntry]:

@@ -12,16 +12,14 @@ screen on the bridge run for days, and what they say on standard error is read:
 """
 
 import signal
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Collection
 from types import FrameType
 from typing import Any, Final
 
 from nicegui import app, ui
 
-_Message = MutableMapping[str, Any]
-_Receive = Callable[[], Awaitable[_Message]]
-_Send = Callable[[_Message], Awaitable[None]]
-_Application = Callable[[_Message, _Receive, _Send], Awaitable[None]]
+from zacoustic.tools.truth import SCRIPT, STYLE, Alarm, beat_html
+from zacoustic.tools.visitors import Gatekeeper, Visitors, own_names
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -33,6 +31,7 @@ def serve_page(
     port: int,
     start: Callable[[], Awaitable[None]],
     stop: Callable[[], Awaitable[None]],
+    names: Collection[str] = (),
     **look: Any,  # noqa: ANN401 (of NiceGUI)
 ) -> None:
     """Serve a page until SIGINT or SIGTERM.
@@ -43,6 +42,7 @@ def serve_page(
         port: Where it listens.
         start: Is awaited on the loop before anybody is served.
         stop: Is awaited on the loop when nobody is any more.
+        names: Names under which browsers find it, besides this computer's own (`visitors`).
         look: What else `ui.run` takes.
     """
 
@@ -51,7 +51,7 @@ def serve_page(
             signal.signal(number, _interrupted)
         stack = app.middleware_stack
         assert stack is not None
-        app.middleware_stack = Visitors(stack)
+        app.middleware_stack = Gatekeeper(Visitors(stack), own_names(host, *names))
         await start()
 
     app.on_startup(begin)
@@ -70,39 +70,29 @@ def serve_page(
         signal.signal(number, signal.SIG_IGN)
 
 
-class Visitors:
-    """Around an application of ASGI: those who leave before they are answered are let go.
+class Banner:
+    """The banner of one page, in which it says what is dead (`truth`); made with the page.
 
     Args:
-        application: Answers.
+        what: Begins it when the page's server is gone.
     """
 
-    def __init__(self, application: _Application) -> None:
-        self._application = application
+    def __init__(self, what: str) -> None:
+        ui.add_css(STYLE)
+        ui.add_body_html(f"<script>{SCRIPT}</script>")
+        self._what = what
+        self._number = 0
+        self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
-    async def __call__(self, scope: _Message, receive: _Receive, send: _Send) -> None:
-        """Answer one request.
+    def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
+        """Say that the server lives; at least every second.
 
-        What goes wrong in the answer shows itself with those who stay for it.
+        Args:
+            alarm: What it knows to be dead; None: nothing.
+            taken: Number of the last order of this page that was taken.
         """
-        has_left = has_begun = False
-
-        async def hear() -> _Message:
-            nonlocal has_left
-            message = await receive()
-            has_left = has_left or message["type"] == "http.disconnect"
-            return message
-
-        async def say(message: _Message) -> None:
-            nonlocal has_begun
-            has_begun = True
-            await send(message)
-
-        try:
-            await self._application(scope, hear, say)
-        except Exception:
-            if has_begun or not has_left:
-                raise
+        self._number += 1
+        self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
 
 
 def _interrupted(number: int, _: FrameType | None) -> None:

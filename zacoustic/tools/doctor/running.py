@@ -21,6 +21,14 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
             why="nothing crosses while it is",
             cure="what the link waits for is said there; the gateway goes on by itself then",
         )
+    why_silent = link.get("why_silent")
+    if why_silent:
+        yield Finding(
+            what=f"the running gateway transmits nothing: {why_silent}",
+            why="nothing of this node is heard while that holds",
+            cure="zacoustic resume ends what was ordered; a clock is set by chrony or another NTP "
+            "client, and the gateway notices it by itself",
+        )
     yield from _clash(config, health)
     yield from _tables(config, running)
     failure = _part(health, "journal").get("failure")
