@@ -112,6 +112,7 @@ class Voyage:
     def _publish(self, address: int, stream_id: int) -> None:
         rng = self._rng
         self._tickets += 1
+        value: dict[str, Any]
         if stream_id == NAV:
             if not self._is_still:
                 self._course[0] += rng.gauss(5e-6, 1e-6)
