@@ -12,6 +12,7 @@ class CheckCommand(Command):
 
     name = "check"
     summary = "validate a configuration and show bytes and airtime of every stream"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, address, modem profile and form of the output."""
