@@ -81,6 +81,9 @@ def alarm(desk: Desk) -> Alarm | None:
     link, down_at_s = desk.watch.documents.get("link"), desk.watch.down_at_s
     if link is not None and down_at_s is not None:
         return Alarm(f"NOT SENT: link {link['state']}", desk.now_s - down_at_s)
+    if link is not None and link.get("silent"):
+        why = link.get("why_silent") or "ordered, or a quiet window"
+        return Alarm(f"NOT SENT: silence is kept, {why}")
     return None
 
 

@@ -84,12 +84,10 @@ class ZenohShore(Carrier):
     def ask_gateway(self) -> None:
         """Ask whether the gateway lives; `LinkWatch.answered_at_s` tells what it has said."""
 
-        def answered(now_s: float) -> None:
-            self._watch.answered_at_s = now_s
-
         def hear(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
-                self._later(answered)
+                text = reply.ok.payload.to_string()
+                self._later(lambda now_s: self._watch.answered(text, now_s))
 
         handler = zenoh.handlers.Callback(hear, lambda: None)
         with contextlib.suppress(zenoh.ZError):  # no answer is one

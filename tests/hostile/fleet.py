@@ -21,6 +21,8 @@ ALARM: Final = 4
 """Real time, best effort."""
 VIEW: Final = 5
 """On demand, best effort."""
+BLOB: Final = 6
+"""Opaque and dense."""
 LOG: Final = 10
 """Reliable, journalled, of any size."""
 STOP: Final = 11
@@ -35,7 +37,7 @@ GOTO: Final = 30
 """An action of the first node."""
 
 SERVER: Final = 1
-BEST_EFFORT: Final = (RAW, NAV, SHAPE, ALARM, VIEW)
+BEST_EFFORT: Final = (RAW, NAV, SHAPE, ALARM, VIEW, BLOB)
 RELIABLE: Final = (LOG, STOP, LIGHT, DIARY)
 WITH_PARTS: Final = (SHAPE, LIGHT)
 ON_DEMAND: Final = (VIEW, DIARY)
@@ -43,7 +45,9 @@ PARTS: Final = ("bow", "stern")
 TICKETS: Final = 1 << 24
 """Each value carries a number below this, so that it is known again."""
 
-_IDS: Final = (RAW, NAV, SHAPE, ALARM, VIEW, LOG, STOP, LIGHT, DIARY, ARM, GOTO, 40, 41, 50, 175)
+_IDS: Final = (
+    RAW, NAV, SHAPE, ALARM, VIEW, BLOB, LOG, STOP, LIGHT, DIARY, ARM, GOTO, 40, 41, 50, 175,
+)  # fmt: skip
 _PART: Final = (Wildcard(name="part", values=PARTS),)
 
 
@@ -110,6 +114,12 @@ def _specs(server: int) -> list[StreamSpec]:
             stream_id=ALARM, name="{node}/alarm", qos=Qos(depth=4, priority=Priority.REAL_TIME)
         ),
         TopicSpec(stream_id=VIEW, name="{node}/view", qos=Qos(depth=4, forward=Forward.ON_DEMAND)),
+        TopicSpec(
+            stream_id=BLOB,
+            name="{node}/blob",
+            codec="dense",
+            qos=Qos(depth=8, linger_s=2.0),
+        ),
         TopicSpec(stream_id=LOG, name="{node}/log", qos=Qos(depth=100, reliability=reliable)),
         TopicSpec(
             stream_id=STOP,

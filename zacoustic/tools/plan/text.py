@@ -7,8 +7,8 @@ from zacoustic.tools.columns import align
 from zacoustic.tools.plan.report import NodePlan, PlanReport, StreamPlan
 
 _STREAMS = (
-    "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "expected", "worst",
-    "bound",
+    "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "refused", "expected",
+    "worst", "bound",
 )  # fmt: skip
 _NODES = ("node", "transmits", "energy/day")
 
@@ -50,6 +50,7 @@ def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
         f"{row.utilisation:.1%}",
         f"{row.share:.0%}",
         f"{row.went:.0%}",
+        f"{row.refused:.0%}" if row.refused else "",
         _seconds(row.expected_s),
         _seconds(row.worst_s),
         _seconds(row.bound_s),

@@ -14,8 +14,10 @@ table { border-collapse: collapse; } .wide { overflow-x: auto; }
 th, td { padding: .2em .7em; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #8884; }
 th.l, td.l { text-align: left; } td.bad { color: #b00; font-weight: bold; }
-svg { max-width: 100%; height: auto; background: #fff; } .note { color: #b00; }
-@media (prefers-color-scheme: dark) { body { background: #111; color: #ddd; } }
+svg { max-width: 100%; height: auto; } .note { color: #b00; }
+.verdict { font-weight: bold; margin: .2em 0; }
+@media (prefers-color-scheme: dark) { body { background: #111; color: #ddd; }
+  td.bad, .note { color: #ff6b6b; } }
 """
 
 
@@ -33,7 +35,9 @@ def as_page(figures: Figures, plots: Sequence[Plot], *, title: str) -> str:
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{name}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>{name}</h1><p>{html_text(head_of(figures))}</p>",
+        f"<h1>{name}</h1>",
+        *(f'<p class="verdict">{html_text(line)}</p>' for line in figures.verdict),
+        f"<p>{html_text(head_of(figures))}</p>",
         *(f'<p class="note">{html_text(note)}</p>' for note in figures.notes),
         *(_table(sheet) for sheet in sheets_of(figures)),
         *(f"<h2>{html_text(plot.title)}</h2>{plot.svg}" for plot in plots),

@@ -53,7 +53,7 @@ def sheets_of(figures: Figures) -> list[Sheet]:
 
 def as_text(figures: Figures) -> str:
     """Return everything as text."""
-    parts = [one_line(head_of(figures))]
+    parts = [*(one_line(line) for line in figures.verdict), one_line(head_of(figures))]
     for sheet in sheets_of(figures):
         right = sheet.header[sheet.left :]
         parts.append(f"\n{sheet.title}\n{align(sheet.header, sheet.rows, right=right)}")
@@ -74,6 +74,7 @@ def _streams(figures: Figures) -> Sheet:
                 each.name,
                 each.kind,
                 str(each.published),
+                str(each.thinned or ""),
                 whole,
                 share,
                 str(each.failed),
@@ -86,7 +87,8 @@ def _streams(figures: Figures) -> Sheet:
             )
         )
     header = (
-        "stream", "kind", "published", "arrived", "share", "failed", "refused", "50 %, s",
+        "stream", "kind", "published", "left out",
+        "arrived", "share", "failed", "refused", "50 %, s",
         "95 %, s", "worst, s", "age 50 %, s", "age 95 %, s", "bytes", "airtime, s", "ended as",
     )  # fmt: skip
     return Sheet("Streams: delivery and latency", header, rows, left=2)

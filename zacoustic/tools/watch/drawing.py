@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from typing import Final
 
 from zacoustic.safetext import html_text
+from zacoustic.tools.truth import age_html
 from zacoustic.tools.watch.history import SPAN_S, Point
 from zacoustic.tools.watch.views import CauseView, EventView, TransferView
 from zacoustic.tools.watch.words import share_words, time_words, transfer_words
@@ -31,7 +32,8 @@ STYLE: Final = """
 .za-h { font-size: .8rem; font-weight: 600; letter-spacing: .04em; text-transform: uppercase;
         opacity: .6; }
 .za .q-table th { font-weight: 600; opacity: .7; }
-.za .q-table td, .za .q-table th { padding: 2px 10px; height: 28px; }
+.za .q-table td, .za .q-table th { padding: 2px 6px; height: 28px; }
+.za .q-table td span { white-space: nowrap; }
 .za .warn { color: #c77700; font-weight: 600; }
 .za .bad { color: #d64545; font-weight: 600; }
 """
@@ -102,14 +104,24 @@ def transfer_bars(transfers: Sequence[TransferView]) -> str:
 
 
 def event_lines(events: Sequence[EventView]) -> str:
-    """Write the last events, the newest first."""
+    """Write the last events, the newest first; what was said several times is one line."""
     if not events:
         return '<div class="za-dim">none</div>'
-    rows = "".join(
-        f'<span class="t">{time_words(event.ago_s)} ago</span>'
-        f'<span class="{"bad" if event.is_trouble else ""}">{html_text(event.text)}</span>'
-        for event in events
-    )
+    times: dict[tuple[str, str], int] = {}
+    for event in events:
+        times[event.event, event.text] = times.get((event.event, event.text), 0) + 1
+    rows = ""
+    for event in events:
+        number = times.pop((event.event, event.text), 0)
+        if not number:  # it stands above already, where it was said last
+            continue
+        again = f" ({number} times)" if number > 1 else ""
+        ago = age_html(event.ago_s, time_words(event.ago_s), form="short")
+        rows += (
+            f'<span class="t">{ago} ago</span>'
+            f'<span class="{"bad" if event.is_trouble else ""}">'
+            f"{html_text(event.text)}{again}</span>"
+        )
     return f'<div class="za-events">{rows}</div>'
 
 
