@@ -19,6 +19,7 @@ from zacoustic.core.events import (
     JournalDoubted,
     JournalStateChanged,
     LinkStateChanged,
+    NothingHeard,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -53,6 +54,7 @@ NodeEvent = (
     | JournalStateChanged
     | JournalDoubted
     | ClockStateChanged
+    | NothingHeard
     | EngineRestarted
     | PeerSeen
     | PeerLost
