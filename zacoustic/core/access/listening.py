@@ -57,6 +57,7 @@ _REMEMBERED_PERIODS: Final = 16
 _LISTENED_PERIODS: Final = 2
 """For so many runs and pauses an announcement is awaited: at 40 % loss one comes in 84 of 100
 cases."""
+_GOLDEN_RATIO: Final = 0.618
 _MARGIN_NS: Final = NS_PER_S // 20
 """A frame is aimed at so much behind the beginning of a pause, and to end as much before its
 end."""
@@ -85,6 +86,8 @@ class Listening:
     """
 
     def __init__(self, capabilities: LinkCapabilities) -> None:
+        self.sends_full = False
+        """What waits fills frames, and announces a pause where one ends with the run."""
         self.exclusive = False
         """A transfer has the channel alone: no pauses."""
         largest_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
@@ -101,6 +104,8 @@ class Listening:
         longer_ns = short_ns if self._frames >= _LONG_RUN_FRAMES else 0
         self._patience_ns = largest_ns + longer_ns
         """How much longer than its pause a node listens when it is spoken to, at most, ns."""
+        self._detour_ns = 2 * seconds_to_ns(capabilities.propagation_s)
+        """So much earlier what arrives in a pause of one node may arrive at another one, ns."""
         self._latest_ns = self._patience_ns + gap_ns
         """How much later than it was to begin a run begins, and is still one of a rhythm, ns."""
         self._keeps_phase = self._frames >= _LONG_RUN_FRAMES
@@ -130,6 +135,8 @@ class Listening:
         """A run goes on until then, of a node whose pauses are not known, ns."""
         self._listens_since = 0
         """Since when it is listened to, ns."""
+        self._listened = 0
+        """How often that was in vain."""
         self._burst_at: int | None = None
         """Start of the first own frame of those that followed each other at once."""
 
@@ -221,6 +228,7 @@ class Listening:
         if not is_told and not self._continues(started_at):
             self._run_begun_at = started_at
         self._last_ended_at = self._listens_since = ended_at
+        self._listened += 1
         if self._ends_run:
             self._ends_run = False
             if not is_told:
@@ -236,8 +244,9 @@ class Listening:
             is_next = self._row_ends_at is not None and now <= self._row_ends_at
             if self._row_since is None or not (is_next or self._busy_since is not None):
                 self._row_since = now
-            elif now - self._row_since >= self._largest_ns:
-                self._heard_run(now + self._unit_ns + self.pause_ns, now)
+            is_run = now - self._row_since >= self._largest_ns
+            if is_run or now <= self._run_heard_until:
+                self._heard_run(now + self._unit_ns + self.pause_ns + self._latest_ns, now)
             self._busy_since = now
         elif self._busy_since is not None:
             for rhythm in self._active(now):
@@ -281,7 +290,9 @@ class Listening:
         goes_on = self._follows_at_once(at) if follows else not is_urgent and self._follows(at)
         if at > self._run_heard_until or goes_on or self._active(at):
             return at
-        until = self._listens_since + _LISTENED_PERIODS * self.period_ns
+        # Never twice at the same place of a run: its announcement may be there.
+        part = self._listened * _GOLDEN_RATIO % 1.0
+        until = self._listens_since + round((_LISTENED_PERIODS + part) * self.period_ns)
         return max(at, min(until, self._run_heard_until + 1))
 
     def row_began_at(self, ended_at: int) -> int:
@@ -301,6 +312,17 @@ class Listening:
             return False
         rhythms = self._active(first_at)
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
+
+    def detour_ns(self, destination: int, at: int) -> int:
+        """Return how much earlier what is for a pause of others may arrive at a node, ns.
+
+        As long as it goes on being sent they are silent, and in the end it is heard there.
+        """
+        others = any(
+            each != destination and rhythm in self._active(at)
+            for each, rhythm in self._rhythms.items()
+        )
+        return self._detour_ns if others else 0
 
     def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
         """A frame of `source` has arrived: its run goes on.
@@ -406,7 +428,7 @@ class Listening:
         if self._continues(at):
             run_ends_at = self._run_begun_at + self._run_ns
             if self._fits(run_ends_at, at):
-                return at
+                return max(at, self._last_at(run_ends_at, at))
             # Nobody counts on an end of the run that nobody was told.
             told_at = run_ends_at if self._is_told(at) else 0
             return max(self._last_ended_at, told_at) + self.pause_ns
@@ -416,8 +438,18 @@ class Listening:
             run_ends_at = begin_at + self._run_ns
             if at >= run_ends_at or (self._keeps_phase and not self._fits(run_ends_at, at)):
                 return begin_at + self.period_ns
-            pause_until = max(pause_until, begin_at)
+            pause_until = max(pause_until, begin_at, self._last_at(run_ends_at, at))
         return self._heard_out_until(pause_until)
+
+    def _last_at(self, run_ends_at: int, at: int) -> int:
+        """When the last full frame of a told run starts that ends with it; or earlier, ns.
+
+        What else went in the run has left no room for a whole number of them. Behind this one the
+        pause begins, and it says so.
+        """
+        last_at = run_ends_at - self._largest_ns
+        is_last = self.sends_full and self._is_told(at) and at + self._unit_ns > last_at
+        return last_at if is_last else at
 
     def _fits(self, run_ends_at: int, at: int) -> bool:
         """Whether the largest frame may start then, in a run that ends or was to end so."""
@@ -430,7 +462,7 @@ class Listening:
         ends_at = self._row_ends_at or 0
         if self._busy_since is not None:
             ends_at = self._busy_since + self._largest_ns
-        return min(ends_at, pause_until + self._patience_ns)
+        return min(ends_at, pause_until + self._patience_ns + self._detour_ns)
 
     def _active(self, at: int) -> list[_Rhythm]:
         """Rhythms of nodes that still speak at an instant; it may be one to come."""
@@ -462,7 +494,8 @@ class Listening:
         if first_at is None or not self._senses_carrier or not self._follows_at_once(at):
             return False
         last_at = opens_at + self._last_ns
-        return opens_at <= first_at <= last_at and at <= last_at + self._patience_ns
+        latest_at = last_at + self._patience_ns + self._detour_ns
+        return opens_at <= first_at <= last_at and at <= latest_at
 
     def _opens_at(self, rhythm: _Rhythm, at: int) -> int:
         """When a frame has to start to arrive in a pause: last time not after `at`, or next."""
