@@ -126,9 +126,7 @@ def stop_table(nodes: int) -> StreamTable:
     return StreamTable(
         [
             TopicSpec(stream_id=_TALK, name="talk"),
-            TopicSpec(
-                stream_id=_PHOTO, name="photo", qos=photo, publishers=(1,), subscribers=(2,)
-            ),
+            TopicSpec(stream_id=_PHOTO, name="photo", qos=photo, publishers=(1,), subscribers=(2,)),
             *topics,
             *calls,
         ],

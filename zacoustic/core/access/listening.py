@@ -53,7 +53,7 @@ _BACKLOG_FRAMES: Final = 2
 _LONG_RUN_FRAMES: Final = 3
 """A run of so many frames is still one when it begins more than a frame late."""
 _REMEMBERED_PERIODS: Final = 16
-"""For so many runs without a frame of it sound is taken for that of a node whose pauses are known."""
+"""For so many runs sound is taken for that of a node whose pauses are known, without a frame."""
 _LISTENED_PERIODS: Final = 2
 """For so many runs and pauses an announcement is awaited: at 40 % loss one comes in 84 of 100
 cases."""
@@ -131,7 +131,7 @@ class Listening:
         """Until when a sound is awaited behind one of which no frame came, ns."""
         self._is_understood = False
         """A frame came of the sound that is, or was, heard."""
-        self._run_heard_until = 0
+        self._run_heard_until = -1
         """A run goes on until then, of a node whose pauses are not known, ns."""
         self._listens_since = 0
         """Since when it is listened to, ns."""
@@ -313,6 +313,12 @@ class Listening:
         rhythms = self._active(first_at)
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
+    def hears_run(self, at: int) -> bool:
+        """Tell whether somebody is in a run, or between two, as far as it can be heard."""
+        rhythms = self._rhythms.values()
+        is_known = any(at - self._heard_at(each, at) <= self._memory_ns for each in rhythms)
+        return is_known or at <= self._run_heard_until
+
     def detour_ns(self, destination: int, at: int) -> int:
         """Return how much earlier what is for a pause of others may arrive at a node, ns.
 
@@ -358,7 +364,7 @@ class Listening:
             now: The instant.
         """
         self._rhythms[source] = _Rhythm(started_at + begins_in_ns, way_ns, now, now)
-        self._run_heard_until = 0
+        self._run_heard_until = -1
 
     def heard_listening(self, source: int, *, listens: bool, now: int) -> None:
         """`source` has said that it listens now until it is answered, or that it does not."""
@@ -366,10 +372,12 @@ class Listening:
         if rhythm is not None:
             rhythm.is_listening = listens
         if listens:
-            self._run_heard_until = 0
+            self._run_heard_until = -1
         else:
             is_sound = self._senses_carrier  # a frame of it that is lost is heard as well
-            self._heard_run(now + (self._unit_ns if is_sound else self.period_ns) + self.pause_ns, now)
+            self._heard_run(
+                now + (self._unit_ns if is_sound else self.period_ns) + self.pause_ns, now
+            )
 
     # Below the methods above
 
@@ -438,18 +446,19 @@ class Listening:
             run_ends_at = begin_at + self._run_ns
             if at >= run_ends_at or (self._keeps_phase and not self._fits(run_ends_at, at)):
                 return begin_at + self.period_ns
-            pause_until = max(pause_until, begin_at, self._last_at(run_ends_at, at))
+            pause_until = max(pause_until, begin_at)
+            return max(self._heard_out_until(pause_until), self._last_at(run_ends_at, at))
         return self._heard_out_until(pause_until)
 
     def _last_at(self, run_ends_at: int, at: int) -> int:
-        """When the last full frame of a told run starts that ends with it; or earlier, ns.
+        """When the last full frame of a told run starts, so that it ends with the run; or 0, ns.
 
         What else went in the run has left no room for a whole number of them. Behind this one the
         pause begins, and it says so.
         """
         last_at = run_ends_at - self._largest_ns
         is_last = self.sends_full and self._is_told(at) and at + self._unit_ns > last_at
-        return last_at if is_last else at
+        return last_at if is_last else 0
 
     def _fits(self, run_ends_at: int, at: int) -> bool:
         """Whether the largest frame may start then, in a run that ends or was to end so."""
