@@ -15,18 +15,25 @@ run and in one of every third run, and only while so much waits that the run wil
 that fill a frame leave no room for it; who makes them can announce the pause in a way of its own
 and hand it to `heard_pause` at the other end; `end_run` tells this one.
 
-What is smaller than a full frame, a report among the fragments of a photo, would shift the rhythm:
-the next fragment does not fit the run any more. So pauses that were told are kept, and are only
-longer then: one begins when the last frame ends, and ends when it was to end. Such a frame does not
-say that a pause follows (`frames_before_pause`): whoever counted on from there would be too early.
+A rhythm that was told is kept until nothing was said for more than a period: while an answer is
+awaited it goes on, and the next run begins in its midst. What is smaller than a full frame, a
+report among the fragments of a photo, leaves no room for a whole number of those: the last one
+waits until it ends with the run, so that it can say that the pause follows (`sends_full`). Where
+none fits, the pause is longer: one begins when the last frame ends, and ends when it was to end.
+Such a frame does not say that a pause follows (`frames_before_pause`).
+
+Whoever hears a run and does not know its pauses has to hear an announcement, and does not speak
+meanwhile (`listens_until`); what is heard of others is in `zacoustic.core.access.otherruns`.
 
 While another node is in a run, a frame of ours starts so that it arrives in the next pause, and is
 to be short (`comfort_ns`): a longer one goes nevertheless. Any one frame may be lost, and the next
 pause is four seconds away. So where carriers are sensed, whoever pauses hears out what begins in
 its pause; and when no frame came of it, it waits for another one to follow at once, again and
-again, for little more than the airtime of the largest frame (`_heard_out_until`). Whoever
-has something pressing to say counts on that, and sends a few copies in a row (`is_heard_out`,
-`zacoustic.core.arq.copies`). A pause that is longer for that costs a frame, but not the rhythm.
+again, for the airtime of the largest frame and the way there and back (`_heard_out_until`).
+Whoever has something pressing to say counts on that, and sends a few copies in a row
+(`is_heard_out`,
+`zacoustic.core.arq.copies`); what is for another node than the one that pauses may arrive there by
+the way there and back too early, so it goes on for that much longer (`detour_ns`). A pause that is longer for that costs a frame, but not the rhythm.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent.
@@ -34,51 +41,21 @@ Policies with turns (TDMA, polling) need no windows: in the turns of others this
 
 from typing import Final
 
-import msgspec
-
 from zacoustic.core.access.controls import ANYBODY, TURN_BYTES, Turn
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.access.otherruns import MARGIN_NS, OtherRuns
 from zacoustic.core.linktypes import LinkCapabilities
 
-RUN_LIMIT_NS: Final = 4 * NS_PER_S
-"""Longest time that a node transmits without a pause, ns; a single frame may be longer."""
-_LEAST_PAUSE_NS: Final = NS_PER_S * 45 // 100
-_SHORT_FRAME_BYTES: Final = 8
-_RANGING_NS: Final = NS_PER_S // 8
-"""The distance may be known to 90 m, the way there and back."""
 ANNOUNCED_RUNS: Final = 3
 """Runs for which one announcement holds."""
 _BACKLOG_FRAMES: Final = 2
 """Frames that must be to send behind the pause, so that it is one."""
-_LONG_RUN_FRAMES: Final = 3
-"""A run of so many frames is still one when it begins more than a frame late."""
-_REMEMBERED_PERIODS: Final = 16
-"""For so many runs sound is taken for that of a node whose pauses are known, without a frame."""
 _LISTENED_PERIODS: Final = 2
 """For so many runs and pauses an announcement is awaited: at 40 % loss one comes in 84 of 100
 cases."""
 _GOLDEN_RATIO: Final = 0.618
-_MARGIN_NS: Final = NS_PER_S // 20
-"""A frame is aimed at so much behind the beginning of a pause, and to end as much before its
-end."""
 
 
-class _Rhythm(msgspec.Struct):
-    """What is known of the pauses of another node."""
-
-    pause_at: int
-    """Beginning of one of its pauses, in our time, at its place, ns."""
-    way_ns: int
-    """Propagation delay to it, ns."""
-    frame_at: int
-    """When the last frame of it arrived, ns."""
-    heard_at: int
-    """When it was last heard, ns; maybe as sound only, of a frame for somebody else."""
-    is_listening: bool = False
-    """It has said that it listens until it is answered."""
-
-
-class Listening:
+class Listening(OtherRuns):
     """Pauses of this node and of the others.
 
     Args:
@@ -86,33 +63,11 @@ class Listening:
     """
 
     def __init__(self, capabilities: LinkCapabilities) -> None:
+        super().__init__(capabilities)
         self.sends_full = False
         """What waits fills frames, and announces a pause where one ends with the run."""
         self.exclusive = False
         """A transfer has the channel alone: no pauses."""
-        largest_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
-        self._largest_ns = largest_ns
-        self._gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
-        self._unit_ns = largest_ns + gap_ns
-        self._frames = max(1, (RUN_LIMIT_NS + gap_ns) // self._unit_ns)
-        self._run_ns = self._frames * self._unit_ns - gap_ns
-        self._short_ns = short_ns = capabilities.airtime_ns(
-            min(_SHORT_FRAME_BYTES, capabilities.mtu_bytes)
-        )
-        self.pause_ns = max(_LEAST_PAUSE_NS, short_ns + gap_ns + _RANGING_NS)
-        """Length of the pause, ns."""
-        longer_ns = short_ns if self._frames >= _LONG_RUN_FRAMES else 0
-        self._patience_ns = largest_ns + longer_ns
-        """How much longer than its pause a node listens when it is spoken to, at most, ns."""
-        self._detour_ns = 2 * seconds_to_ns(capabilities.propagation_s)
-        """So much earlier what arrives in a pause of one node may arrive at another one, ns."""
-        self._latest_ns = self._patience_ns + gap_ns
-        """How much later than it was to begin a run begins, and is still one of a rhythm, ns."""
-        self._keeps_phase = self._frames >= _LONG_RUN_FRAMES
-        """After a silence the next run begins where the rhythm says, or within that run: where runs
-        are of one frame or two, to wait for that would cost too much."""
-        self._late_ns = max(0, min(_MARGIN_NS, max(RUN_LIMIT_NS, largest_ns) - self._run_ns))
-        """How much later than it was to end a run may end, for a device that is a little slow."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._is_announced = False
@@ -120,30 +75,14 @@ class Listening:
         self._runs_since_announcement = ANNOUNCED_RUNS
         self._announces = False
         self._ends_run = False
-        self._rhythms: dict[int, _Rhythm] = {}
-        self._senses_carrier = capabilities.senses_carrier
-        self._sound_tells = capabilities.senses_carrier and capabilities.addressed
-        """What is heard may be a frame for somebody else, which is not handed over."""
-        self._busy_since: int | None = None
         self._row_since: int | None = None
         """Since when others are heard, one sound at once behind the other, ns."""
         self._row_ends_at: int | None = None
         """Until when a sound is awaited behind one of which no frame came, ns."""
         self._is_understood = False
         """A frame came of the sound that is, or was, heard."""
-        self._run_heard_until = -1
-        """A run goes on until then, of a node whose pauses are not known, ns."""
-        self._listens_since = 0
-        """Since when it is listened to, ns."""
-        self._listened = 0
-        """How often that was in vain."""
         self._burst_at: int | None = None
         """Start of the first own frame of those that followed each other at once."""
-
-    @property
-    def period_ns(self) -> int:
-        """A run and its pause, ns."""
-        return self._run_ns + self.pause_ns
 
     # This node
 
@@ -158,7 +97,7 @@ class Listening:
     def comfort_ns(self, now: int) -> int | None:
         """How long a frame that starts now had better be, at most, ns; None: no matter."""
         comforts = [
-            opens_at + self.pause_ns - 2 * _MARGIN_NS - now
+            opens_at + self.pause_ns - 2 * MARGIN_NS - now
             for opens_at in (self._opens_at(each, now) for each in self._active(now))
             if opens_at <= now < opens_at + self.pause_ns
         ]
@@ -252,7 +191,7 @@ class Listening:
             for rhythm in self._active(now):
                 rhythm.heard_at = self._heard_at(rhythm, now)
             self._busy_since = None
-            self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * _MARGIN_NS
+            self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * MARGIN_NS
 
     # Others
 
@@ -313,79 +252,14 @@ class Listening:
         rhythms = self._active(first_at)
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
-    def hears_run(self, at: int) -> bool:
-        """Tell whether somebody is in a run, or between two, as far as it can be heard."""
-        rhythms = self._rhythms.values()
-        is_known = any(at - self._heard_at(each, at) <= self._memory_ns for each in rhythms)
-        return is_known or at <= self._run_heard_until
-
-    def detour_ns(self, destination: int, at: int) -> int:
-        """Return how much earlier what is for a pause of others may arrive at a node, ns.
-
-        As long as it goes on being sent they are silent, and in the end it is heard there.
-        """
-        others = any(
-            each != destination and rhythm in self._active(at)
-            for each, rhythm in self._rhythms.items()
-        )
-        return self._detour_ns if others else 0
-
     def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
-        """A frame of `source` has arrived: its run goes on.
-
-        If it was sent in what was taken for a pause, the rhythm is another one meanwhile, and it is
-        forgotten: whoever aims at old pauses is deaf, time and again, while the new ones are told.
-        """
+        """A frame of `source` has arrived."""
         self._is_understood = True
         if self._busy_since is None and self._row_ends_at is not None:
             self._row_ends_at = min(self._row_ends_at, now)
-        rhythm = self._rhythms.get(source)
-        if rhythm is None:
-            return
-        if now - self._heard_at(rhythm, now) > self._memory_ns + airtime_ns:
-            del self._rhythms[source]  # it was silent for so long that it begins another one
-            return
-        rhythm.frame_at = rhythm.heard_at = now
-        middle_at = rhythm.pause_at + rhythm.way_ns + self.pause_ns // 2
-        since_ns = now - middle_at
-        if since_ns >= 0 and since_ns % self.period_ns < airtime_ns:
-            del self._rhythms[source]
-
-    def heard_pause(
-        self, source: int, begins_in_ns: int, started_at: int, way_ns: int, now: int
-    ) -> None:
-        """`source` announced a pause.
-
-        Args:
-            source: Who said it.
-            begins_in_ns: When it begins, seen from the beginning of the frame, ns.
-            started_at: Instant at which the frame began to leave there, in our time, ns.
-            way_ns: Propagation delay from there, ns.
-            now: The instant.
-        """
-        self._rhythms[source] = _Rhythm(started_at + begins_in_ns, way_ns, now, now)
-        self._run_heard_until = -1
-
-    def heard_listening(self, source: int, *, listens: bool, now: int) -> None:
-        """`source` has said that it listens now until it is answered, or that it does not."""
-        rhythm = self._rhythms.get(source)
-        if rhythm is not None:
-            rhythm.is_listening = listens
-        if listens:
-            self._run_heard_until = -1
-        else:
-            is_sound = self._senses_carrier  # a frame of it that is lost is heard as well
-            self._heard_run(
-                now + (self._unit_ns if is_sound else self.period_ns) + self.pause_ns, now
-            )
+        super().heard_frame(source, airtime_ns, now)
 
     # Below the methods above
-
-    def _heard_run(self, until: int, now: int) -> None:
-        """Somebody is in a run, and will be heard before an instant if that goes on."""
-        if self._run_heard_until < now:
-            self._listens_since = max(self._listens_since, now)
-        self._run_heard_until = max(self._run_heard_until, until)
 
     def _continues(self, now: int) -> bool:
         """Whether a frame that starts now would be in the run that there is."""
@@ -394,11 +268,6 @@ class Listening:
         if self._is_told(now) and now < self._run_begun_at + self._run_ns:
             return True
         return now - self._last_ended_at < self.pause_ns
-
-    @property
-    def _memory_ns(self) -> int:
-        """After so long a silence there is no rhythm any more, ns."""
-        return self.period_ns + self._latest_ns
 
     def _is_told(self, now: int) -> bool:
         """Whether others know the rhythm of this node, and count on it."""
@@ -416,7 +285,7 @@ class Listening:
         """How many of the largest frames fit the rest of a run, as `frames_before_pause`."""
         left_ns = begun_at + self._frames * self._unit_ns - now
         count = max(1, (left_ns + self._late_ns) // self._unit_ns)
-        is_early = left_ns - self._unit_ns > _MARGIN_NS
+        is_early = left_ns - self._unit_ns > MARGIN_NS
         return count + 1 if count == 1 and is_early and self._is_told(now) else count
 
     def _follows(self, now: int) -> bool:
@@ -473,29 +342,15 @@ class Listening:
             ends_at = self._busy_since + self._largest_ns
         return min(ends_at, pause_until + self._patience_ns + self._detour_ns)
 
-    def _active(self, at: int) -> list[_Rhythm]:
-        """Rhythms of nodes that still speak at an instant; it may be one to come."""
-        return [
-            each
-            for each in self._rhythms.values()
-            if not each.is_listening and at - self._heard_at(each, at) <= self._memory_ns
-        ]
-
-    def _heard_at(self, rhythm: _Rhythm, at: int) -> int:
-        """When a node was last heard, ns: now, if somebody is, and it may be that one."""
-        is_sound = self._sound_tells and self._busy_since is not None
-        is_fresh = at - rhythm.frame_at <= _REMEMBERED_PERIODS * self.period_ns
-        return at if is_sound and is_fresh else rhythm.heard_at
-
     @property
     def _last_ns(self) -> int:
         """How long after a pause opens a short frame may start, ns."""
-        return self.pause_ns - 2 * _MARGIN_NS - self._short_ns
+        return self.pause_ns - 2 * MARGIN_NS - self._short_ns
 
     def _follows_at_once(self, at: int) -> bool:
         """Whether a frame that starts then is in a row with the last one."""
         ended_at = self._last_ended_at
-        return ended_at is not None and at <= ended_at + self._gap_ns + _MARGIN_NS
+        return ended_at is not None and at <= ended_at + self._gap_ns + MARGIN_NS
 
     def _hears_out(self, opens_at: int, at: int) -> bool:
         """Whether who heard our first frame in its pause still listens for a short one."""
@@ -505,9 +360,3 @@ class Listening:
         last_at = opens_at + self._last_ns
         latest_at = last_at + self._patience_ns + self._detour_ns
         return opens_at <= first_at <= last_at and at <= latest_at
-
-    def _opens_at(self, rhythm: _Rhythm, at: int) -> int:
-        """When a frame has to start to arrive in a pause: last time not after `at`, or next."""
-        first_at = rhythm.pause_at - rhythm.way_ns + _MARGIN_NS
-        periods = max(0, (at - first_at) // self.period_ns)
-        return first_at + periods * self.period_ns
