@@ -29,11 +29,11 @@ While another node is in a run, a frame of ours starts so that it arrives in the
 to be short (`comfort_ns`): a longer one goes nevertheless. Any one frame may be lost, and the next
 pause is four seconds away. So where carriers are sensed, whoever pauses hears out what begins in
 its pause; and when no frame came of it, it waits for another one to follow at once, again and
-again, for the airtime of the largest frame and the way there and back (`_heard_out_until`).
-Whoever has something pressing to say counts on that, and sends a few copies in a row
-(`is_heard_out`,
+again, for the airtime of the largest frame and the way there and back (`_heard_out_until`). Whoever
+has something pressing to say counts on that, and sends a few copies in a row (`is_heard_out`,
 `zacoustic.core.arq.copies`); what is for another node than the one that pauses may arrive there by
-the way there and back too early, so it goes on for that much longer (`detour_ns`). A pause that is longer for that costs a frame, but not the rhythm.
+the way there and back too early, so it goes on for that much longer (`detour_ns`). A pause that is
+longer for that costs a frame, but not the rhythm.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent.
