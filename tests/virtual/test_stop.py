@@ -1,7 +1,7 @@
 """A stop beside a photo that is for others: it is through in seconds, whoever it is for.
 
-The figures of `make soak` are those of docs/operations.md; a hundredth of the runs tells the tail
-less exactly.
+The figures of docs/operations.md are held at full size: a hundredth of the runs has no tail that
+they could be read from, so there the median and the worst are.
 """
 
 from collections.abc import Callable
@@ -12,32 +12,33 @@ import pytest
 from tests.virtual.stopping import NEVER, Pressing, stop_took_s
 
 _RUNS: Final = 2000
-_P95_S, _P999_S = 10.0, 30.0
+_MEDIAN_S, _P95_S, _P999_S, _WORST_S = 6.0, 10.0, 30.0, 90.0
 _MOST_LOST: Final = 0.01
 """Of best-effort samples, at 40 % loss."""
 
 
-def share(values: list[float], part: float) -> float:
-    """Return the value that a part of all does not exceed."""
-    return sorted(values)[min(len(values) - 1, int(len(values) * part))]
+def assert_prompt(took_s: list[float]) -> None:
+    """Hold what is promised of the tail, as far as there are enough runs."""
+    took_s = sorted(took_s)
+    assert took_s[len(took_s) // 2] <= _MEDIAN_S
+    assert took_s[-1] <= _WORST_S
+    if len(took_s) >= _RUNS:
+        assert took_s[int(len(took_s) * 0.95)] <= _P95_S
+        assert took_s[int(len(took_s) * 0.999)] <= _P999_S
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.4])
 @pytest.mark.parametrize("nodes", [2, 3])
 def test_a_stop_overtakes_a_photo(nodes: int, loss: float, count: Callable[[int], int]) -> None:
-    took_s = [stop_took_s(seed, loss, nodes, Pressing.STOP) for seed in range(count(_RUNS))]
-    assert NEVER not in took_s
-    assert share(took_s, 0.95) <= _P95_S
-    assert share(took_s, 0.999) <= _P999_S
+    assert_prompt([stop_took_s(seed, loss, nodes, Pressing.STOP) for seed in range(count(_RUNS))])
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.4])
 def test_a_stop_for_the_receiver_of_a_photo_overtakes_it(
     loss: float, count: Callable[[int], int]
 ) -> None:
-    took_s = [stop_took_s(seed, loss, 3, Pressing.STOP, to=2) for seed in range(count(_RUNS))]
-    assert NEVER not in took_s
-    assert share(took_s, 0.95) <= _P95_S
+    runs = range(count(_RUNS))
+    assert_prompt([stop_took_s(seed, loss, 3, Pressing.STOP, to=2) for seed in runs])
 
 
 @pytest.mark.parametrize("nodes", [2, 3])
