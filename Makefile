@@ -40,7 +40,8 @@ test: format lint types contracts unit examples package
 test-browser: venv-test
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
 	    echo "test-browser: NOT RUN, no Chromium found"
-	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py tests/tools/test_dashboard_browser.py -rs $(ARGS)
+	ZACOUSTIC_BROWSER=1 $(PYTEST) tests/auv/test_browser.py tests/auv/test_browser_truth.py \
+	    tests/tools/test_dashboard_browser.py -rs $(ARGS)
 
 screenshot: venv-test
 	@mkdir -p docs/images

@@ -4,9 +4,6 @@ What a program needs is here; a name is imported when it is first used, so that 
 starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without asyncio.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any, Final
-
 from zacoustic.errors import (
     CallTimeoutError,
     ConfigError,
@@ -28,18 +25,31 @@ from zacoustic.errors import (
     ZacousticError,
 )
 
+TYPE_CHECKING = False  # that of typing, which takes 20 ms, in which Ctrl-C has a traceback
 if TYPE_CHECKING:
+    from typing import Any
+
+    from zacoustic import blocking
     from zacoustic.config import Config, read_config
     from zacoustic.core.actions.news import GoalStatus
     from zacoustic.core.events import (
         DeadlineMissed,
         DeadlineSide,
+        DeliveryEnded,
         DeliveryOutcome,
+        JournalStateChanged,
+        LinkStateChanged,
         PeerFound,
         PeerLost,
+        PeerSeen,
+        SilenceChanged,
+        StreamsDiffer,
+        StreamTuned,
         SubscribersChanged,
     )
+    from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
     from zacoustic.core.measurements import Range
+    from zacoustic.core.objects.progress import ObjectProgress, ObjectState
     from zacoustic.core.orders.words import Order, OrderKind, OrderState
     from zacoustic.core.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.rmw_desert.entities import RosEntitySeen
@@ -53,12 +63,12 @@ if TYPE_CHECKING:
         GoalHandle,
         GoalResult,
         Node,
+        NodeEvent,
         Publisher,
         Sample,
         ServerGoalHandle,
         Service,
         Subscription,
-        blocking,
     )
 
 __all__ = [
@@ -73,6 +83,7 @@ __all__ = [
     "DeadlineMissed",
     "DeadlineSide",
     "Delivery",
+    "DeliveryEnded",
     "DeliveryError",
     "DeliveryOutcome",
     "Durability",
@@ -80,13 +91,21 @@ __all__ = [
     "GoalHandle",
     "GoalResult",
     "GoalStatus",
+    "JournalStateChanged",
     "JournalUnavailableError",
     "LinkClosedError",
     "LinkError",
+    "LinkMetrics",
     "LinkOpenError",
+    "LinkState",
+    "LinkStateChanged",
     "LinkUnavailableError",
     "LocalError",
+    "ModemRead",
     "Node",
+    "NodeEvent",
+    "ObjectProgress",
+    "ObjectState",
     "Order",
     "OrderKind",
     "OrderState",
@@ -95,6 +114,8 @@ __all__ = [
     "PayloadTooLargeError",
     "PeerFound",
     "PeerLost",
+    "PeerMeasured",
+    "PeerSeen",
     "Priority",
     "Publisher",
     "Qos",
@@ -108,7 +129,10 @@ __all__ = [
     "Service",
     "ServiceError",
     "SessionError",
+    "SilenceChanged",
     "Stamp",
+    "StreamTuned",
+    "StreamsDiffer",
     "SubscribersChanged",
     "Subscription",
     "UnknownStreamError",
@@ -117,37 +141,49 @@ __all__ = [
     "read_config",
 ]
 
-_HOMES: Final = {
+_HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.actions.news": ("GoalStatus",),
     "zacoustic.core.events": (
         "DeadlineMissed",
         "DeadlineSide",
+        "DeliveryEnded",
         "DeliveryOutcome",
+        "JournalStateChanged",
+        "LinkStateChanged",
         "PeerFound",
         "PeerLost",
+        "PeerSeen",
+        "SilenceChanged",
+        "StreamTuned",
+        "StreamsDiffer",
         "SubscribersChanged",
     ),
+    "zacoustic.core.linktypes": ("LinkMetrics", "LinkState", "ModemRead", "PeerMeasured"),
     "zacoustic.core.measurements": ("Range",),
+    "zacoustic.core.objects.progress": ("ObjectProgress", "ObjectState"),
     "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
     "zacoustic.core.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.rmw_desert.entities": ("RosEntitySeen",),
     "zacoustic.core.types": ("Bounds",),
     "zacoustic.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",
-        "GoalResult", "Node", "Publisher", "Sample", "ServerGoalHandle", "Service", "Subscription",
+        "GoalResult", "Node", "NodeEvent", "Publisher", "Sample", "ServerGoalHandle", "Service",
+        "Subscription",
     ),
 }  # fmt: skip
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 (of a module: anything)
+def __getattr__(name: str) -> "Any":  # noqa: ANN401 (of a module: anything)
     """Import a public name when it is first used."""
+    import importlib
+
     if name == "__version__":
         from importlib import metadata
 
         return metadata.version("zacoustic")
     if name == "blocking":
-        return importlib.import_module("zacoustic.node.blocking")
+        return importlib.import_module("zacoustic.blocking")
     for home, names in _HOMES.items():
         if name in names:
             return getattr(importlib.import_module(home), name)

@@ -7,8 +7,9 @@ when, how loud and how long. One JSON object a line::
      "bytes": 64, "destination": 255, "outcome": "sent"}
 
 `utc` is the beginning; `source_level_db` is dB re 1 µPa at 1 m, null where the modem does not tell.
-An `outcome` other than ``sent``, ``delivered`` and ``not_delivered`` may have been cut short:
-``aborted``; what was ``rejected`` made no sound and is not in the log.
+`"utc_in_doubt": true` stands in a line whose `utc` nothing has kept right. An `outcome` other than
+``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
+``rejected`` made no sound and is not in the log.
 
 Files may block, so lines are written by a thread of its own, in their order, each flushed at once.
 A file that cannot be opened is an error at the start. One that cannot be written later is a
@@ -27,6 +28,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.engine import Engine
+from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
 from zacoustic.errors import ConfigError
 
 _WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of them
@@ -34,7 +37,7 @@ _WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of the
 _logger = logging.getLogger(__name__)
 
 
-class Emission(msgspec.Struct, frozen=True, kw_only=True):
+class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One line."""
 
     utc: str
@@ -51,6 +54,8 @@ class Emission(msgspec.Struct, frozen=True, kw_only=True):
     """Address, 255: all."""
     outcome: str
     """How it ended."""
+    utc_in_doubt: bool = False
+    """Nothing kept the clock right."""
 
 
 class PermitLog:
@@ -81,6 +86,33 @@ class PermitLog:
         """Append an emission; does not block."""
         line = msgspec.json.encode(emission) + b"\n"
         self._thread.submit(self._append, line)
+
+    def note_report(
+        self, engine: Engine, sent: Transmission, report: TransmitReport, offset_ns: int
+    ) -> None:
+        """Append what a link reports, unless it made no sound.
+
+        Args:
+            engine: Whose transmission it was.
+            sent: The transmission.
+            report: What became of it.
+            offset_ns: UTC less the clock of the report, ns.
+        """
+        if report.outcome is TransmitOutcome.REJECTED:
+            return
+        modem = engine.measurements.modem
+        self.note(
+            emission(
+                node=engine.address,
+                begun_utc_ns=report.started_at + offset_ns,
+                duration_ns=report.finished_at - report.started_at,
+                source_level_db=None if modem is None else modem.source_level_db,
+                frame_bytes=len(sent.frame_bytes),
+                destination=sent.destination,
+                outcome=report.outcome.value,
+                utc_in_doubt=not engine.clock.is_sure,
+            )
+        )
 
     async def close(self) -> None:
         """Write what waits, and end."""
@@ -117,6 +149,7 @@ def emission(
     frame_bytes: int,
     destination: int,
     outcome: str,
+    utc_in_doubt: bool = False,
 ) -> Emission:
     """Make the line of an emission that began at a UTC, ns since 1970."""
     return Emission(
@@ -127,6 +160,7 @@ def emission(
         bytes=frame_bytes,
         destination=destination,
         outcome=outcome,
+        utc_in_doubt=utc_in_doubt,
     )
 
 

@@ -6,25 +6,26 @@ other task and no polling; an idle engine leaves the process asleep.
 
 One thread owns the engine, that of the loop. Two things come from elsewhere:
 
-- Commands of foreign threads (Zenoh's callbacks), by `submit`: a bounded list, and one wake-up of
-  the loop if none is pending. A wake-up for each would be an unbounded queue inside the loop.
+- Commands of foreign threads (Zenoh's callbacks), by `submit` (`zacoustic.inbox`).
 - Commits of the journal, by a future of its one worker thread (`JournalThread`). While one is under
   way, further writes collect and are committed together; one that fails is told to the engine and
   tried again.
 
-An exception that nobody expects, in the engine, in the link's callbacks, in the receiver of events
-or in the journal, is logged with its traceback, stops the runner and comes out of `wait_failed`.
+An exception that nobody expects, in the link or in the journal, is logged with its traceback, stops
+the runner and comes out of `wait_failed`. One out of the engine, or out of the receiver of events,
+may have been caused by anybody who can make a sound, so it does not: it is counted, logged with the
+frame that caused it, and a new engine goes on from the journal (`zacoustic.replacement`).
 """
 
 import asyncio
 import logging
-import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final, TypeAlias, TypeVar
 
-from zacoustic.core.clock import NS_PER_S, Clock, ns_to_seconds, seconds_to_ns
+from zacoustic.alarm import Alarm
+from zacoustic.core.clock import NS_PER_S, Clock
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event
 from zacoustic.core.journal import JournalWrite
@@ -33,26 +34,20 @@ from zacoustic.core.linktypes import (
     Measurement,
     ReceivedFrame,
     Transmission,
-    TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.errors import LinkClosedError, ZacousticError
+from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
+from zacoustic.hostclock import AskClock, error_asked
+from zacoustic.inbox import Inbox
 from zacoustic.journal import Journal
-from zacoustic.journal.thread import JournalThread
+from zacoustic.journal.thread import NO_WRITE, JournalThread
 from zacoustic.link import Link
-from zacoustic.permitlog import PermitLog, emission
-
-SUBMIT_LIMIT: Final = 1024
-"""Commands that other threads may have handed over and the loop not yet taken."""
+from zacoustic.permitlog import PermitLog
+from zacoustic.replacement.replacement import Renew, Replacement
 
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
 # each event with a command that makes the next one.
 _ROUNDS_LIMIT: Final = 1000
-_NO_WRITE: Final = 0
-"""Write id that no engine waits for."""
-# Expiries in a row after which the timer is due again at once. A sound engine has none.
-_STUCK_LIMIT: Final = 1000
-
 # The engine hears of UTC at least this often while it is driven, and when it was moved by more than
 # reading two clocks one after the other may differ.
 _TELL_CLOCK_NS: Final = 10 * NS_PER_S
@@ -75,12 +70,14 @@ class LinkRunner:
     Args:
         engine: The engine; nobody else may touch it from now on.
         link: Its link, not open yet.
-        deliver: Takes each event, on the loop; may call `apply`. What it raises stops the runner.
+        deliver: Takes each event, on the loop; may call `apply`.
+        renew: Makes the next engine when one has raised; None: that stops the runner.
         clock: Where instants come from; the same as the link's.
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
         wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
-        clock_error_s: How wrong that may be, s.
+        clock_error_s: How wrong that may be, s, where `ask_clock` tells nothing.
+        ask_clock: Asks how wrong that may be.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
 
@@ -90,10 +87,12 @@ class LinkRunner:
         link: Link,
         deliver: Callable[[Event], None],
         *,
+        renew: Renew | None = None,
         clock: Clock = time.monotonic_ns,
         journal: Journal | None = None,
         wall_clock: Clock | None = None,
         clock_error_s: float = 0.0,
+        ask_clock: AskClock | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
         self.engine = engine
@@ -103,22 +102,26 @@ class LinkRunner:
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
+        self.settled: Callable[[], None] | None = None
+        """Whoever sets this is told each time when all has been done that an input called for."""
+        self._is_foreign_on_air = False
+        self._is_busy = False
         self._deliver = deliver
+        self._replacement: Replacement | None = None
+        if renew is not None:
+            self._replacement = Replacement(engine, renew)
+            self._deliver = partial(self._replacement.hand_on, deliver, self._instant)
         self._clock = clock
         self._now = 0
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._timer: asyncio.Handle | None = None
-        self._due_at = 0
-        self._stuck = 0
+        self._alarm = Alarm(clock, self._expire)
         self._is_servicing = False
         self._is_closing = False
         self._ended = asyncio.Event()
         self._closed = asyncio.Event()
-        self._inbox: deque[Command] = deque()
-        self._inbox_guard = threading.Lock()
-        self._wake_pending = False
+        self._inbox: Inbox[Command] = Inbox(self._take_submitted)
         self._wall_clock = wall_clock
-        self._clock_error_ns = seconds_to_ns(clock_error_s)
+        self._clock_error = error_asked(ask_clock, clock_error_s)
         self._offset_ns = 0
         self._clock_told_at: int | None = None
         self._permit_log = permit_log
@@ -140,6 +143,7 @@ class LinkRunner:
             ConfigError: The link cannot do what the config asks of it; the same.
         """
         self._loop = asyncio.get_running_loop()
+        self._inbox.open(self._loop)
         self._guarded(self._tell_clock)
         try:
             await self.link.open(self)
@@ -159,9 +163,12 @@ class LinkRunner:
             await self._closed.wait()
             return
         self._is_closing = True
-        self._stop_timer()
+        self._inbox.close()
+        self._alarm.stop()
         try:
             try:
+                if self._replacement is not None:
+                    await self._replacement.stop()
                 await self.link.close()
             finally:
                 if self._journal is not None:
@@ -182,7 +189,7 @@ class LinkRunner:
             What the command returns.
 
         Raises:
-            LinkClosedError: The runner is closed or has failed.
+            LinkClosedError: The runner is closed or has failed, or makes a new engine just now.
         """
         self._check_running()
         try:
@@ -193,28 +200,17 @@ class LinkRunner:
     def keep(self, key: str, value: bytes | None) -> None:
         """Write something down beside what the engine does, for the next life; None deletes it."""
         if self._journal is not None:
-            self._journal.put(JournalWrite(write_id=_NO_WRITE, key=key, value=value))
+            self._journal.put(JournalWrite(write_id=NO_WRITE, key=key, value=value))
 
     def submit(self, command: Command) -> bool:
         """Hand a command over from another thread; it runs on the loop soon.
 
-        A `ZacousticError` that it raises is logged; any other exception stops the runner.
+        A `ZacousticError` that it raises is logged.
 
         Returns:
             False when `SUBMIT_LIMIT` commands wait already, or the runner does not run.
         """
-        with self._inbox_guard:
-            if self._is_closing or self._loop is None or len(self._inbox) >= SUBMIT_LIMIT:
-                return False
-            self._inbox.append(command)
-            wake = not self._wake_pending
-            self._wake_pending = True
-        if wake:
-            try:
-                self._loop.call_soon_threadsafe(self._take_submitted)
-            except RuntimeError:  # the loop was closed before the runner
-                return False
-        return True
+        return self._inbox.put(command)
 
     async def wait_failed(self) -> None:
         """Wait until the runner ends.
@@ -232,31 +228,39 @@ class LinkRunner:
         """Give a frame to the engine."""
         if self.watch is not None:
             self.watch(frame, self._instant())
-        self._guarded(lambda: self.engine.handle_frame(frame, self._instant()), self._service)
+        now = self._instant()
+        replacement = self._replacement
+        if replacement is not None and replacement.faults.refuses(frame.frame_bytes, now):
+            return
+        self._guarded(lambda: self.engine.handle_frame(frame, now), frame=frame.frame_bytes)
+        self._guarded(self._service)
 
     def transmit_finished(self, report: TransmitReport) -> None:
         """Give a report to the engine, and to the permit log."""
         if self.watch is not None:
             self.watch(report, self._instant())
+        sent, self._on_air = self._on_air, None
+        self._strictly(lambda: self._log_emission(sent, report))
+        if self._is_foreign_on_air:  # a former engine's: the modem is free now
+            self._is_foreign_on_air = False
+            self._guarded(self._connect, self._service)
+            return
         self._guarded(
-            lambda: self._log_emission(report),
-            lambda: self.engine.handle_transmit_report(report, self._instant()),
-            self._service,
+            lambda: self.engine.handle_transmit_report(report, self._instant()), self._service
         )
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
         """Tell the engine, and people."""
-        level = logging.WARNING if state is LinkState.DOWN else logging.INFO
+        is_known = (state, detail) == (self.link_state, self.link_detail)
+        level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
         _logger.log(level, "node %d: link %s: %s", self.engine.address, state.value, detail)
         self.link_state, self.link_detail = state, detail
-        capabilities = self.link.capabilities if state is LinkState.UP else None
-        self._guarded(
-            lambda: self.engine.handle_link_state(state, self._instant(), capabilities),
-            self._service,
-        )
+        self._is_busy = False
+        self._guarded(self._connect, self._service)
 
     def carrier_changed(self, busy: bool) -> None:
         """Tell the engine whether somebody else is audible."""
+        self._is_busy = busy
         self._guarded(lambda: self.engine.handle_carrier(busy, self._instant()), self._service)
 
     def measured(self, measurement: Measurement) -> None:
@@ -276,7 +280,9 @@ class LinkRunner:
             self._tell_clock()
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
-                    self._arm()
+                    self._alarm.set(None if self._is_closing else self.engine.poll_timeout())
+                    if self.settled is not None:
+                        self.settled()
                     return
         finally:
             self._is_servicing = False
@@ -293,7 +299,7 @@ class LinkRunner:
             self._on_air = transmission
             if self.watch is not None:
                 self.watch(transmission, self._now)
-            self.link.transmit(transmission)
+            self._strictly(lambda: self.link.transmit(transmission))
         event = self.engine.poll_event()
         if event is not None:
             self._deliver(event)
@@ -304,69 +310,25 @@ class LinkRunner:
         if self._wall_clock is None:
             return
         now = self._instant()
-        self._offset_ns, before = self._wall_clock() - self._clock(), self._offset_ns
-        told_at = self._clock_told_at
+        offset_ns, told_at = self._wall_clock() - self._clock(), self._clock_told_at
         is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
-        if is_old or abs(self._offset_ns - before) > _CLOCK_JITTER_NS:
-            self._clock_told_at = now
-            self.engine.handle_clock(self._offset_ns, self._clock_error_ns, now)
-        else:
-            self._offset_ns = before
+        if is_old or abs(offset_ns - self._offset_ns) > _CLOCK_JITTER_NS:
+            self._offset_ns, self._clock_told_at = offset_ns, now
+            self.engine.handle_clock(offset_ns, self._clock_error(), now)
 
-    def _log_emission(self, report: TransmitReport) -> None:
-        sent, self._on_air = self._on_air, None
-        if self._permit_log is None or sent is None or self._wall_clock is None:
-            return
-        if report.outcome is TransmitOutcome.REJECTED:
-            return
-        modem = self.engine.measurements.modem
-        self._permit_log.note(
-            emission(
-                node=self.engine.address,
-                begun_utc_ns=report.started_at + self._wall_clock() - self._clock(),
-                duration_ns=report.finished_at - report.started_at,
-                source_level_db=None if modem is None else modem.source_level_db,
-                frame_bytes=len(sent.frame_bytes),
-                destination=sent.destination,
-                outcome=report.outcome.value,
-            )
-        )
+    def _log_emission(self, sent: Transmission | None, report: TransmitReport) -> None:
+        if self._permit_log is not None and sent is not None and self._wall_clock is not None:
+            offset_ns = self._wall_clock() - self._clock()
+            self._permit_log.note_report(self.engine, sent, report, offset_ns)
 
-    def _arm(self) -> None:
-        """Set the one timer to what the engine waits for."""
-        due_at = self.engine.poll_timeout()
-        if self._timer is not None and due_at == self._due_at:
-            return
-        self._stop_timer()
-        if due_at is None or self._is_closing or self._loop is None:
-            return
-        self._due_at = due_at
-        # Only differences are given to the loop: its clock need not be ours.
-        delay_ns = due_at - self._clock()
-        if delay_ns > 0:
-            self._timer = self._loop.call_later(ns_to_seconds(delay_ns), self._expire)
-        else:
-            self._timer = self._loop.call_soon(self._expire)
-
-    def _expire(self) -> None:
-        self._timer = None
+    def _expire(self, due_at: int) -> None:
         # The loop may be early by its resolution: then it is the due instant that counts.
-        self._now = max(self._instant(), self._due_at)
+        self._now = max(self._instant(), due_at)
         self._guarded(
-            lambda: self.engine.handle_timeout(self._now), self._service, self._see_progress
+            lambda: self.engine.handle_timeout(self._now),
+            self._service,
+            lambda: self._alarm.see_progress(self.engine.poll_timeout(), self._now),
         )
-
-    def _see_progress(self) -> None:
-        """Stop an engine whose timer would spin for ever."""
-        due_at = self.engine.poll_timeout()
-        self._stuck = self._stuck + 1 if due_at is not None and due_at <= self._now else 0
-        if self._stuck > _STUCK_LIMIT:
-            raise RuntimeError(f"the engine asks for the instant {due_at} again and again")
-
-    def _stop_timer(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
 
     def _instant(self) -> int:
         """Return the present instant; never decreases."""
@@ -374,10 +336,9 @@ class LinkRunner:
         return self._now
 
     def _take_submitted(self) -> None:
-        with self._inbox_guard:
-            commands = tuple(self._inbox)
-            self._inbox.clear()
-            self._wake_pending = False
+        if self._is_replacing:
+            return  # the next engine takes them
+        commands = self._inbox.take()
         if self._is_closing:
             return
         # Served once for all of them: they may share a frame.
@@ -393,39 +354,91 @@ class LinkRunner:
     def _keep(self, write: JournalWrite) -> None:
         """Bring a write to the journal."""
         if self._journal is None:
+            self._note_kept(write)
             self.engine.handle_journal_committed(write.write_id, self._now)
         else:
             self._journal.put(write)
 
     def _committed(self, group: Sequence[JournalWrite]) -> None:
         now = self._instant()
-        for write in group:
-            self.engine.handle_journal_committed(write.write_id, now)
-        self._service()
+        for each in group:
+            self._note_kept(each)
+            self._guarded(partial(self.engine.handle_journal_committed, each.write_id, now))
+        self._guarded(self._service)
 
     def _journal_changed(self, failure: str) -> None:
         if failure:
             _logger.error("node %d: what is reliable waits: %s", self.engine.address, failure)
         else:
             _logger.info("node %d: the journal can be written again", self.engine.address)
-        self.engine.handle_journal_state(failure, self._instant())
-        self._service()
+        self._guarded(
+            lambda: self.engine.handle_journal_state(failure, self._instant()), self._service
+        )
 
-    def _guarded(self, *steps: Callable[[], None]) -> None:
-        """Run steps at the top of a callback: an unexpected exception stops the runner."""
-        if self.failure is not None:
+    def _note_kept(self, write: JournalWrite) -> None:
+        if self._replacement is not None:
+            self._replacement.committed(write)
+
+    # When something raises
+
+    def _guarded(self, *steps: Callable[[], None], frame: bytes | None = None) -> None:
+        """Run steps of the engine at the top of a callback: an engine that raises is replaced."""
+        if self.failure is not None or self._is_replacing:
             return
         try:
             for step in steps:
                 step()
+        except (ConfigError, RangeUnavailableError) as error:
+            self._fail(error)  # the link cannot do what the config asks of it
+        except Exception as error:
+            if self._replacement is None:
+                self._fail(error)
+            elif self.failure is None:
+                self._lose_engine(self._replacement, error, frame)
+
+    def _strictly(self, step: Callable[[], None]) -> None:
+        """Run a step that is none of the engine: what it raises stops the runner."""
+        try:
+            step()
         except Exception as error:
             self._fail(error)
+
+    def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
+        """Give the engine up, and have the next one made."""
+        self._alarm.stop()
+        self._is_foreign_on_air = self._on_air is not None
+        pause_s = next_one.faults.note(error, self._instant(), frame=frame)
+
+        def begin(engine: Engine) -> None:
+            self.engine, self._clock_told_at = engine, None
+            for event in next_one.news(engine, error, self._instant()):
+                self._deliver(event)
+            if self._journal is not None and self._journal.failure:
+                self._journal_changed(self._journal.failure)
+            self._guarded(self._tell_clock, self._connect, self._service)
+            self._take_submitted()
+
+        next_one.begin(self.engine, pause_s, self._journal, begin, self._fail)
+
+    def _connect(self) -> None:
+        """Tell the engine how the link is, unless it transmits a frame of a former engine."""
+        state = self.link_state
+        if self._is_foreign_on_air and state is LinkState.UP:
+            return
+        capabilities = self.link.capabilities if state is LinkState.UP else None
+        self.engine.handle_link_state(state, self._instant(), capabilities)
+        if self._is_busy:
+            self.engine.handle_carrier(True, self._instant())
+
+    @property
+    def _is_replacing(self) -> bool:
+        return self._replacement is not None and self._replacement.is_under_way
 
     def _fail(self, error: Exception) -> None:
         if not isinstance(error, ZacousticError):  # those say by themselves what is wrong
             _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
         self.failure = error
-        self._stop_timer()
+        self._alarm.stop()
         self._ended.set()
 
     def _check_running(self) -> None:
@@ -433,3 +446,5 @@ class LinkRunner:
             raise LinkClosedError(f"the runner has failed: {self.failure}") from self.failure
         if self._is_closing or self._loop is None:
             raise LinkClosedError("the runner is not running")
+        if self._is_replacing:
+            raise LinkClosedError("the engine restarts after an internal error; try again")

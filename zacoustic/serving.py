@@ -22,6 +22,7 @@ LINES_LIMIT: Final = 10_000
 """Lines that may wait for a reader."""
 
 _LAST_PORT: Final = 65_535
+_MOST_SCALED: Final = 1e6
 # How long the last lines may take when the verb ends, s.
 _LAST_LINES_S: Final = 1.0
 
@@ -72,8 +73,11 @@ class ScaledClock:
     """
 
     def __init__(self, time_scale: float = 1.0, clock: Clock = time.monotonic_ns) -> None:
-        if not 0 < time_scale < math.inf:
-            raise ConfigError(f"time scale is {time_scale:g}; allowed: above 0")
+        if not 1 / _MOST_SCALED <= time_scale <= _MOST_SCALED:
+            raise ConfigError(
+                f"time scale is {time_scale:g}; allowed: above 0, "
+                f"{1 / _MOST_SCALED:g}..{_MOST_SCALED:g}"
+            )
         self.time_scale = time_scale
         self._clock = clock
         self._origin_at = clock()

@@ -15,6 +15,7 @@ from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
 from zacoustic.errors import ZacousticError
+from zacoustic.safetext import one_line
 from zacoustic.tools.webpage import serve_page
 
 _HOST: Final = "127.0.0.1"
@@ -42,8 +43,7 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
             print("the vehicle is in the water", flush=True)
             await attend(desk, ZenohShore(session, desk.shore, desk.watch, ros=ros), running)
         except ZacousticError as error:
-            desk.trouble = str(error)
-            sys.stderr.write(f"{error}\n")
+            _note_trouble(desk, error)
 
     async def start() -> None:
         working.append(asyncio.create_task(work()))
@@ -72,17 +72,24 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
 
 
 async def attend(desk: Desk, carrier: ZenohShore, running: Expedition) -> None:
-    """Carry words between the desk and Zenoh until a process dies.
+    """Carry words between the desk and Zenoh, until it is cancelled.
 
-    Raises:
-        ZacousticError: One has.
+    Also when a process has died: what the page says of the others is to stay true.
     """
     desk.carrier, desk.cancel = carrier, carrier.cancel_goal
-    while not running.failed.done():
+    desk.watch.answered_at_s = desk.now_s
+    while True:
+        carrier.ask_gateway()
         carrier.drain(desk.now_s)
         desk.tick()
+        if running.failed.done() and not desk.trouble:
+            _note_trouble(desk, running.failed.exception())
         await asyncio.sleep(_PERIOD_S)
-    running.failed.result()
+
+
+def _note_trouble(desk: Desk, error: BaseException | None) -> None:
+    desk.trouble = one_line(error)
+    sys.stderr.write(f"{desk.trouble}\n")
 
 
 def _why_not(port: int) -> str | None:

@@ -29,6 +29,8 @@ from examples.auv.shore import Answer, Carrier, Shore
 
 ORDERS_MOST: Final = 30
 WAYPOINTS_MOST: Final = 9
+GATEWAY_LIMIT_S: Final = 1.6
+"""A gateway that has not answered for so long is gone: it is asked several times in it, s."""
 CONFIRMED: Final = "done: the vehicle reports that it has stopped"
 
 
@@ -81,6 +83,8 @@ class Desk:
         """Where the autopilot was sent to, m; None: nowhere."""
         self.photo_asked_at_s: float | None = None
         """When the newest photo was asked for; None: it cannot be told which order it is of."""
+        self.gateway_gone_at_s: float | None = None
+        """Since when the gateway has not answered; None: it does, or nobody asks it."""
         self.trouble = ""
         """What has gone wrong with the processes."""
         self._clock = clock
@@ -96,11 +100,14 @@ class Desk:
 
     @property
     def unix_s(self) -> float:
-        """The instant, by the clock of people."""
-        return self._unix_clock()
+        """The instant, by the gateway's clock of people, which never jumps; else by ours."""
+        told = self.watch.unix_s(self.now_s)
+        return self._unix_clock() if told is None else told
 
     def tick(self) -> None:
         """Tell the vehicle the set-points that are due, and see what became of the orders."""
+        self.watch.fates.tick(self.now_s)
+        self._watch_gateway()
         self._follow_stops()
         self._follow_photos()
         if self.carrier is not None:
@@ -148,11 +155,13 @@ class Desk:
             self._photos_awaited.append(order)
 
     def stop(self) -> None:
-        """Stop everything."""
+        """Stop everything; what nobody can carry is noted as not sent."""
         self._take_hands_off()
+        fate = Fate.NOT_SENT
         if self.carrier is not None:
             self._put(STOP, Stop())
-            self._note(Order("STOP", self.now_s, fate=Fate.GIVEN))
+            fate = Fate.GIVEN
+        self._note(Order("STOP", self.now_s, fate=fate))
 
     # Below
 
@@ -169,11 +178,17 @@ class Desk:
     def _put(self, topic: str, value: msgspec.Struct) -> None:
         assert self.carrier is not None
         self.carrier.put(topic, value)
-        self.watch.fates.sent(topic)
+        self.watch.fates.sent(topic, self.now_s)
 
     def _note(self, order: Order) -> Order:
         self.orders = [*self.orders[1 - ORDERS_MOST :], order]
         return order
+
+    def _watch_gateway(self) -> None:
+        """See whether it answers; here, behind all that has come, and not when somebody looks."""
+        answered_at_s = self.watch.answered_at_s
+        is_gone = answered_at_s is not None and self.now_s - answered_at_s > GATEWAY_LIMIT_S
+        self.gateway_gone_at_s = answered_at_s if is_gone else None
 
     def _follow_stops(self) -> None:
         """Of several the newest is followed: the others are the same order."""
@@ -182,7 +197,7 @@ class Desk:
             if order.answer is None and not order.is_confirmed:
                 is_later = self.shore.nav_made_at_s > order.at_s
                 order.is_confirmed = is_later and nav is not None and nav.mode is Mode.STOPPED
-                order.fate = self.watch.fates.of(STOP)
+                order.fate = self.watch.fates.of(STOP) or order.fate
 
     def _follow_photos(self) -> None:
         """Find out which order a photo is of, if there is one that it can be."""

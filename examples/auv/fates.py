@@ -11,11 +11,17 @@ from typing import Any, Final
 _FAILURES: Final = ("expired", "refused", "cancelled")
 
 
+TAKEN_WITHIN_S: Final = 3.0
+"""A gateway that lives has counted a sample within this; it tells its counts once a second."""
+
+
 class Fate(enum.Enum):
     """Of the newest sample of a topic."""
 
     GIVEN = "given to the gateway"
     """The gateway has not counted it yet."""
+    NOT_SENT = "NOT SENT: the gateway has not taken it"
+    """For too long already; it may take it still."""
     UNDER_WAY = "on its way"
     """It waits for its frame, is in the water, or is not acknowledged yet."""
     THERE = "the vehicle has it"
@@ -36,15 +42,23 @@ class Fates:
         self._published: dict[str, int] = {}
         """How many the gateway had counted when the newest one was sent."""
         self._counts: dict[str, dict[str, Any]] = {}
+        self._given_at_s: dict[str, float] = {}
 
     def of(self, topic: str) -> Fate | None:
         """Return the fate of the newest sample; None: there is none."""
         return self._fates.get(topic)
 
-    def sent(self, topic: str) -> None:
-        """A sample was published."""
+    def sent(self, topic: str, now_s: float) -> None:
+        """A sample was published; `now_s` is the instant."""
         self._fates[topic] = Fate.GIVEN
+        self._given_at_s[topic] = now_s
         self._published[topic] = self._counts.get(topic, {}).get("published", 0)
+
+    def tick(self, now_s: float) -> None:
+        """Time has passed: what the gateway should have counted by now was not sent."""
+        for topic, fate in self._fates.items():
+            if fate is Fate.GIVEN and now_s - self._given_at_s[topic] > TAKEN_WITHIN_S:
+                self._fates[topic] = Fate.NOT_SENT
 
     def take(self, document: dict[str, Any]) -> None:
         """Take the gateway's counters of all streams, each newer than the last ones."""

@@ -4,6 +4,8 @@ The documents are those under ``@acoustic/1/``: JSON, put when they have changed
 those of the gateway's clock of people, which stands on the same island.
 """
 
+import contextlib
+import json
 from collections import deque
 from typing import Any, Final
 
@@ -64,9 +66,24 @@ class LinkWatch:
         self.documents: dict[str, Any] = {}
         """The newest of each, by the end of its key."""
         self.fates = Fates()
+        self.answered_at_s: float | None = None
+        """When the gateway has answered last that it lives; None: it was not asked."""
+        self._ahead_s: float | None = None
+        self.down_at_s: float | None = None
+        """Since when the link is not up, as far as it was seen; None: it is."""
         self._airtimes: deque[tuple[float, float]] = deque(maxlen=256)
         self._frames: dict[tuple[str, float], Frame] = {}
         self._progress: dict[tuple[int, int], deque[tuple[float, int]]] = {}
+
+    def answered(self, text: str, now_s: float) -> None:
+        """The gateway lives, and has said what time it is there."""
+        self.answered_at_s = now_s
+        with contextlib.suppress(ValueError, LookupError, TypeError):
+            self._ahead_s = float(json.loads(text)["now_unix_s"]) - now_s
+
+    def unix_s(self, now_s: float) -> float | None:
+        """Return the gateway's clock of people, by which its documents are dated; None: unknown."""
+        return None if self._ahead_s is None else now_s + self._ahead_s
 
     def take(self, name: str, document: dict[str, Any], now_s: float) -> None:
         """Take a document.
@@ -81,6 +98,10 @@ class LinkWatch:
             case "streams":
                 self.fates.take(document)
             case "link":
+                if document["state"] == "up":
+                    self.down_at_s = None
+                elif self.down_at_s is None:
+                    self.down_at_s = now_s
                 self._airtimes.append((now_s, document["airtime_s"]))
             case "water":
                 self._take_frames(document)

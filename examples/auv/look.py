@@ -4,12 +4,13 @@ Nothing is loaded from outside. Whatever comes from the vehicle or from the gate
 """
 
 from collections.abc import Iterable
-from html import escape
 from pathlib import Path
 from typing import Final
 
 from examples.auv.ladder import KINDS
 from examples.auv.readout import Line, OrderLine, Value, ago
+from zacoustic.safetext import html_text
+from zacoustic.tools.truth import age_html
 
 _HERE: Final = Path(__file__).parent
 CSS: Final = (_HERE / "console.css").read_text(encoding="utf-8")
@@ -31,13 +32,28 @@ LEGEND: Final = "".join(
 )
 
 
+def _age(seconds: float) -> str:
+    return age_html(seconds, ago(seconds))
+
+
+def report_age(age_s: float | None) -> str:
+    """Say how old the newest report is."""
+    return "no report yet" if age_s is None else f"report {_age(age_s)} old"
+
+
+def link_and_vehicle(link: str, heard_s: float | None) -> str:
+    """Say how the modem is, and how long ago the vehicle was heard."""
+    heard = "" if heard_s is None else f", vehicle heard {_age(heard_s)} ago"
+    return f"modem {html_text(link)}{heard}"
+
+
 def values_table(values: Iterable[Value]) -> str:
     """Return the vehicle's values: reported, how old, and what they probably are now."""
     rows = [
-        f'<tr><td class="name">{escape(each.name)}</td>'
-        f'<td class="reported">{escape(each.reported)}</td>'
-        f'<td class="age{" is-bad" if each.is_old else ""}">{ago(each.age_s)}</td>'
-        f'<td class="predicted">{escape(each.now)}</td></tr>'
+        f'<tr><td class="name">{html_text(each.name)}</td>'
+        f'<td class="reported">{html_text(each.reported)}</td>'
+        f'<td class="age{" is-bad" if each.is_old else ""}">{_age(each.age_s)}</td>'
+        f'<td class="predicted">{html_text(each.now)}</td></tr>'
         for each in values
     ]
     if not rows:
@@ -52,21 +68,21 @@ def values_table(values: Iterable[Value]) -> str:
 def lines_table(lines: Iterable[Line], nothing: str) -> str:
     """Return lines as a table; `nothing` stands for none."""
     rows = [
-        f'<tr><td class="name">{escape(each.name)}</td>'
-        f"<td{' class=is-bad' if each.is_bad else ''}>{escape(each.text)}</td>"
-        f'<td class="age">{"" if each.age_s is None else ago(each.age_s)}</td></tr>'
+        f'<tr><td class="name">{html_text(each.name)}</td>'
+        f"<td{' class=is-bad' if each.is_bad else ''}>{html_text(each.text)}</td>"
+        f'<td class="age">{"" if each.age_s is None else _age(each.age_s)}</td></tr>'
         for each in lines
     ]
     if not rows:
-        return f'<span class="keys">{escape(nothing)}</span>'
+        return f'<span class="keys">{html_text(nothing)}</span>'
     return f'<table class="lines">{"".join(rows)}</table>'
 
 
 def orders_table(orders: Iterable[OrderLine]) -> str:
     """Return the orders and what became of them, newest first."""
     rows = [
-        f'<tr><td class="age">{ago(each.age_s)}</td><td>{escape(each.text)}'
-        f'<br><span class="is-{each.state}">{escape(each.outcome)}</span></td></tr>'
+        f'<tr><td class="age">{_age(each.age_s)}</td><td>{html_text(each.text)}'
+        f'<br><span class="is-{each.state}">{html_text(each.outcome)}</span></td></tr>'
         for each in orders
     ]
     if not rows:

@@ -11,6 +11,7 @@ from typing import Final
 
 import msgspec
 from nicegui import ui
+from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import GenericEventArguments
 
 from examples.auv import look, readout
@@ -26,6 +27,8 @@ from examples.auv.drawing import (
 )
 from examples.auv.ladder import LADDER_PX, ladder_of
 from examples.auv.messages import ELEVATOR, RUDDER, THRUST, Waypoint
+from zacoustic.safetext import html_text
+from zacoustic.tools.webpage import Banner
 
 REFRESH_S: Final = 0.5
 _CLOSE_ENOUGH: Final = 1e-6
@@ -76,10 +79,14 @@ class Page:
         self._sizes: dict[str, Size] = {}
         self._sliders: dict[str, ui.slider] = {}
         self._fates: dict[str, ui.label] = {}
+        self._orders_taken = 0
+        self._hands_off: list[ui.element] = []
         ui.page_title("auv1")
+        self._banner = Banner("NOT SENT")
         ui.add_css(look.CSS)
         ui.add_body_html(f"<script>{look.KEYS_JS}</script>")
         ui.on("auv-key", self._key)
+        ui.on("auv-stop", self._stop)
         with ui.element("div").classes("console"):
             self._head()
             self._sea()
@@ -94,7 +101,9 @@ class Page:
         desk = self._desk
         now_s, shore = desk.now_s, desk.shore
         estimate = shore.estimate(now_s)
+        self._banner.beat(readout.alarm(desk), taken=self._orders_taken)
         self._show_head()
+        self._show_why()
         self._map.set_content(
             map_of(shore, estimate, desk.waypoints, self._target(), self._sizes["map"])
         )
@@ -123,22 +132,25 @@ class Page:
     def _head(self) -> None:
         with ui.element("div").classes("head"):
             ui.label("auv1").classes("name")
-            self._mode = ui.label().classes("chip mode").mark("mode")
-            self._age = ui.label().classes("chip").mark("age")
-            self._heard = ui.label().classes("chip").mark("heard")
+            self._mode = ui.label().classes("chip mode za-live").mark("mode")
+            self._age = ui.html(sanitize=False).classes("chip za-live").mark("age")
+            self._heard = ui.html(sanitize=False).classes("chip za-live").mark("heard")
             self._trouble = ui.label().classes("trouble")
             self._notice = ui.label().classes("hint").mark("notice")
-            ui.button("STOP", on_click=self._desk.stop, color="red").classes("stop text-h6")
+            self._stop_button = ui.button("STOP", color="red").classes("stop text-h6")
+            self._stop_button.on(
+                "click", self._stop, js_handler="() => window.auvStop((id) => emit(id))"
+            )
 
     def _sea(self) -> None:
-        with ui.element("div").classes("panel sea"):
+        with ui.element("div").classes("panel sea za-live"):
             ui.label("Map, and depth of the last ten minutes").classes("caption")
             self._map = self._drawing("map", MAP_PX)
             self._map.on("click", self._clicked, js_handler=look.CLICK_JS)
             self._profile = self._drawing("profile", PROFILE_PX)
 
     def _craft(self) -> None:
-        with ui.element("div").classes("panel craft"):
+        with ui.element("div").classes("panel craft za-live"):
             ui.label("Attitude, and the newest photo").classes("caption")
             with ui.element("div").classes("top"):
                 self._attitude = ui.html(sanitize=False).classes("attitude").mark("attitude")
@@ -152,7 +164,7 @@ class Page:
 
     def _hands(self) -> None:
         with ui.element("div").classes("hands"):
-            with ui.element("div").classes("panel"):
+            with ui.element("div").classes("panel za-live"):
                 with ui.element("div").classes("strip"):
                     ui.label("By hand").classes("caption")
                     self._hint = ui.label().classes("hint")
@@ -161,12 +173,12 @@ class Page:
                 ui.html(look.KEYS_HINT, sanitize=False).classes("keys")
             with ui.element("div").classes("panel"):
                 self._missions()
-            with ui.element("div").classes("panel orders"):
+            with ui.element("div").classes("panel orders za-live"):
                 ui.label("Orders").classes("caption")
                 self._orders = ui.html(sanitize=False).mark("orders")
 
     def _water(self) -> None:
-        with ui.element("div").classes("panel water"):
+        with ui.element("div").classes("panel water za-live"):
             with ui.element("div"):
                 with ui.element("div").classes("strip"):
                     ui.label("Water").classes("caption")
@@ -205,6 +217,7 @@ class Page:
                 on_change=lambda event: self._moved(joint, event.value),
             )
             slider.props(f'dense aria-label="{joint.name}"').mark(joint.name)
+            self._hands_off.append(slider)
             ui.label().classes("value").bind_text_from(
                 slider, "value", backward=lambda value: f"{value:+g} {joint.unit}" if value else "0"
             )
@@ -214,42 +227,53 @@ class Page:
     def _missions(self) -> None:
         desk = self._desk
         ui.label("Mission; a click on the map fills in north and east").classes("caption")
-        with ui.element("div").classes("fields"):
+        self._why = ui.label().classes("why").mark("why")
+        with ui.element("div").classes("fields za-live"):
             self._depth = _field("depth m", 10, 0, 70)
             self._speed = _field("speed m/s", 1.5, 0, 2.2)
             self._heading = _field("heading °", 90, 0, 360)
             self._north = _field("north m", 60, -2000, 2000)
             self._east = _field("east m", 160, -2000, 2000)
-        with ui.element("div").classes("strip").style("margin-top: 8px"):
-            _button("arm", lambda: desk.arm(True))
-            _button("disarm", lambda: desk.arm(False))
-            _button("by hand", desk.by_hand)
-            _button("photo", desk.photo)
-        with ui.element("div").classes("strip").style("margin-top: 6px"):
-            _button("hold", self._hold)
-            _button("go to", self._goto)
-            _button("cancel", desk.cancel_goal)
+        with ui.element("div").classes("strip za-live").style("margin-top: 8px"):
+            self._button("arm", lambda: desk.arm(True))
+            self._button("disarm", lambda: desk.arm(False))
+            self._button("by hand", desk.by_hand)
+            self._button("photo", desk.photo)
+        with ui.element("div").classes("strip za-live").style("margin-top: 6px"):
+            self._button("hold", self._hold)
+            self._button("go to", self._goto)
+            self._button("cancel", desk.cancel_goal)
+
+    def _button(self, text: str, act: Callable[[], object]) -> None:
+        made = ui.button(text, on_click=lambda: self._do(act), color="blue-grey-9")
+        self._hands_off.append(made.props("dense unelevated no-caps"))
 
     # What is shown
 
     def _show_head(self) -> None:
         desk = self._desk
         self._mode.set_text(readout.mode(desk))
-        age_s = readout.report_age_s(desk)
-        self._age.set_text("no report yet" if age_s is None else f"report {readout.ago(age_s)} old")
+        self._age.set_content(look.report_age(readout.report_age_s(desk)))
         is_old = readout.is_report_old(desk)
         self._age.classes(add="bad" if is_old else "good", remove="good" if is_old else "bad")
-        heard_at = desk.watch.heard_at_unix_s
-        link = desk.watch.documents.get("link", {}).get("state", "not heard yet")
-        heard = (
-            "" if heard_at is None else f", vehicle heard {readout.ago(desk.unix_s - heard_at)} ago"
-        )
-        self._heard.set_text(f"modem {link}{heard}")
+        heard_at, link = desk.watch.heard_at_unix_s, readout.link_state(desk)
+        heard_s = None if heard_at is None else desk.unix_s - heard_at
+        self._heard.set_content(look.link_and_vehicle(link, heard_s))
         is_lost = desk.watch.lost_since_unix_s is not None or link != "up"
         self._heard.classes(add="bad" if is_lost else "good", remove="good" if is_lost else "bad")
         self._trouble.set_text(desk.trouble)
         is_starting = desk.carrier is None and not desk.trouble
-        self._notice.set_text("modems, gateways and vehicle start" if is_starting else "")
+        self._notice.set_text(readout.why_disabled(desk) if is_starting else "")
+
+    def _show_why(self) -> None:
+        """Take the hands off what would do nothing, and say why."""
+        why = readout.why_disabled(self._desk)
+        self._why.set_text(f"disabled: {why}" if why else "")
+        self._stop_button.classes(add="dead" if why else "", remove="" if why else "dead")
+        for each in self._hands_off:
+            if isinstance(each, DisableableElement) and each.enabled == bool(why):
+                each.set_enabled(not why)
+                each.props(f'title="disabled: {html_text(why)}"' if why else "", remove="title")
 
     def _show_photo(self) -> None:
         desk = self._desk
@@ -269,18 +293,28 @@ class Page:
 
     # What is done
 
+    def _do(self, act: Callable[[], object]) -> None:
+        """Do it, unless it was pressed long ago and comes only now. A stop is never too late."""
+        if self._banner.is_current():
+            act()
+        else:
+            ui.notify("not done: it was pressed before the connection was lost", type="warning")
+
     def _moved(self, joint: Joint, value: float) -> None:
         told = value * joint.factor
         setpoints = self._desk.setpoints
         # A slider that follows what others have done has nothing to say.
-        if abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH:
+        if (
+            self._banner.is_current()
+            and abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH
+        ):
             setpoints.set(joint.topic, told)
 
     def _key(self, event: GenericEventArguments) -> None:
         key = event.args
-        if key == " ":
-            self._desk.stop()
-        elif key == "0":
+        if readout.why_disabled(self._desk) or not self._banner.is_current():
+            return
+        if key == "0":
             for slider in self._sliders.values():
                 slider.value = 0
         elif key in _KEYS:
@@ -288,6 +322,13 @@ class Page:
             joint = next(each for each in JOINTS if each.topic == topic)
             slider = self._sliders[topic]
             slider.value = max(-joint.most, min(joint.most, slider.value + by))
+
+    def _stop(self, event: GenericEventArguments) -> None:
+        """Stop; the number that the page has given the press tells it that it was taken."""
+        self._desk.stop()
+        if isinstance(event.args, int):
+            self._orders_taken = event.args
+        self.refresh()
 
     def _clicked(self, event: GenericEventArguments) -> None:
         desk = self._desk
@@ -315,10 +356,6 @@ class Page:
             ui.notify("go to needs north, east, depth and speed", type="warning")
             return
         self._desk.goto(Waypoint(*target, depth, speed))
-
-
-def _button(text: str, act: Callable[[], object]) -> None:
-    ui.button(text, on_click=act, color="blue-grey-9").props("dense unelevated no-caps")
 
 
 def _field(label: str, value: float, least: float, most: float) -> ui.number:

@@ -4,6 +4,7 @@ Functions of the desk that return lines and tables as text; how they look is the
 An age is that at the source: how long ago the vehicle had the value, not how long it has been here.
 """
 
+import math
 from typing import Final
 
 import msgspec
@@ -14,6 +15,7 @@ from examples.auv.linkwatch import Frame
 from examples.auv.messages import ELEVATOR, RUDDER, STOP, THRUST, Mode
 from examples.auv.setpoints import Setpoints
 from examples.auv.start import NAV_PERIOD_S, STATUS_PERIOD_S
+from zacoustic.tools.truth import Alarm
 
 OLD_REPORTS: Final = 4
 """A value is old when so many of its reports have not come."""
@@ -65,6 +67,32 @@ def ago(seconds: float) -> str:
 def short(stream: str) -> str:
     """Return the name of a stream as people at this desk say it."""
     return _SHORT.get(stream, stream.rpartition("/")[2])
+
+
+# What is dead
+
+
+def alarm(desk: Desk) -> Alarm | None:
+    """Say why nothing that is ordered now reaches the vehicle; None: it may."""
+    if desk.carrier is None:
+        return Alarm(f"NOT SENT: {desk.trouble}") if desk.trouble else None
+    if desk.gateway_gone_at_s is not None:
+        return Alarm("NOT SENT: gateway gone", desk.now_s - desk.gateway_gone_at_s)
+    link, down_at_s = desk.watch.documents.get("link"), desk.watch.down_at_s
+    if link is not None and down_at_s is not None:
+        return Alarm(f"NOT SENT: link {link['state']}", desk.now_s - down_at_s)
+    if link is not None and link.get("silent"):
+        why = link.get("why_silent") or "ordered, or a quiet window"
+        return Alarm(f"NOT SENT: silence is kept, {why}")
+    return None
+
+
+def why_disabled(desk: Desk) -> str:
+    """Say why nothing but a stop can be ordered now; empty: it can."""
+    dead = alarm(desk)
+    if dead is not None:
+        return dead.text.removeprefix("NOT SENT: ")
+    return "modems, gateways and vehicle start" if desk.carrier is None else ""
 
 
 # The vehicle
@@ -158,12 +186,22 @@ def steering_hint(desk: Desk) -> str:
 # Link, queue and water
 
 
+def link_state(desk: Desk) -> str:
+    """Return the state of the modem's link, as far as anybody knows it."""
+    if desk.gateway_gone_at_s is not None:
+        return "not known, gateway gone"
+    return str(desk.watch.documents.get("link", {}).get("state", "not heard yet"))
+
+
 def link_lines(desk: Desk) -> list[Line]:
     """Say how good the link is."""
     watch, unix_s = desk.watch, desk.unix_s
     link = watch.documents.get("link")
     if link is None:
         return [Line("modem", "not heard yet")]
+    if desk.gateway_gone_at_s is not None:
+        gone_s = desk.now_s - desk.gateway_gone_at_s
+        return [Line("modem", "not known: the gateway is gone", gone_s, is_bad=True)]
     found = [Line("modem", link["state"], is_bad=link["state"] != "up")]
     heard_at = watch.heard_at_unix_s
     if watch.lost_since_unix_s is not None:
@@ -253,13 +291,27 @@ def _outcome(desk: Desk, order: Order) -> tuple[str, str]:
     if answer is None:
         if order.is_confirmed:
             return CONFIRMED, "good"
-        fate = Fate.GIVEN if order.fate is None else order.fate
-        return fate.value, "bad" if fate is Fate.LOST else "waiting"
+        return _fate(desk, order, Fate.GIVEN if order.fate is None else order.fate)
+    if not answer.ended and desk.gateway_gone_at_s is not None:
+        return "not known: the gateway is gone", "bad"
     if answer.ended:
         return ("done", "good") if answer.is_good else (answer.text or "failed", "bad")
     if not answer.accepted:
         return "not answered yet", "waiting"
     return f"accepted, under way{_distance_left(desk)}", "waiting"
+
+
+def _fate(desk: Desk, order: Order, fate: Fate) -> tuple[str, str]:
+    """Say what became of a sample: what waits behind something dead is not on its way."""
+    dead = alarm(desk)
+    if fate.is_over or dead is None:
+        return fate.value, "bad" if fate in (Fate.LOST, Fate.NOT_SENT) else "waiting"
+    why = dead.text.removeprefix("NOT SENT: ")
+    dead_at_s = math.inf if dead.since_s is None else desk.now_s - dead.since_s
+    if fate is Fate.UNDER_WAY and order.at_s < dead_at_s:
+        return f"not known: it was on its way when this began: {why}", "bad"
+    kept = "; the gateway keeps it" if fate is Fate.UNDER_WAY else ""
+    return f"NOT SENT: {why}{kept}", "bad"
 
 
 def _distance_left(desk: Desk) -> str:
@@ -289,7 +341,7 @@ def _reports(desk: Desk) -> tuple[int, int]:
     until_s = now_s - desk.watch.way_s - NAV_PERIOD_S
     since_s = max(until_s - REPORTS_WINDOW_S, track[0][0] if track else until_s)
     came = sum(1 for made_at_s, _ in track if since_s < made_at_s <= until_s)
-    due = round((until_s - since_s) / NAV_PERIOD_S)
+    due = max(0, round((until_s - since_s) / NAV_PERIOD_S))
     return min(came, due), due
 
 

@@ -4,6 +4,7 @@ Zenoh calls on threads of its own; what came waits in a queue until `drain`, so 
 state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and water.
 """
 
+import contextlib
 import json
 import os
 import queue
@@ -33,6 +34,7 @@ from examples.auv.start import SHORE
 from zacoustic.gateway import read_marker
 
 CALL_LIMIT_S: Final = 100.0
+ANSWER_LIMIT_S: Final = 2.0
 _ANSWERS_KEPT: Final = 256
 RESULT_LIMIT_S: Final = 3600.0
 Take = Callable[[dict[str, Any]], None]
@@ -78,6 +80,18 @@ class ZenohShore(Carrier):
         # What has not changed since is not put again.
         handler = zenoh.handlers.Callback(self._hear_answer, lambda: None)
         session.get(f"{_HEALTH}**", handler)
+
+    def ask_gateway(self) -> None:
+        """Ask whether the gateway lives; `LinkWatch.answered_at_s` tells what it has said."""
+
+        def hear(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                text = reply.ok.payload.to_string()
+                self._later(lambda now_s: self._watch.answered(text, now_s))
+
+        handler = zenoh.handlers.Callback(hear, lambda: None)
+        with contextlib.suppress(zenoh.ZError):  # no answer is one
+            self._session.get(f"{_HEALTH}clock", handler, timeout=ANSWER_LIMIT_S)
 
     def drain(self, now_s: float) -> None:
         """Take in all that came; `now_s` is the instant."""
@@ -198,9 +212,11 @@ class ZenohShore(Carrier):
         name, text = str(sample.key_expr).removeprefix(_HEALTH), sample.payload.to_string()
 
         def take(now_s: float) -> None:
-            # An answer may be older than what was put meanwhile.
+            # An answer may be older than what was put meanwhile. What is no such document is
+            # nobody's: anyone on this network can put one.
             if not (is_answer and name in self._watch.documents):
-                self._watch.take(name, json.loads(text), now_s)
+                with contextlib.suppress(ValueError, LookupError, TypeError, AttributeError):
+                    self._watch.take(name, json.loads(text), now_s)
 
         self._later(take)
 

@@ -3,15 +3,15 @@
 import argparse
 import asyncio
 import contextlib
-import json
 import os
 import random
 import sys
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
-from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.clock import is_duration, ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import json_line, one_line
 from zacoustic.serving import parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ async def _serve(arguments: argparse.Namespace) -> None:
     reporter = _Reporter(stop, as_json=arguments.json)
     standin = _standin(arguments, reporter)
     host, ports = _parse_listen(arguments.listen, standin.nodes)
-    if not 0 <= arguments.start_delay < float("inf"):
+    if not is_duration(arguments.start_delay, or_zero=True):
         raise ConfigError(f"--start-delay is {arguments.start_delay:g}; allowed: 0 or more")
     server = StandInServer(standin, host=host, ports=ports, time_scale=arguments.time_scale)
     # Signals first: whoever reads that we listen may stop us at once.
@@ -168,7 +168,7 @@ class _Reporter:
         if self._stop.is_set():
             return
         try:
-            print(json.dumps(record) if self._as_json else text, flush=True)
+            print(json_line(record) if self._as_json else one_line(text), flush=True)
         except BrokenPipeError:
             self._stop.set()
             # The interpreter flushes once more at its end.

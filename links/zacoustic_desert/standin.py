@@ -26,7 +26,6 @@ same result.
 
 import heapq
 import itertools
-import math
 import random
 from collections import Counter, deque
 from collections.abc import Callable
@@ -34,7 +33,7 @@ from typing import Any, Final, Literal, TypeAlias
 
 import msgspec
 
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import DURATIONS, is_duration, seconds_to_ns
 from zacoustic.errors import ConfigError
 from zacoustic_desert.config import READ_LIMIT_BYTES
 from zacoustic_desert.water import Landing, Water
@@ -70,10 +69,10 @@ class StandInConfig(msgspec.Struct, frozen=True, kw_only=True):
             raise ValueError(
                 f"max_read_length is {self.max_read_length}; allowed: 1..{READ_LIMIT_BYTES}"
             )
-        if not 0 < self.period_s < math.inf:
-            raise ValueError(f"period_s is {self.period_s:g}; allowed: above 0")
+        if not is_duration(self.period_s):
+            raise ValueError(f"period_s is {self.period_s:g}; allowed: above 0, {DURATIONS}")
         for name in ("wait_s", "listen_s", "wake_s"):
-            if not 0 <= getattr(self, name) < math.inf:
+            if not is_duration(getattr(self, name), or_zero=True):
                 raise ValueError(f"{name} is {getattr(self, name):g}; allowed: 0 or more")
 
 

@@ -1,5 +1,6 @@
 """The console with everything behind it, in real time, and a real browser in front of it."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -18,6 +19,7 @@ ROOT: Final = Path(__file__).parents[2]
 BROWSER: Final = shutil.which("chromium") or shutil.which("google-chrome")
 LIMIT_MS: Final = 60_000
 LAPTOP: Final = {"width": 1440, "height": 810}
+PHONE: Final = {"width": 390, "height": 844}
 
 
 class Running:
@@ -25,7 +27,39 @@ class Running:
 
     def __init__(self, process: "subprocess.Popen[str]", port: int) -> None:
         self._process = process
+        self.harmed: dict[int, str] = {}
+        """What was harmed, and what may have lost its parent by that: command lines by ids."""
         self.address = f"http://127.0.0.1:{port}"
+
+    @property
+    def pid(self) -> int:
+        """Of the process that serves the page."""
+        return self._process.pid
+
+    def children(self) -> dict[int, str]:
+        """Return the processes that it has started: their command lines by their ids."""
+        found: dict[int, str] = {}
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+                words = (
+                    (folder / "cmdline").read_bytes().decode(errors="replace").replace("\0", " ")
+                )
+            except OSError:  # it has ended meanwhile
+                continue
+            if parent == self.pid:
+                found[int(folder.name)] = words
+        return found
+
+    def harm(self, pid: int, how: signal.Signals) -> None:
+        """Kill or stop a process of it; all are ended behind the test."""
+        self.harmed |= {**self.children(), pid: "the harmed one"}
+        os.kill(pid, how)
+
+    def child(self, words: str) -> int:
+        """Return the id of the one process that it has started with such words."""
+        (found,) = (pid for pid, command in self.children().items() if words in command)
+        return found
 
     @property
     def rss_bytes(self) -> int:
@@ -36,8 +70,13 @@ class Running:
 
 
 @contextmanager
-def console(*arguments: str) -> Iterator[Running]:
-    """Run everything; what was not wrong inside must also end as it should."""
+def console(*arguments: str, is_harmed: bool = False) -> Iterator[Running]:
+    """Run everything; what was not wrong inside must also end as it should.
+
+    Args:
+        arguments: Of the command.
+        is_harmed: Something of it is killed or stopped meanwhile.
+    """
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
     command = [sys.executable, "-m", "examples.auv", "--port", str(port), *arguments]
@@ -54,8 +93,11 @@ def console(*arguments: str) -> Iterator[Running]:
     try:
         assert process.stdout is not None
         assert f"127.0.0.1:{port}" in process.stdout.readline()
-        yield Running(process, port)
+        running = Running(process, port)
+        yield running
     finally:
+        for pid in running.harmed:
+            _end_harmed(pid, process.pid)
         for _ in range(2):  # somebody is impatient
             process.send_signal(signal.SIGINT)
         try:
@@ -63,18 +105,29 @@ def console(*arguments: str) -> Iterator[Running]:
         except subprocess.TimeoutExpired:
             process.kill()
             raise
+    if is_harmed:
+        return
     assert errors == "", errors
     assert output.endswith("stopped\n")
     assert process.returncode == 0
 
 
+def _end_harmed(pid: int, server: int) -> None:
+    """Wake one that was stopped; end one whose parent was killed."""
+    with contextlib.suppress(ProcessLookupError, FileNotFoundError):
+        os.kill(pid, signal.SIGCONT)
+        stat = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8") if pid != server else ""
+        if stat and int(stat.rpartition(")")[2].split()[1]) != server:
+            os.kill(pid, signal.SIGKILL)
+
+
 class Visitor:
     """One page of a browser, and everything that it has to complain about."""
 
-    def __init__(self, browser: Any, address: str) -> None:
+    def __init__(self, browser: Any, address: str, viewport: dict[str, int] | None = None) -> None:
         self.complaints: list[str] = []
         self._address = address
-        self.page = browser.new_page(viewport=LAPTOP)
+        self.page = browser.new_page(viewport=viewport or LAPTOP)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.on("console", self._heard)
         self.page.on("request", self._asked)
@@ -125,15 +178,23 @@ class Visitor:
 
 
 @contextmanager
-def visit(running: Running) -> Iterator[tuple[Any, Visitor]]:
-    """Open the page in a headless Chromium; gives the browser and the visitor."""
+def visit(
+    running: Running, viewport: dict[str, int] | None = None, *, is_harmed: bool = False
+) -> Iterator[tuple[Any, Visitor]]:
+    """Open the page in a headless Chromium; gives the browser and the visitor.
+
+    Args:
+        running: Serves it.
+        viewport: Size of the window.
+        is_harmed: The browser may complain that it has lost its server.
+    """
     api = pytest.importorskip("playwright.sync_api", reason="NOT RUN: no playwright")
     with api.sync_playwright() as tool:
         browser = tool.chromium.launch(
             executable_path=BROWSER, args=["--no-sandbox", "--enable-precise-memory-info"]
         )
-        visitor = Visitor(browser, running.address)
+        visitor = Visitor(browser, running.address, viewport)
         visitor.open()
         yield browser, visitor
-        assert visitor.complaints == []
+        assert is_harmed or visitor.complaints == []
         browser.close()

@@ -99,10 +99,10 @@ def test_page_moves_sliders_shows_the_vehicle_and_stops() -> None:
             user.find("go to").click()
             await user.should_see("go to needs north")
             assert GOTO not in topics(carrier)
-            press(" ")
-            assert topics(carrier).count(STOP) == 1
+            press(" ")  # a stop goes another way, with a number that is confirmed to the page
+            assert STOP not in topics(carrier)
             user.find("STOP").click()
-            assert await until(lambda: topics(carrier).count(STOP) == 2)
+            assert await until(lambda: topics(carrier).count(STOP) == 1)
             pages[0].refresh()
             await user.should_see("STOP")
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from examples.auv import readout
-from examples.auv.desk import CONFIRMED
+from examples.auv.desk import CONFIRMED, Desk
 from examples.auv.fates import Fate
 from examples.auv.look import orders_table
 from examples.auv.messages import (
@@ -22,8 +22,9 @@ from examples.auv.messages import (
     Waypoint,
 )
 from examples.auv.setpoints import LEAST_PERIOD_S, Setpoints
-from examples.auv.shore import Answer
+from examples.auv.shore import Answer, Shore
 from tests.auv.desks import LINK, Clock, desk_at, nav, streams
+from zacoustic.tools.truth import Alarm
 
 
 def test_set_points_go_at_once_then_seldom_and_the_last_one_wins() -> None:
@@ -246,3 +247,64 @@ def test_a_photo_is_followed_from_the_order_to_the_picture() -> None:
     desk.shore.hear(PHOTO, b"another", clock.now_s)
     desk.tick()
     assert readout.photo_line(desk) == "came 0 s ago"
+
+
+def test_what_is_dead_is_said_and_what_it_means_for_an_order() -> None:
+    clock = Clock()
+    desk, _ = desk_at(clock)
+    watch = desk.watch
+    watch.answered('{"now_unix_s": 5000.0}', clock.now_s)
+    watch.take("link", LINK, clock.now_s)
+    watch.take("streams", streams(STOP), clock.now_s)
+    assert desk.unix_s == 5000.0
+    desk.stop()
+    desk.tick()
+    assert readout.alarm(desk) is None
+    # Never counted: after three seconds it was not sent, whoever is to blame.
+    clock.now_s += 1.0
+    watch.answered("no JSON", clock.now_s)
+    clock.now_s += 2.1
+    watch.answered("{}", clock.now_s)
+    desk.tick()
+    assert readout.order_lines(desk)[0].outcome == Fate.NOT_SENT.value
+    assert readout.order_lines(desk)[0].state == "bad"
+    # Counted late it is on its way; then the link goes, and another stop waits in the gateway.
+    watch.take("streams", streams(STOP, published=1, delivering=1), clock.now_s)
+    desk.tick()
+    assert readout.order_lines(desk)[0].outcome == Fate.UNDER_WAY.value
+    clock.now_s += 1.0
+    watch.take("link", LINK | {"state": "down"}, clock.now_s)
+    assert readout.alarm(desk) == Alarm("NOT SENT: link down", 0.0)
+    assert readout.why_disabled(desk) == "link down"
+    assert readout.order_lines(desk)[0].outcome.startswith("not known: it was on its way")
+    clock.now_s += 1.0
+    desk.stop()
+    watch.take("streams", streams(STOP, published=2, delivering=1), clock.now_s)
+    watch.answered("{}", clock.now_s)
+    desk.tick()
+    assert readout.order_lines(desk)[0].outcome == "NOT SENT: link down; the gateway keeps it"
+    # The gateway goes as well: nothing of what it said last is known any more.
+    clock.now_s += 1.7
+    desk.tick()
+    gone = readout.alarm(desk)
+    assert gone is not None
+    assert gone.text == "NOT SENT: gateway gone"
+    assert gone.since_s == pytest.approx(1.7)
+    assert readout.link_state(desk).startswith("not known")
+    assert [line.is_bad for line in readout.link_lines(desk)] == [True]
+    desk.arm(True)
+    assert readout.order_lines(desk)[0].outcome == "not known: the gateway is gone"
+    watch.answered("{}", clock.now_s)
+    watch.take("link", LINK | {"silent": True, "why_silent": "until 12:00"}, clock.now_s)
+    desk.tick()
+    assert readout.alarm(desk) == Alarm("NOT SENT: silence is kept, until 12:00")
+
+
+def test_a_stop_before_anything_runs_was_not_sent() -> None:
+    desk = Desk(Shore(), Clock())
+    desk.stop()
+    desk.tick()
+    assert readout.order_lines(desk)[0].outcome == Fate.NOT_SENT.value
+    assert readout.why_disabled(desk)
+    desk.trouble = "gateway 1 is not ready"
+    assert readout.alarm(desk) == Alarm("NOT SENT: gateway 1 is not ready")

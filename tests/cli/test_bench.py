@@ -132,3 +132,26 @@ def test_wrong_arguments_are_one_line(
         assert (code, out) == (2, "")
         assert expected in err
         assert err.count("\n") == 1
+
+
+def test_what_is_larger_than_a_frame_fails(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(**extra: object) -> tuple[int, str, str]:
+        text = {"name": "Text", "fields": [{"name": "t", "type": "string", "max_length": 400}]}
+        stream = {"id": 10, "topic": "log", "type": "Text", **extra}
+        nodes = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
+        section = {"address": 1, "nodes": nodes, "types": [text], "streams": [stream]}
+        fleet = tmp_path / "fleet.json5"
+        fleet.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+        lines = [json.dumps({"t": i, "s": "log", "v": {"t": "x" * (20 * i)}}) for i in range(6)]
+        log = tmp_path / "log.jsonl"
+        log.write_text("\n".join(lines), encoding="utf-8")
+        return bench(capsys, log, "--config", fleet, "--json")
+
+    code, out, err = run()
+    assert code == 1
+    assert json.loads(out)["streams"][0]["too_large"] == 3
+    assert "log: 3 of 6 samples are larger than a frame" in err
+    assert 'reliability: "reliable"' in err
+    assert run(reliability="reliable")[0] == 0

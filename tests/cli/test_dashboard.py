@@ -35,6 +35,8 @@ def test_page_is_served_until_ctrl_c() -> None:
                 url = line.removeprefix("page ").strip()
                 await asyncio.to_thread(fetch, url)
                 await asyncio.to_thread(leave_early, url)
+                for headers in ({"Host": "evil.example"}, {"Origin": "http://evil.example"}):
+                    assert await asyncio.to_thread(status_of, url, headers) == 403
                 page = await asyncio.to_thread(fetch, url)
                 for _ in range(2):  # somebody is impatient
                     process.send_signal(signal.SIGINT)
@@ -48,11 +50,20 @@ def test_page_is_served_until_ctrl_c() -> None:
 def leave_early(url: str) -> None:
     """Ask for this and that, speak no HTTP, and never wait for an answer."""
     port = int(url.rpartition(":")[2])
-    asked = [f"GET {path} HTTP/1.1\r\nHost: us\r\n\r\n" for path in PATHS]
+    asked = [f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n" for path in PATHS]
     for said in [*asked, "who is there?\r\n\r\n"]:
         for _ in range(5):
             with socket.create_connection(("127.0.0.1", port)) as connection:
                 connection.sendall(said.encode())
+
+
+def status_of(url: str, headers: dict[str, str]) -> int:
+    """Ask as the browser of somebody who has an evil page open."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        return error.code
 
 
 def fetch(url: str) -> str:

@@ -100,7 +100,7 @@ def test_repetitions_to_a_silent_node_become_rare_and_the_first_frame_of_it_ends
         sea.send()
         pauses.append(sea.wait())
     assert all(0.9 < pause < 1.5 for pause in pauses[:2])
-    assert all(30 < pause < 34 for pause in pauses[-3:])
+    assert all(23 < pause < 42 for pause in pauses[-3:])
     sea.send()
     due_at = sea.repeater.next_due_at()
     sea.repeater.heard(3)

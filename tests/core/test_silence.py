@@ -1,13 +1,15 @@
 """Transmit silence: at once, until its end, over restarts and steps of the wall clock."""
 
 import random
+from collections.abc import Callable
 
 import pytest
 
 from tests.core.rig import link
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import SilenceChanged
+from zacoustic.core.events import ClockStateChanged, SilenceChanged
+from zacoustic.core.journal import BOOT_KEY
 from zacoustic.core.linktypes import LinkState, TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority, Qos
 from zacoustic.core.rules import TransmitRules
@@ -35,26 +37,30 @@ class Life:
         *,
         rules: TransmitRules | None = None,
         utc: int | None = NOON,
+        error: int | None = 0,
+        boot: bytes = b"",
         now: int = 0,
     ) -> None:
         self.stored = {} if stored is None else stored
         self.now = now
         self.events: list[SilenceChanged] = []
+        self.doubts: list[str] = []
         self.engine = Engine(
             address=1,
             table=TABLE,
             epoch=1,
             rng=random.Random(1),
-            stored=dict(self.stored),
+            stored=dict(self.stored) | ({BOOT_KEY: boot} if boot else {}),
             rules=rules or TransmitRules(),
         )
         if utc is not None:
-            self.tell(utc)
+            self.tell(utc, error)
         self.engine.handle_link_state(LinkState.UP, now, link())
         self.settle()
 
-    def tell(self, utc: int) -> None:
-        self.engine.handle_clock(utc - self.now, 0, self.now)
+    def tell(self, utc: int, error: int | None = 0) -> None:
+        self.engine.handle_clock(utc - self.now, error, self.now)
+        self.settle()
 
     def settle(self) -> None:
         while (write := self.engine.poll_journal()) is not None:
@@ -66,6 +72,8 @@ class Life:
         while (event := self.engine.poll_event()) is not None:
             if isinstance(event, SilenceChanged):
                 self.events.append(event)
+            elif isinstance(event, ClockStateChanged):
+                self.doubts.append(event.doubt)
 
     def says(self, now: int, *, urgent: bool = False) -> bool:
         """Publish, let time come, and tell whether a frame goes."""
@@ -189,6 +197,115 @@ def test_damaged_entry_of_the_journal_is_no_order() -> None:
     assert Life({"silence": b"xyz"}).says(0)
 
 
+def test_clock_that_was_set_forward_while_the_node_lived_does_not_end_it_at_a_restart() -> None:
+    life = Life()
+    life.order(S, 3 * 3600)
+    life.now = 5 * S
+    life.tell(NOON + 4 * HOUR, None)  # by hand: nothing says that it is right
+    life.settle()
+    after = Life(life.stored, utc=NOON + 4 * HOUR + 10 * S, error=None, now=2 * S)
+    assert not after.says(3 * HOUR - 3 * S)
+    assert "not known how long" in after.events[0].doubt
+    assert after.says(3 * HOUR)
+
+
+def test_on_the_same_run_of_the_monotonic_clock_it_ends_to_the_instant() -> None:
+    for utc, error in (
+        (NOON - HOUR, 0),
+        (NOON + 9 * HOUR, 0),
+        (NOON + 9 * HOUR, None),
+        (None, None),
+    ):
+        life = Life(boot=b"a", now=HOUR)
+        life.order(HOUR + S, 1800)
+        after = Life(life.stored, utc=utc, error=error, boot=b"a", now=HOUR + 600 * S)
+        assert after.events[0].doubt == ""
+        assert not after.says(HOUR + 1801 * S - 1)
+        assert after.says(HOUR + 1801 * S)
+
+
+def test_another_run_of_the_monotonic_clock_tells_nothing() -> None:
+    life = Life(boot=b"a", now=9 * HOUR)
+    life.order(9 * HOUR, 1800)
+    after = Life(life.stored, utc=None, boot=b"b", now=9 * HOUR + 1700 * S)
+    assert not after.says(9 * HOUR + 3499 * S)
+    assert after.says(9 * HOUR + 3500 * S)
+
+
+def test_time_that_becomes_sure_late_shortens_what_was_left_by_no_more_than_is_certain() -> None:
+    life = Life(error=2 * S)
+    life.order(0, 1800)
+    after = Life(life.stored, utc=NOON + 999 * HOUR, error=None)
+    assert not after.says(59 * S)
+    after.now = 60 * S
+    after.tell(NOON + 1000 * S, 3 * S)  # it began 1000 s ago, 5 s more or less
+    assert not after.says(60 * S + 804 * S)
+    assert after.says(60 * S + 805 * S)
+
+
+def test_silence_that_is_restarted_again_and_again_without_a_clock_ends_all_the_same() -> None:
+    life = Life(utc=NOON, error=None)
+    life.order(0, 1800)
+    silent_s = 0
+    while silent_s < 7200:
+        life.now = 600 * S
+        life.tell(NOON, None)
+        silent_s += 600
+        if life.says(600 * S):
+            break
+        life = Life(life.stored, utc=NOON, error=None)
+    assert silent_s == 1800
+
+
+def test_it_never_ends_early_whatever_the_clocks_and_the_restarts(
+    count: Callable[[int], int],
+) -> None:
+    """True time is that of the test; what is sure is true, what is not is anything."""
+    for seed in range(count(20_000)):
+        rng = random.Random(seed)
+        true, boots, booted = 0, 0, -rng.randrange(HOUR)
+        length = rng.randrange(1, 4 * 3600) * S
+
+        def statement(rng: random.Random = rng) -> tuple[int | None, int | None]:
+            match rng.randrange(3):
+                case 0:
+                    return None, None
+                case 1:
+                    return rng.randrange(2 * NOON), None
+                case _:
+                    error = rng.randrange(5 * S)
+                    return NOON + true + rng.randint(-error, error), error  # noqa: B023
+
+        def born(stored: dict[str, bytes] | None = None) -> Life:
+            utc, error = statement()
+            run = b"%d" % boots  # noqa: B023
+            return Life(stored, utc=utc, error=error, boot=run, now=true - booted)  # noqa: B023
+
+        life, ordered = born(), False
+        while True:
+            true += rng.randrange(1, 1800) * S
+            now = true - booted
+            if not ordered:
+                life.order(now, length / S)
+                ordered, ends = True, true + length
+            match rng.randrange(4):
+                case 0:
+                    utc, error = statement()
+                    life.now = now
+                    if utc is not None:
+                        life.tell(utc, error)
+                case 1:
+                    if rng.random() < 0.5:
+                        boots, booted = boots + 1, true - rng.randrange(60 * S)
+                    life = born(life.stored)
+                case _:
+                    pass
+            if life.says(true - booted, urgent=True):
+                break
+            assert true < ends + 40 * length + 10 * HOUR, seed
+        assert true >= ends, seed
+
+
 NIGHT = TransmitRules(quiet=(QuietWindow(22 * HOUR, 6 * HOUR), QuietWindow(5 * HOUR, 7 * HOUR)))
 
 
@@ -216,6 +333,57 @@ def test_quiet_windows_without_a_clock_keep_silent() -> None:
     assert not life.says(S)
     life.tell(NOON)
     assert life.says(S)
+
+
+@pytest.mark.parametrize(
+    ("utc", "error", "doubt"),
+    [
+        (8 * HOUR, 0, "UTC is not known: the clock of this computer is not set"),
+        (NOON, None, "UTC is not known: nothing keeps the clock of this computer right"),
+    ],
+)
+def test_quiet_windows_with_a_clock_that_is_not_sure_keep_silent_and_say_why(
+    utc: int, error: int | None, doubt: str
+) -> None:
+    life = Life(rules=NIGHT, utc=utc, error=error)
+    assert not life.says(S)
+    assert life.doubts == [doubt]
+    assert life.engine.poll_timeout() == 10 * S  # the host is asked again
+    life.now = 10 * S
+    life.engine.handle_timeout(10 * S)
+    life.tell(NOON)
+    assert life.says(10 * S)
+    assert life.doubts == [doubt, ""]
+
+
+def test_quiet_windows_are_longer_by_what_the_clock_may_be_wrong() -> None:
+    life = Life(rules=NIGHT, error=60 * S)
+    assert life.says(10 * HOUR - 61 * S)
+    assert not life.says(10 * HOUR - 60 * S)
+    assert not life.says(19 * HOUR + 59 * S)
+    assert life.says(19 * HOUR + 60 * S)
+
+
+def test_time_that_was_sure_outlives_a_restart_under_water() -> None:
+    first = Life(rules=NIGHT, boot=b"a", now=HOUR)
+    assert first.says(2 * HOUR)
+    # Nothing has kept the clock right since; but it is the same clock.
+    after = Life(
+        first.stored, rules=NIGHT, utc=NOON + 2 * HOUR, error=None, boot=b"a", now=3 * HOUR
+    )
+    assert after.says(3 * HOUR)
+    assert not after.says(11 * HOUR)
+    # It was set meanwhile, and nobody knows whether that was right.
+    after = Life(
+        first.stored, rules=NIGHT, utc=NOON + 3 * HOUR, error=None, boot=b"a", now=3 * HOUR
+    )
+    assert not after.says(3 * HOUR)
+    assert "the clock has jumped" in after.doubts[0]
+    # Another start: nothing is known.
+    after = Life(
+        first.stored, rules=NIGHT, utc=NOON + 2 * HOUR, error=None, boot=b"b", now=3 * HOUR
+    )
+    assert not after.says(3 * HOUR)
 
 
 def test_resuming_does_not_open_a_quiet_window() -> None:

@@ -23,6 +23,7 @@ from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.clock import Clock
 from zacoustic.core.encoding import JSON
 from zacoustic.gateway import Gateway, Notice
+from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal
 from zacoustic_sim.medium import Observation, SimMedium
 
@@ -205,6 +206,7 @@ async def island(
     join: int | None = None,
     journal: Journal | None = None,
     clock: Clock = time.monotonic_ns,
+    host: HostClock | None = None,
 ) -> AsyncIterator[Island]:
     """Run a gateway: as a router of its own, or as a client of the one at port `join`."""
     found = Island(join or free_port())
@@ -213,7 +215,9 @@ async def island(
     )
     config = config_of(address, settings, section)
     link = water.medium.link(address)
-    async with Gateway(config, link=link, journal=journal, notify=found.notify, clock=clock):
+    async with Gateway(
+        config, link=link, journal=journal, notify=found.notify, clock=clock, host=host
+    ):
         yield found
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from tests.gateway.islands import SECTION, Water, island, matched, run, until
 from zacoustic.errors import ConfigError
+from zacoustic.hostclock import ClockState, HostClock
 
 
 def section(**access: Any) -> dict[str, Any]:
@@ -34,9 +35,10 @@ def test_gateways_on_a_schedule_keep_their_slots(tmp_path: Path) -> None:
 
     async def scene() -> None:
         water = Water()
+        right = HostClock(ask=lambda: ClockState(error_ns=1_000_000))
         async with (
-            island(1, water, section=scheduled(1)) as shore,
-            island(2, water, section=scheduled(2)) as vehicle,
+            island(1, water, section=scheduled(1), host=right) as shore,
+            island(2, water, section=scheduled(2), host=right) as vehicle,
         ):
             with shore.client() as here, vehicle.client() as there:
                 for client in (here, there):

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Final, get_args
 
 import zacoustic
 
@@ -37,3 +37,17 @@ def test_every_public_name_is_there() -> None:
     assert set(zacoustic.__all__) <= set(dir(zacoustic))
     assert zacoustic.__version__.count(".") >= 1
     assert not hasattr(zacoustic, "nonsense")
+
+
+def test_everything_that_events_yields_can_be_imported_from_the_package() -> None:
+    kinds = get_args(zacoustic.NodeEvent)
+    assert len(kinds) >= 15
+    for kind in kinds:
+        assert getattr(zacoustic, kind.__name__) is kind
+        assert kind.__name__ in zacoustic.__all__
+
+
+def test_the_blocking_node_is_imported_as_any_other_name() -> None:
+    from zacoustic.blocking import Node
+
+    assert Node is zacoustic.blocking.Node

@@ -6,6 +6,7 @@ from typing import Any
 from tests.runtime.loop_checks import run
 from tests.runtime.test_runtime import ScriptedEngine, ScriptedLink
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.hostclock import ClockState, HostClock
 from zacoustic.runtime import LinkRunner
 
 YEARS = 10**18
@@ -29,9 +30,9 @@ class Told(ScriptedEngine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.clock: list[tuple[int, int, int]] = []
+        self.clock: list[tuple[int, int | None, int]] = []
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         self.clock.append((offset_ns, error_ns, now))
         self.heard.append(("clock",))
 
@@ -68,6 +69,38 @@ def test_engine_is_told_of_utc_in_time() -> None:
         await runner.close()
 
     run(scene())
+
+
+def test_engine_is_told_what_the_kernel_says_and_not_what_the_file_hopes() -> None:
+    async def scene() -> None:
+        clocks, engine = Clocks(), Told()
+        fake: Any = engine
+        said: list[ClockState | None] = [ClockState(error_ns=None), ClockState(error_ns=7), None]
+        runner = LinkRunner(
+            fake,
+            ScriptedLink(),
+            lambda event: None,
+            clock=lambda: clocks.now,
+            wall_clock=lambda: clocks.utc,
+            clock_error_s=0.01,
+            ask_clock=lambda: said.pop(0),
+        )
+        await runner.start()
+        for _ in range(2):
+            clocks.tick(10)
+            runner.apply(lambda _, now: None)
+        assert [error_ns for _, error_ns, _ in engine.clock] == [None, 7, NS_PER_S // 100]
+        await runner.close()
+
+    run(scene())
+
+
+def test_this_computer_can_be_asked() -> None:
+    host = HostClock()
+    state = host.ask()
+    assert state is None or state.error_ns is None or state.error_ns >= 0
+    assert host.boot == HostClock().boot
+    assert host.utc_ns() > 1.6e18
 
 
 def test_without_a_wall_clock_the_engine_hears_nothing() -> None:

@@ -11,6 +11,7 @@ pytest.importorskip("nicegui")
 
 from tests.tools.boards import NOW_S, full_board, full_view, put
 from zacoustic.errors import SessionError
+from zacoustic.tools.truth import Alarm
 from zacoustic.tools.watch.drawing import (
     cause_bars,
     event_lines,
@@ -21,6 +22,7 @@ from zacoustic.tools.watch.drawing import (
 from zacoustic.tools.watch.history import SPAN_S, STEP_S, History, Point
 from zacoustic.tools.watch.lookout import Lookout
 from zacoustic.tools.watch.page import Page, frame_rows, peer_row, stream_row
+from zacoustic.tools.watch.words import alarm_of, troubled_first
 
 
 def lookout(node: int | None = None) -> Lookout:
@@ -51,11 +53,11 @@ def test_page_shows_what_there_is_and_what_comes_later() -> None:
             await user.should_see("2 auv1")
             await user.should_see("link up")
             table: Any = next(iter(user.find(marker="streams", kind=ui.table).elements))
-            assert [row["name"] for row in table.rows] == ["auv1/nav", "auv1/cmd", "odd"]
+            assert [row["name"] for row in table.rows] == ["auv1/cmd", "odd", "auv1/nav"]
             quiet: Any = next(iter(user.find(marker="quiet", kind=ui.checkbox).elements))
             quiet.value = True
             pages[0].refresh()
-            assert [row["name"] for row in table.rows][2] == "quiet"
+            assert [row["name"] for row in table.rows][3] == "quiet"
             events: Any = next(iter(user.find(marker="events", kind=ui.html).elements))
             assert "lost 3 buoy" in events.content
             put(shown.board, "link", {"state": "down", "detail": "no answer"})
@@ -117,9 +119,9 @@ def test_rows_say_what_is_wrong() -> None:
 def test_frames_are_told_the_newest_first_below_what_is_being_sent() -> None:
     rows = frame_rows(full_view())
     assert [(row["what"], row["outcome"], row["ago"]) for row in rows] == [
-        ("→ 1: auv1/nav", "being sent", "0.1 s ago"),
-        ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s ago"),
-        ("← 1: acknowledgements and the like", "", "60 s ago"),
+        ("→ 1: auv1/nav", "being sent", "0.1 s"),
+        ("→ all: auv1/nav, auv1/photo", "not delivered", "10 s"),
+        ("← 1: acknowledgements and the like", "", "60 s"),
     ]
     assert frame_rows(full_view(water={})) == []
 
@@ -139,6 +141,57 @@ def test_texts_of_the_network_are_no_html() -> None:
     )
     assert "<script" not in drawn
     assert drawn.count("&lt;script&gt;") == 6
+
+
+def test_streams_that_fail_stand_on_top_with_what_was_refused_and_what_expired() -> None:
+    row = {"kind": "topic", "transmitted": 1}
+    streams = [
+        {"id": 1, "name": "fine", **row},
+        {"id": 2, "name": "best effort", **row},
+        {"id": 3, "name": "reliable", **row, "delivering": 0, "expired": 3, "refused": 2},
+        {"id": 4, "name": "late", **row, "deadline_missed": 7},
+    ]
+    dropped = {"expired": {"best effort": 5, "reliable": 3}, "island": {"best effort": {"size": 4}}}
+    view = full_view(streams={"streams": streams}, dropped=dropped)
+    assert [each.name for each in troubled_first(view.streams)] == [
+        "late", "best effort", "reliable", "fine",
+    ]  # fmt: skip
+    rows = {each["name"]: each for each in map(stream_row, view.streams)}
+    assert [rows["best effort"][name] for name in ("refused", "expired")] == [4, 5]
+    assert [rows["reliable"][name] for name in ("refused", "expired")] == [2, 3]
+    assert [rows["fine"][name] for name in ("refused", "expired")] == ["", ""]
+
+
+def test_a_warning_that_is_repeated_is_one_line() -> None:
+    said = [("a", 100), ("b", 200), ("a", 300), ("a", 990), ("c", 995)]
+    events = [{"at_unix_s": at, "event": "x", "trouble": True, "text": text} for text, at in said]
+    drawn = event_lines(full_view(events={"events": events}).events)
+    assert re.findall(r">([abc][^<]*)<", drawn) == ["c", "a (3 times)", "b"]
+    assert 'data-age="10.0"' in drawn
+
+
+def test_alarm_tells_what_is_dead() -> None:
+    board = full_board()
+    assert alarm_of(board.views(), "") is None
+    trouble = alarm_of([], "no Zenoh router at tcp/h:7447")
+    assert trouble is not None
+    assert trouble.text == "NOT CURRENT: no Zenoh router at tcp/h:7447"
+    board.note_answer(2, has_answered=False)
+    gone = alarm_of(board.views(), "")
+    assert gone == Alarm("NOT CURRENT: gateway 2 auv1 gone", 0.0)
+    assert not board.view(2).is_alive
+    board.note_answer(2, has_answered=True)
+    put(board, "link", {"state": "down"})
+    down = alarm_of(board.views(), "")
+    assert down == Alarm("NOT CURRENT: link of gateway 2 auv1 down")
+
+
+@pytest.mark.parametrize("digit", ["²", "١", "9" * 5000, "-1", ""])
+def test_a_key_with_other_digits_is_nobodys(digit: str) -> None:
+    board = full_board()
+    for key in (f"@acoustic/{digit}/link", f"@acoustic/2/peer/{digit}/lost"):
+        board.take(key, b'{"state": "up", "lost": true}')
+    assert board.addresses() == [2]
 
 
 def test_bars_are_as_long_as_the_shares() -> None:

@@ -1,7 +1,9 @@
 """The parts of the demo that need no water: lanes, logbook, verdict, views, files, processes."""
 
 import asyncio
+import io
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -192,12 +194,13 @@ def test_views_write_a_line_for_each_note_and_the_summary_last(
         assert lines[-1] == "not everything crossed"
 
 
-def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook, tmp_path: Path) -> None:
+def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook) -> None:
     rich_console = pytest.importorskip("rich.console")
     from zacoustic.tools.demo.live import LiveView
 
     console = rich_console.Console(width=120, height=40, force_terminal=True, record=True)
-    view = LiveView(console=console, screenshot=tmp_path / "demo.svg", title="the title")
+    drawn = io.BytesIO()
+    view = LiveView(console=console, screenshot=drawn, title="the title")
     view.begin(logbook)
     everything(logbook)
     view.tick()
@@ -206,9 +209,33 @@ def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook, tmp_path: P
     shown = console.export_text()
     for part in ("the title", "in the water now", "auv1/nav", "everything crossed"):
         assert part in shown
-    picture = (tmp_path / "demo.svg").read_text(encoding="utf-8")
+    picture = drawn.getvalue().decode()
     assert picture.startswith("<svg")
     assert "url(http" not in picture.replace('"', "")
+
+
+def test_the_live_view_shows_its_table_on_a_terminal_of_80_by_24(logbook: Logbook) -> None:
+    rich_console = pytest.importorskip("rich.console")
+    from zacoustic.tools.demo.live import LiveView
+
+    screen = io.StringIO()
+    console = rich_console.Console(
+        width=80, height=24, force_terminal=True, file=screen, color_system=None
+    )
+    view = LiveView(console=console, title="the title, which is longer than it ought to be " * 2)
+    view.begin(logbook)
+    for _ in range(3):
+        everything(logbook)
+    view.tick()
+    view.stop()
+    drawn = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()))
+    last = max(index for index, line in enumerate(drawn) if line.startswith("the title"))
+    shown = drawn[last:]
+    assert max(map(len, shown)) <= 80
+    assert len(shown) <= 24
+    for part in ("in the water now", "what it carried", "crossed", "mean delay"):
+        assert any(part in line for line in shown)
+    assert any(line.strip().startswith("auv1/nav  ") for line in shown)
 
 
 def test_each_island_has_the_same_streams_and_a_port_of_its_own(tmp_path: Path) -> None:

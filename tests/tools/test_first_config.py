@@ -1,17 +1,23 @@
 """The first configuration: types out of values, a file that is valid and accepts what was seen."""
 
 import json
+from pathlib import Path
 from typing import Any
 
 import cbor2
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.cli import main
 from zacoustic.config import Config
 from zacoustic.core.encoding import decode_application
+from zacoustic.core.qos import Reliability
 from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
+from zacoustic.testing import VirtualNetwork
 from zacoustic.tools.first.inference import NoTypeError, infer_type
 from zacoustic.tools.first.survey import SeenTopic, Survey
 from zacoustic.tools.first.writing import write_config
@@ -160,3 +166,38 @@ def test_whatever_is_published_the_file_is_valid_and_accepts_it(
                 stream.codec.encode(
                     decode_application(payload, stream.encoding, type_spec=stream.type)
                 )
+
+
+@pytest.mark.parametrize("size_bytes", [100, 400, 9000, 500_000])
+@pytest.mark.parametrize("is_typed", [False, True])
+def test_what_fits_no_frame_is_written_as_reliable_and_crosses(
+    size_bytes: int, is_typed: bool, tmp_path: Path
+) -> None:
+    payload = bytes(range(256)) * (1 + size_bytes // 256)
+    payload = payload[:size_bytes]
+    if is_typed:
+        payload = json.dumps({"text": "x" * (size_bytes - 12)}).encode()
+    text, config = write_config(survey(seen("big", payload), seen("small", b"abc")))
+    big, small = topics_of(config)["big"], topics_of(config)["small"]
+    assert big.qos.reliability is Reliability.RELIABLE
+    assert small.qos.reliability is Reliability.BEST_EFFORT
+    network = VirtualNetwork(
+        Scenario(nodes=tuple(NodeSpec(address=a, position=(200.0 * a, 0, 10)) for a in (1, 2)),
+                 channel="none"),
+        config.table,
+    )  # fmt: skip
+    value = {"text": "x" * (size_bytes - 12)} if is_typed else payload
+    if size_bytes <= 9000:
+        network.at(1, lambda: network.publish(1, big.stream_id, value))
+        network.run(until_s=big.qos.lifespan_s or 60)
+        assert [event.value for event in network.samples(2)] == [value]
+    path = tmp_path / "fleet.json5"
+    path.write_text(text, encoding="utf-8")
+    assert main(["check", str(path)]) == 0
+
+
+def test_what_is_larger_than_any_object_is_left_out_with_its_reason() -> None:
+    huge = msgspec.structs.replace(seen("huge", b"x"), largest_bytes=2 << 20)
+    text, config = write_config(survey(huge, seen("small", b"abc")))
+    assert "// left out: huge: 2097152 bytes; allowed: 1048576" in text
+    assert list(topics_of(config)) == ["small"]

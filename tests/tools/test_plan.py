@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -91,12 +92,12 @@ def test_what_does_not_fit_is_named_and_what_would_make_it_fit(
     assert report.demand > 1 > report.utilisation
     assert report.streams[0].name == "status"
     assert "status alone takes" in report.misfits[0]
-    assert any(change.what.startswith("status: every") for change in report.changes)
+    assert any(change.what.startswith("status: min_interval_s: ") for change in report.changes)
     # Whoever follows the advice has a plan that fits.
     every_s = next(
         float(change.what.split()[2])
         for change in report.changes
-        if change.what.startswith("status: every")
+        if change.what.startswith("status: min_interval_s: ")
     )
     slower = water(
         tmp_path,
@@ -229,4 +230,70 @@ def test_the_example_of_the_page_is_as_the_page_says(
     told = capsys.readouterr().out
     assert "auv1/status alone takes" in told
     assert "it would fit with: auv1/status: codec: " in told
-    assert "it would fit with: auv1/status: every 0.9 s" in told
+    assert "it would fit with: auv1/status: min_interval_s: 0.9 " in told
+
+
+@pytest.mark.parametrize("size_bytes", [400, 9000])
+def test_what_fits_no_frame_does_not_fit_and_the_key_that_mends_it_is_named(
+    size_bytes: int, tmp_path: Path
+) -> None:
+    def write(**extra: object) -> Path:
+        fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], **extra})
+        said = {"node": 2, "topic": "log", "every_s": 3600, "size_bytes": size_bytes}
+        return water(tmp_path, said, {"node": 2, "topic": "log", "every_s": 600, "size_bytes": 20})
+
+    report = plan(write(), hours=4)
+    assert not report.fits
+    assert report.streams[0].refused == pytest.approx(1 / 7, abs=0.05)
+    assert "are refused: larger than a frame" in " ".join(report.misfits)
+    assert 'log: reliability: "reliable"' in [change.what for change in report.changes]
+    mended = plan(write(reliability="reliable"), hours=4)
+    assert mended.fits
+    assert mended.streams[0].refused == 0
+
+
+def test_what_the_type_refuses_of_a_recording_is_counted(tmp_path: Path) -> None:
+    path = fleet(tmp_path, {"id": 10, "topic": "nav", "type": "Nav", "publishers": [2]})
+    depths = [30.0, 2000.0, 31.0, 32.0] * 20
+    recording = tmp_path / "monday.jsonl"
+    recording.write_text(
+        "\n".join(
+            json.dumps({"t": 10.0 * i, "s": "nav", "v": {"lat": 54.0, "depth": depth}})
+            for i, depth in enumerate(depths)
+        )
+    )
+    report = plan(path, recordings=[str(recording)], hours=1)
+    assert report.streams[0].refused == pytest.approx(0.25)
+    assert not report.fits
+    assert "nav: 25% of its samples are refused: " in " ".join(report.misfits)
+
+
+def test_half_of_the_samples_are_never_later_than_nearly_all_of_them(tmp_path: Path) -> None:
+    """A mean can be: the rare outage of a reliable topic outweighs all else."""
+    fleet(tmp_path, {"id": 10, "topic": "log", "publishers": [2], "reliability": "reliable",
+                     "depth": 8})  # fmt: skip
+    for loss in (0.0, 0.4, 0.7):
+        said = {"node": 2, "topic": "log", "every_s": 40, "size_bytes": 20}
+        for row in plan(water(tmp_path, said, loss={"frame": loss}), hours=0.3).streams:
+            assert row.expected_s is not None
+            assert row.worst_s is not None
+            assert row.expected_s <= row.worst_s
+
+
+def test_advice_names_keys_and_values_in_three_digits(tmp_path: Path) -> None:
+    fleet(tmp_path, {"id": 10, "topic": "a", "publishers": [2]},
+          {"id": 11, "topic": "b", "publishers": [2]})  # fmt: skip
+    traffic = [
+        {"node": 2, "topic": name, "every_s": every_s, "size_bytes": 40}
+        for name, every_s in (("a", 0.6789), ("b", 23.4567))
+    ]
+    path = water(tmp_path, *traffic, profile="ahoi")
+    changes = plan(path, hours=0.2).changes
+    assert changes
+    for change in changes:
+        for part in change.what.split("; "):
+            assert re.fullmatch(r'(\w+, )*\w+: (\w+: "?[\w.]+"?)(, with depth: 8)?', part), (
+                change.what
+            )
+        for number in re.findall(r"\d+\.?\d*", change.what):
+            assert len(number.replace(".", "").strip("0")) <= 3

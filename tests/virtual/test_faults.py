@@ -278,10 +278,10 @@ def test_engines_live_by_their_own_clocks_and_the_trace_by_that_of_the_network()
 
 
 def test_an_engine_hears_of_the_wall_clock_if_its_node_knows_how_wrong_it_is() -> None:
-    told: list[tuple[int, int]] = []
+    told: list[tuple[int, int | None]] = []
 
     class Listening(Engine):
-        def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+        def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
             told.append((offset_ns, error_ns))
             super().handle_clock(offset_ns, error_ns, now)
 

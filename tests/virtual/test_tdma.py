@@ -4,6 +4,7 @@ import math
 import random
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.access import TdmaSpec
 from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.events import ClockStateChanged
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -165,6 +167,46 @@ def test_jump_mutes_a_node_until_its_clock_has_settled(count: Callable[[int], in
         own = [at_s for at_s, node in fleet.sent if node == 1]
         assert [at_s for at_s in own if 300.0 < at_s < 314.9] == []
         assert [at_s for at_s in own if at_s > 330.0]
+
+
+def test_computer_that_starts_in_the_seventies_speaks_in_nobodys_slot(
+    count: Callable[[int], int],
+) -> None:
+    for seed in range(count(500)):
+        years_s = random.Random(seed).uniform(3.0e8, 1.75e9)
+        jumps = [{"at_s": 300.0, "by_s": years_s}]
+        fleet = Fleet(seed, clocks={1: {"offset_s": -years_s, "jumps": jumps}})
+        fleet.talk(20)
+        assert fleet.collided == 0, seed
+        own = [at_s for at_s, node in fleet.sent if node == 1]
+        assert min(own) > 300.0, seed
+        doubts = [
+            each.doubt
+            for node, each in fleet.network.events
+            if node == 1 and isinstance(each, ClockStateChanged)
+        ]
+        assert doubts == ["UTC is not known: the clock of this computer is not set", ""], seed
+
+
+def test_steps_of_the_clock_of_the_node_that_tells_the_time_move_no_slot(
+    count: Callable[[int], int],
+) -> None:
+    for seed in range(count(500)):
+        rng = random.Random(seed)
+        jumps = [
+            {"at_s": at_s, "by_s": rng.choice((1e-1, 3.0, 1e9)) * rng.choice((-1, 1))}
+            for at_s in (300.0, 600.0, 900.0)
+        ]
+        clocks: dict[int, dict[str, Any]] = {node: {"error_s": None} for node in range(2, 7)}
+        clocks[1] = {"offset_s": rng.uniform(-1.7e9, 500), "jumps": jumps}
+        fleet = Fleet(
+            seed, clocks=clocks, clock=1, clock_error_s=0.02, beacon_s=120.0, slot_s=5.0,
+        )  # fmt: skip
+        fleet.talk(30)
+        assert fleet.collided == 0, seed
+        for node in fleet.addresses:
+            times = [at_s for at_s, sender in fleet.sent if sender == node and at_s > 300.0]
+            assert max(after - before for before, after in pairwise(times)) < 300.0, seed
 
 
 def test_one_node_tells_the_others_the_time(count: Callable[[int], int]) -> None:

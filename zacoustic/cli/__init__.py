@@ -21,14 +21,17 @@ import contextlib
 import difflib
 import importlib
 import logging
-import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
+from zacoustic.cli.atwork import AT_WORK
+from zacoustic.cli.printing import print_note, print_text
+from zacoustic.cli.streams import UNREAD, flush_output
 from zacoustic.command import (
     EXIT_FAILED,
     EXIT_INTERRUPTED,
+    EXIT_OK,
     EXIT_TIMED_OUT,
     EXIT_USAGE,
     Command,
@@ -36,6 +39,7 @@ from zacoustic.command import (
     add_command,
 )
 from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.safetext import one_line, some_lines, without_secrets
 
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
@@ -44,12 +48,13 @@ BUILT_IN: Final = (
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 
-_EXTRAS: Final = {
-    "matplotlib": "report", "mcap": "recording", "nicegui": "console",
-    "prometheus_client": "metrics", "rich": "terminal", "rosbags": "ros", "shtab": "completion",
-    "xxhash": "ros",
+_PACKAGES: Final = {
+    "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
+    "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
+    "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
+    "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
 }  # fmt: skip
-"""Which extra brings a module that may be absent."""
+"""What to install for a module that may be absent, where that has another name."""
 
 _EXAMPLE: Final = """example:
   zacoustic demo                     two islands joined through simulated water
@@ -68,34 +73,50 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    path = _path(arguments)
-    program = " ".join(["zacoustic", *path])
+    program = "zacoustic"
+    try:
+        program = " ".join([program, *_path(arguments)])
+        code = _run(program, arguments)
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    failure = flush_output()
+    if failure and code in (EXIT_OK, EXIT_FAILED):
+        return EXIT_FAILED if code or failure == UNREAD else _complain(program, failure)
+    return code
+
+
+def _run(program: str, arguments: Sequence[str]) -> int:
+    """Run a verb; its errors are one line on standard error, and an exit code."""
     try:
         verb, parsed = parse(arguments)
         _start_logging(verbose=parsed.verbose)
-        code = verb.run(parsed)
-        sys.stdout.flush()
+        if not verb.prints_late:
+            return verb.run(parsed)
+        with AT_WORK.begin(program):
+            return verb.run(parsed)
     except SystemExit as end:  # argparse, after it has printed help, version or complaint
         return end.code if isinstance(end.code, int) else EXIT_USAGE
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
-    except BrokenPipeError:
-        _silence_output()
-        return EXIT_FAILED
     except ModuleNotFoundError as error:
         if (error.name or "zacoustic").startswith("zacoustic"):
             raise
-        extra = _EXTRAS.get((error.name or "").partition(".")[0])
-        what = error.name if extra is None else f"'zacoustic[{extra}]'"
-        absent = f"needs {error.name}, which is not installed (pip install {what})"
-        return _complain(program, absent)
+        return _complain(program, absent_module(error.name or ""))
     except ConfigError as error:
         return _complain(program, error, EXIT_USAGE)
     except TimeoutError as error:
         return _complain(program, str(error) or "no answer in time", EXIT_TIMED_OUT)
     except ZacousticError as error:
         return _complain(program, error)
-    return code
+    except BrokenPipeError:
+        return EXIT_FAILED
+    except OSError as error:  # such as a full disk
+        place = f"{error.filename}: " if error.filename else ""
+        return _complain(program, f"{place}{error.strerror or error}")
+
+
+def absent_module(name: str) -> str:
+    """Return what to say of a module that is not there."""
+    package = _PACKAGES.get(name.partition(".")[0], name)
+    return f"needs {name}, which is not installed (pip install {package})"
 
 
 def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
@@ -143,7 +164,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the complaint and exit."""
-        self.exit(EXIT_USAGE, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(EXIT_USAGE, f"{one_line(f'{self.prog}: {message} (see {self.prog} --help)')}\n")
 
 
 class _Version(argparse.Action):
@@ -152,7 +173,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib import metadata
 
-        print(f"zacoustic {metadata.version('zacoustic')}")
+        print_text(f"zacoustic {metadata.version('zacoustic')}")
         parser.exit()
 
 
@@ -253,23 +274,24 @@ def _order(item: tuple[str, Command]) -> tuple[int, str]:
 
 def _start_logging(*, verbose: bool) -> None:
     # Standard error always: with --json, standard output carries JSON only.
-    logging.basicConfig(
-        level=logging.INFO if verbose else logging.WARNING,
-        format="zacoustic: %(message)s",
-        stream=sys.stderr,
-    )
+    logging.raiseExceptions = False  # a full disk under standard error is no reason to fail
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Formatter("zacoustic: %(message)s"))
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler])
+
+
+class _Formatter(logging.Formatter):
+    """One line for a message, whatever is in it; a traceback stands below in lines of its own."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 (of the base)
+        return one_line(without_secrets(super().formatMessage(record)))
+
+    def formatException(self, ei: Any) -> str:  # noqa: ANN401, N802 (of the base)
+        return some_lines(without_secrets(super().formatException(ei)))
 
 
 def _complain(program: str, error: object, code: int = EXIT_FAILED) -> int:
     """Print one line, whatever the message holds."""
-    with contextlib.suppress(BrokenPipeError):
-        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+    with contextlib.suppress(OSError):
+        print_note(f"{program}: {' '.join(str(error).split())}")
     return code
-
-
-def _silence_output() -> None:
-    """Point standard output to nowhere: the interpreter flushes it once more at the end."""
-    with contextlib.suppress(OSError, ValueError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)

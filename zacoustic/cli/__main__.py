@@ -1,8 +1,5 @@
-"""`python -m zacoustic.cli`: the command line where no script is installed."""
+"""`python -m zacoustic.cli`: the same as `python -m zacoustic`."""
 
-import sys
+import runpy
 
-from zacoustic.cli import main
-
-if __name__ == "__main__":
-    sys.exit(main())
+runpy.run_module("zacoustic", run_name="__main__", alter_sys=True)

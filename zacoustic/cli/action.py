@@ -2,10 +2,10 @@
 
 import argparse
 import asyncio
-import sys
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.arguments import check_positive
+from zacoustic.cli.printing import print_line, print_note
 from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError, LocalError
@@ -34,6 +34,7 @@ class ActionCommand(Command):
 
     name = "action"
     summary = "send_goal: send a goal, on Zenoh or straight on a link, and wait for its end"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare what is to be done, action, goal, where to, how long to wait."""
@@ -178,7 +179,7 @@ async def _cancel(handle: "Handle") -> None:
     try:
         if not await handle.cancel():
             text = "the server does not cancel it; Ctrl-C again to leave"
-            print(f"zacoustic action: {text}", file=sys.stderr)
+            print_note(f"zacoustic action: {text}")
     except LocalError:
         pass  # it had ended
 

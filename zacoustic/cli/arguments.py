@@ -1,14 +1,10 @@
-"""Arguments that several verbs share, and how results are printed: each said in one place."""
+"""Arguments that several verbs share, each said in one place."""
 
 import argparse
-import json
-import math
-from collections.abc import Callable
-from typing import Any, Final, TypeVar
+from typing import Final
 
+from zacoustic.core.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
 from zacoustic.errors import ConfigError
-
-T = TypeVar("T")
 
 DEFAULT_WINDOW_S: Final = 10.0
 """Time whose samples usually share a frame, s."""
@@ -91,8 +87,8 @@ def window_of(arguments: argparse.Namespace) -> float:
         ConfigError: It is none.
     """
     window_s: float = arguments.window
-    if not 0 < window_s < math.inf:
-        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0")
+    if not is_duration(window_s):
+        raise ConfigError(f"--window {window_s:g}; allowed: seconds, above 0, {DURATIONS}")
     return window_s
 
 
@@ -109,20 +105,6 @@ def check_positive(arguments: argparse.Namespace, *names: str) -> None:
     """
     for name in names:
         value = getattr(arguments, name)
-        if value is not None and not 0 < value < math.inf:
-            raise ConfigError(f"--{name} {value}; allowed: above 0")
-
-
-def print_result(result: T, text: Callable[[T], str], *, as_json: bool) -> None:
-    """Print what a verb has found, for people or as one JSON object."""
-    if not as_json:
-        print(text(result))
-        return
-    import msgspec
-
-    print(json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False))
-
-
-def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
-    """Print one result at once: whoever reads a pipe wants each line when it happens."""
-    print(json.dumps(record, ensure_ascii=False) if as_json else text, flush=True)
+        if value is not None and not SHORTEST_S <= value <= LONGEST_S:
+            limits = f"{SHORTEST_S:g}..{LONGEST_S:g}"
+            raise ConfigError(f"--{name} {value}; allowed: above 0, {limits}")

@@ -1,9 +1,9 @@
 """The verb `zacoustic bench`: measures, of which there is one kind so far, `telemetry`."""
 
 import argparse
-import sys
 
-from zacoustic.cli.arguments import add_json, add_telemetry, print_result, window_of
+from zacoustic.cli.arguments import add_json, add_telemetry, window_of
+from zacoustic.cli.printing import print_note, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
 
 _DEFAULT_SEED = 1
@@ -11,6 +11,8 @@ _DEFAULT_SEED = 1
 
 class BenchCommand(CommandGroup):
     """Measures."""
+
+    prints_late = True
 
     def __init__(self) -> None:
         super().__init__("bench", {"telemetry": TelemetryBench()}, ("telemetry",))
@@ -36,7 +38,8 @@ class TelemetryBench(Command):
         )  # fmt: skip
         add_json(parser)
         parser.epilog = (
-            "exits with 1 when anything is decoded to something else than what was sent\n\n"
+            "exits with 1 when anything is decoded to something else than what was sent, or is\n"
+            "larger than a frame and can never cross\n\n"
             "example:\n"
             "  zacoustic bench telemetry monday.jsonl.gz --config fleet.json5"
         )
@@ -47,6 +50,7 @@ class TelemetryBench(Command):
         Raises:
             ConfigError: A file or an argument is wrong.
         """
+        from zacoustic.tools.crossing import IN_PARTS
         from zacoustic.tools.telemetry.fleet import read_fleet
         from zacoustic.tools.telemetry.measuretext import as_text
         from zacoustic.tools.telemetry.measuring import measure
@@ -58,8 +62,12 @@ class TelemetryBench(Command):
         recordings = read_recordings(files, table, only_dense=False, window_s=window_s)
         report = measure(files, recordings, table, window_s=window_s, seed=arguments.seed)
         print_result(report, as_text, as_json=arguments.json)
+        for row in report.streams:
+            if row.too_large:
+                what = f"{row.too_large} of {row.frames} samples are larger than a frame"
+                print_note(f"zacoustic bench telemetry: {row.name}: {what} ({IN_PARTS})")
         if report.different:
             what = f"{report.different} of {report.decoded} frames were decoded to something else"
-            print(f"zacoustic bench telemetry: {what}", file=sys.stderr)
+            print_note(f"zacoustic bench telemetry: {what}")
             return EXIT_FAILED
-        return EXIT_OK
+        return EXIT_FAILED if any(row.too_large for row in report.streams) else EXIT_OK

@@ -4,7 +4,8 @@ import argparse
 import asyncio
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.arguments import check_positive
+from zacoustic.cli.printing import print_line
 from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, Command
 
@@ -22,6 +23,7 @@ class CallCommand(Command):
 
     name = "call"
     summary = "call a service, on Zenoh or straight on a link"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare service, request, where to, how long to wait."""

@@ -1,9 +1,9 @@
 """The verb `zacoustic check`: is a configuration valid, and what does it cost on the water?"""
 
 import argparse
-import sys
 
-from zacoustic.cli.arguments import add_json, add_node_file, add_profile, print_result
+from zacoustic.cli.arguments import add_json, add_node_file, add_profile
+from zacoustic.cli.printing import print_note, print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
@@ -12,6 +12,7 @@ class CheckCommand(Command):
 
     name = "check"
     summary = "validate a configuration and show bytes and airtime of every stream"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, address, modem profile and form of the output."""
@@ -19,26 +20,27 @@ class CheckCommand(Command):
         add_profile(parser, " of the airtimes")
         add_json(parser)
         parser.epilog = (
-            "fails when the file is valid and its link cannot be used on this computer\n\n"
+            "fails when the file is valid, and its link cannot be used on this computer, or\n"
+            "something in it can never cross\n\n"
             "example:\n  zacoustic check fleet.json5 --address 2"
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print the report; fails when a link cannot be used here.
+        """Print the report; fails when a link cannot be used here, or something never crosses.
 
         Raises:
             ConfigError: The file or an argument is wrong.
         """
-        from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+        from zacoustic.channel.profiles import profile_named
         from zacoustic.config import read_config
         from zacoustic.tools.check.report import report_of
         from zacoustic.tools.check.text import as_text
 
-        profile = profile_named(arguments.profile or DEFAULT_PROFILE)
+        profile = profile_named(arguments.profile) if arguments.profile else None
         config = read_config(arguments.file, address=arguments.address, locator=arguments.link)
         report = report_of(config, profile)
         print_result(report, as_text, as_json=arguments.json)
         unusable = [link for link in report.links if link.error]
         for link in unusable:
-            print(f"zacoustic check: {arguments.file}: {link.error}", file=sys.stderr)
-        return EXIT_FAILED if unusable else EXIT_OK
+            print_note(f"zacoustic check: {arguments.file}: {link.error}")
+        return EXIT_FAILED if unusable or report.misfits else EXIT_OK

@@ -3,6 +3,7 @@
 import argparse
 from typing import Final
 
+from zacoustic.cli.printing import print_text
 from zacoustic.command import EXIT_OK, Command
 
 SHELLS: Final = ("bash", "zsh", "fish")
@@ -41,7 +42,7 @@ class CompletionCommand(Command):
 
         parser = complete_parser()
         _name_files(parser)
-        print(shtab.complete(parser, shell=arguments.shell))
+        print_text(shtab.complete(parser, shell=arguments.shell))
         return EXIT_OK
 
 

@@ -2,8 +2,8 @@
 
 import argparse
 import contextlib
-import json
 
+from zacoustic.cli.printing import print_line
 from zacoustic.cli.topics import add_watch_arguments, read_watch
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.serving import parse_place, place_name
@@ -33,6 +33,12 @@ class DashboardCommand(Command):
             help="where the page is; port 0: any that is free (default: %(default)s)",
         )  # fmt: skip
 
+        parser.add_argument(
+            "--name", action="append", default=[], metavar="HOST",
+            help="answer to browsers that find it under this name as well; addresses and this "
+            "computer's own name are always good; may be given again",
+        )  # fmt: skip
+
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until Ctrl-C.
 
@@ -59,5 +65,5 @@ def _serve(arguments: argparse.Namespace) -> None:
 
     where = ", ".join(arguments.connect or [arguments.config or "this network"])
     url = f"http://{place_name(host, port)}"
-    print(json.dumps({"url": url}) if arguments.json else f"page      {url}", flush=True)
-    serve(Lookout(make, where, arguments.node), host, port)
+    print_line({"url": url}, f"page      {url}", as_json=arguments.json)
+    serve(Lookout(make, where, arguments.node), host, port, arguments.name)

@@ -7,11 +7,14 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from zacoustic.cli.printing import print_json, print_note, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import one_line
 
 if TYPE_CHECKING:
     from zacoustic.core.streams import StreamTable
+    from zacoustic.tools.decode.decoded import DecodedItem
 
 _BROADCAST: Final = 255
 _MOST_FRAMES: Final = 256
@@ -22,6 +25,7 @@ class DecodeCommand(Command):
 
     name = "decode"
     summary = "say in words what is in a frame"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare frames, table and source."""
@@ -84,7 +88,7 @@ class DecodeCommand(Command):
             frame = _from_hex(each.text)
             if frame is None:
                 shown = each.text if len(each.text) <= 40 else f"{each.text[:40]}…"
-                print(f"zacoustic decode: {shown!r} is not hexadecimal", file=sys.stderr)
+                print_note(f"zacoustic decode: {shown!r} is not hexadecimal")
                 code = EXIT_FAILED
                 continue
             unicast = destinations.is_unicast(frame, each.destination)
@@ -92,10 +96,9 @@ class DecodeCommand(Command):
             items = decoder.decode(frame, source=source, unicast=unicast)
             if arguments.json:
                 found = {"frame": frame.hex(), "items": msgspec.to_builtins(items)}
-                print(json.dumps(found, ensure_ascii=False))
+                print_json(found)
             else:
-                print(f"{len(frame)} bytes: {frame.hex()}")
-                print("".join(f"  {item.text}\n" for item in items), end="")
+                _print_frame(f"{len(frame)} bytes: {frame.hex()}", items)
         return code
 
 
@@ -105,8 +108,6 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
     Raises:
         ConfigError: It is none, or has no frames in it.
     """
-    import msgspec
-
     from zacoustic.core.wireprofile import WireProfile
     from zacoustic.tools.recordings.frames import decode_log, decode_recording, line_of
 
@@ -122,14 +123,18 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
             continue
         began_ns, shown = began_ns or frame.utc_ns or 0, shown + 1
         if arguments.json:
-            print(json.dumps(msgspec.to_builtins(frame), ensure_ascii=False))
+            print_json(frame)
         else:
-            print(line_of(frame, began_ns) + (f": {frame.fault}" if frame.fault else ""))
-            print("".join(f"  {item.text}\n" for item in frame.items), end="")
+            fault = f": {frame.fault}" if frame.fault else ""
+            _print_frame(line_of(frame, began_ns) + fault, frame.items)
     if not shown:
         whose = f" of node {arguments.source}" if arguments.source else ""
         raise ConfigError(f"{path}: no frames{whose} in it")
     return EXIT_OK
+
+
+def _print_frame(head: str, items: "Iterable[DecodedItem]") -> None:
+    print_text("\n".join([one_line(head), *(f"  {one_line(item.text)}" for item in items)]))
 
 
 class _Written(NamedTuple):

@@ -4,8 +4,10 @@ import argparse
 import asyncio
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
+from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_text
 from zacoustic.command import EXIT_FAILED, EXIT_INTERRUPTED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -59,16 +61,17 @@ class DemoCommand(Command):
                 f"--duration {duration_s:g}; allowed: {SHORTEST_S:g}..{LONGEST_S:g} s"
             )
         water = WATERS[arguments.link]()
-        view = _view(arguments, water.title)
-        mission = Mission(view, water, duration_s=duration_s)
-        summary = asyncio.run(mission.run())
-        if mission.is_interrupted:
-            return EXIT_INTERRUPTED
-        view.conclude(summary)
+        with new_file("--screenshot", arguments.screenshot) as picture:
+            view = _view(arguments, water.title, picture)
+            mission = Mission(view, water, duration_s=duration_s)
+            summary = asyncio.run(mission.run())
+            if mission.is_interrupted:
+                return EXIT_INTERRUPTED
+            view.conclude(summary)
         return EXIT_OK if summary.ok else EXIT_FAILED
 
 
-def _view(arguments: argparse.Namespace, title: str) -> "View":
+def _view(arguments: argparse.Namespace, title: str, picture: IO[bytes] | None) -> "View":
     from zacoustic.tools.demo.views import JsonView, LinesView
 
     if arguments.json:
@@ -81,6 +84,8 @@ def _view(arguments: argparse.Namespace, title: str) -> "View":
     except ModuleNotFoundError as error:
         if arguments.screenshot is not None or not (error.name or "").startswith("rich"):
             raise
-        print("zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view")
+        print_text(
+            "zacoustic demo: plain lines; pip install 'zacoustic[terminal]' for the live view"
+        )
         return LinesView()
-    return LiveView(title=title, screenshot=arguments.screenshot)
+    return LiveView(title=title, screenshot=picture)

@@ -3,13 +3,8 @@
 import argparse
 import asyncio
 
-from zacoustic.cli.arguments import (
-    add_json,
-    add_load,
-    add_node_file,
-    check_positive,
-    print_result,
-)
+from zacoustic.cli.arguments import add_json, add_load, add_node_file, check_positive
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
@@ -18,6 +13,7 @@ class DoctorCommand(Command):
 
     name = "doctor"
     summary = "look for what goes wrong at sea, and name it with the cure"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, node, where to look and form of the output."""

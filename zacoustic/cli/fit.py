@@ -1,10 +1,11 @@
 """The verb `zacoustic fit`: a model of dense topics out of recordings."""
 
 import argparse
-import sys
 from pathlib import Path
 
-from zacoustic.cli.arguments import add_json, add_telemetry, print_result, window_of
+from zacoustic.cli.arguments import add_json, add_telemetry, window_of
+from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_note, print_result, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -14,6 +15,7 @@ class FitCommand(Command):
 
     name = "fit"
     summary = "fit a model of the dense topics to recordings, and say whether it helps"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, configuration, model and form of the output."""
@@ -56,28 +58,17 @@ class FitCommand(Command):
                 f"{arguments.config}: no stream is dense; allowed: topics with a type",
                 hint='say type and codec: "dense" for one; without a type nothing can be fitted',
             )
-        recordings = read_recordings(
-            arguments.recordings, table, only_dense=True, window_s=window_s
-        )
-        fitted, report = fit_recordings(recordings, table, window_s=window_s)
-        if arguments.output is not None:
-            _write(arguments.output, msgspec.json.encode(fitted, order="sorted") + b"\n")
+        with new_file("--output", arguments.output) as model:
+            recordings = read_recordings(
+                arguments.recordings, table, only_dense=True, window_s=window_s
+            )
+            fitted, report = fit_recordings(recordings, table, window_s=window_s)
+            if model is not None:
+                model.write(msgspec.json.encode(fitted, order="sorted") + b"\n")
         print_result(report, as_text, as_json=arguments.json)
         if arguments.output is not None and not arguments.json:
-            print(f"{arguments.output}: written; name it under the key model, at both ends")
+            print_text(f"{arguments.output}: written; name it under the key model, at both ends")
         if not report.helps:
-            print("zacoustic fit: the model does not help: do without it", file=sys.stderr)
+            print_note("zacoustic fit: the model does not help: do without it")
             return EXIT_FAILED
         return EXIT_OK
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write the model file.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise ConfigError(f"--output {path}: {error.strerror}") from error

@@ -6,8 +6,10 @@ import logging
 from typing import TYPE_CHECKING
 
 from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json, add_node_file
+from zacoustic.cli.printing import print_json, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
 from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.safetext import one_line
 from zacoustic.serving import stopped_by_signals, until_stopped
 
 if TYPE_CHECKING:
@@ -140,8 +142,7 @@ def _log(notice: "Notice") -> None:
 
 
 def _print(notice: "Notice", *, as_json: bool) -> None:
-    import msgspec
-
-    lines = [msgspec.json.encode(notice).decode()] if as_json else notice.lines()
-    # Whoever reads a pipe wants each line when it happens.
-    print("\n".join(lines), flush=True)
+    if as_json:
+        print_json(notice, flush=True)
+    else:
+        print_text("\n".join(map(one_line, notice.lines())), flush=True)

@@ -1,13 +1,15 @@
 """The verb `zacoustic init`: a first configuration from what a live Zenoh network carries."""
 
 import argparse
-import json
-import math
-import sys
 from pathlib import Path
+from typing import Final
 
+from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_json, print_note, print_text
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
+
+_LONGEST_S: Final = 86_400.0
 
 
 class InitCommand(Command):
@@ -15,6 +17,7 @@ class InitCommand(Command):
 
     name = "init"
     summary = "write a first configuration from the topics and types of a live Zenoh network"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare endpoint, time, file and form of the output."""
@@ -51,14 +54,15 @@ class InitCommand(Command):
         from zacoustic.tools.first.writing import write_config
 
         listen_s, output = arguments.listen_s, arguments.output
-        if not 0 < listen_s < math.inf:
-            raise ConfigError(f"--listen-s {listen_s:g}; allowed: seconds, above 0")
-        if output is not None and output.exists():
-            raise ConfigError(f"--output {output} exists; allowed: a new file")
-        survey = survey_network(arguments.connect, listen_s=listen_s, expression=arguments.key)
-        text, config = write_config(survey)
-        if output is not None:
-            _write(output, text)
+        if not 0 < listen_s <= _LONGEST_S:
+            raise ConfigError(
+                f"--listen-s {listen_s:g}; allowed: seconds, above 0, up to {_LONGEST_S:g}"
+            )
+        with new_file("--output", output) as file:
+            survey = survey_network(arguments.connect, listen_s=listen_s, expression=arguments.key)
+            text, config = write_config(survey)
+            if file is not None:
+                file.write(text.encode())
         if arguments.json:
             seen = {
                 "topics": [
@@ -72,23 +76,10 @@ class InitCommand(Command):
                 "file": str(output) if output is not None else None,
                 "text": text,
             }  # fmt: skip
-            print(json.dumps(seen, ensure_ascii=False))
+            print_json(seen)
         elif output is None:
-            print(text, end="")
+            print_text(text.removesuffix("\n"))
         else:
-            print(f"{output}: {len(config.table)} streams; look for EDIT, then:", file=sys.stderr)
-            print(f"  zacoustic check {output}", file=sys.stderr)
+            print_note(f"{output}: {len(config.table)} streams; look for EDIT, then:")
+            print_note(f"  zacoustic check {output}")
         return EXIT_OK
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a new file.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    try:
-        with path.open("x", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-    except OSError as error:
-        raise ConfigError(f"--output {path}: {error.strerror}") from error

@@ -1,8 +1,8 @@
 """The verb `zacoustic links`: which links are installed, and whether they can be used."""
 
 import argparse
-import json
 
+from zacoustic.cli.printing import print_json, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
@@ -11,6 +11,7 @@ class LinksCommand(Command):
 
     name = "links"
     summary = "list the installed links, their settings, and whether they can be used"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the form of the output."""
@@ -19,20 +20,18 @@ class LinksCommand(Command):
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Print them; fails when there is none."""
-        import msgspec
-
         from zacoustic import registry
         from zacoustic.errors import LinkUnavailableError
         from zacoustic.tools.links import describe_as_text
 
         links = registry.describe()
         if arguments.json:
-            print(json.dumps({"links": msgspec.to_builtins(links)}))
+            print_json({"links": links})
             return EXIT_OK if links else EXIT_FAILED
         if not links:
             raise LinkUnavailableError(
                 "no links are installed",
                 hint="pip install zacoustic, in a checkout pip install -e .",
             )
-        print(describe_as_text(links))
+        print_text(describe_as_text(links))
         return EXIT_OK

@@ -8,6 +8,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from zacoustic.cli.arguments import check_positive
+from zacoustic.cli.printing import print_json
 from zacoustic.cli.topics import add_watch_arguments, chosen, make_watch
 from zacoustic.command import EXIT_OK, Command
 
@@ -87,10 +88,8 @@ async def _print_lines(watch: "Watch", arguments: argparse.Namespace) -> None:
 
 
 def _print_json(views: "list[GatewayView]") -> None:
-    import msgspec
-
     for view in views:
-        print(msgspec.json.encode(view).decode(), flush=True)
+        print_json(view, flush=True)
 
 
 async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:

@@ -3,13 +3,14 @@
 import argparse
 import asyncio
 import contextlib
-import json
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.arguments import check_positive
+from zacoustic.cli.printing import print_json, print_line, print_text
 from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import one_line
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -40,6 +41,7 @@ class PingCommand(Command):
 
     name = "ping"
     summary = "ask a node beyond the water whether it is there: round trip, range, signal"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare whom, through what, how often, how long."""
@@ -160,15 +162,14 @@ def _text(node: int, ping: "Ping") -> str:
 
 
 def _conclude(arguments: argparse.Namespace, done: "list[Ping]") -> int:
-    import msgspec
 
     from zacoustic.tools.pinging import statistics_of
 
     found = statistics_of(done)
     if arguments.json:
-        print(json.dumps({"statistics": msgspec.to_builtins(found)}))
+        print_json({"statistics": found})
     else:
-        print(_statistics_text(arguments.node, found))
+        print_text(_statistics_text(one_line(arguments.node), found))
     return EXIT_OK if found.answered else EXIT_TIMED_OUT
 
 

@@ -3,7 +3,8 @@
 import argparse
 import math
 
-from zacoustic.cli.arguments import add_json, add_load, print_result
+from zacoustic.cli.arguments import add_json, add_load
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -13,6 +14,7 @@ class PlanCommand(Command):
 
     name = "plan"
     summary = "airtime, latency and energy of what is to be said; what would make it fit"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, recordings, water and form of the output."""

@@ -4,7 +4,7 @@ import sys
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from zacoustic.cli.arguments import print_line
+from zacoustic.cli.printing import print_line, print_note
 
 if TYPE_CHECKING:
     from zacoustic.tools.following import Step
@@ -84,4 +84,4 @@ class ProgressLine:
         if percent >= self._percent + _EVERY_PERCENT or is_there:
             self._percent = 100 + _EVERY_PERCENT if is_there else percent // 10 * 10
             done_percent = step.done_bytes * 100 // max(step.total_bytes, 1)
-            print(f"{self._key}: {percent} % sent, {done_percent} % there", file=sys.stderr)
+            print_note(f"{self._key}: {percent} % sent, {done_percent} % there")

@@ -3,19 +3,13 @@
 import argparse
 import asyncio
 import contextlib
-import sys
 import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.cli.arguments import (
-    OBJECT_PER_LINE,
-    add_connect,
-    add_json,
-    check_positive,
-    print_line,
-)
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_connect, add_json, check_positive
+from zacoustic.cli.printing import print_line, print_note
 from zacoustic.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
@@ -103,10 +97,13 @@ async def _publish(arguments: argparse.Namespace) -> int:
                 async with asyncio.timeout(arguments.timeout), followed(delivery, line.show):
                     await node.flush()
                     end = await _end(delivery, follower, line) if arguments.wait else None
+                    if end is None and (unsent := _unsent(node, stream, delivery)):
+                        print_note(f"zacoustic pub: {publisher.key}: {unsent}")
+                        return EXIT_FAILED
         except TimeoutError:
             what = "arrived" if arguments.wait else "sent"
             text = f"not {what} within {arguments.timeout:g} s"
-            print(f"zacoustic pub: {text}", file=sys.stderr)
+            print_note(f"zacoustic pub: {text}")
             return EXIT_TIMED_OUT
     if end is None:
         return EXIT_OK
@@ -117,6 +114,15 @@ async def _publish(arguments: argparse.Namespace) -> int:
     text = f"{publisher.key}: {end.outcome}{missing}{detail}"
     print_line(record, text, as_json=arguments.json)
     return EXIT_OK if end.outcome == "delivered" else EXIT_FAILED
+
+
+def _unsent(node: "Node", stream: "Stream | None", delivery: "Delivery | None") -> str:
+    """Return why a sample that waits no more has not left; empty: it has."""
+    if delivery is not None and delivery.outcome is not None:
+        outcome = delivery.outcome.value
+        return "" if outcome == "delivered" else f"not delivered: {outcome}"
+    expired = 0 if stream is None else node.expired().get(stream.stream_id, 0)
+    return f"{expired} became too old before they could be sent" if expired else ""
 
 
 def _read_value(arguments: argparse.Namespace, stream: "Stream | None") -> tuple[Any, str | None]:

@@ -3,13 +3,12 @@
 import argparse
 import asyncio
 import contextlib
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zacoustic.cli.arguments import ONE_OBJECT, add_connect, add_json, check_positive
+from zacoustic.cli.printing import print_json, print_note, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.serving import stopped_by_signals
 
@@ -76,20 +75,21 @@ async def _record(arguments: argparse.Namespace) -> "RecordedKeys":
 
 
 def _tell(path: Path, keys: Sequence[str]) -> None:
-    print(f"zacoustic record: {', '.join(keys)} into {path}", file=sys.stderr, flush=True)
+    print_note(f"zacoustic record: {', '.join(keys)} into {path}")
 
 
 def _print(found: "RecordedKeys", *, as_json: bool) -> None:
-    import msgspec
 
     from zacoustic.tools.columns import align
 
     if as_json:
-        print(json.dumps(msgspec.to_builtins(found), ensure_ascii=False))
+        print_json(found)
         return
     rows = [(key, str(number)) for key, number in found.messages.items()]
-    print(align(("key", "samples"), rows, right=("samples",)))
+    print_text(align(("key", "samples"), rows, right=("samples",)))
     if found.gaps:
-        print(f"the Zenoh router was gone {found.gaps} times: what was said then is not recorded")
+        print_text(
+            f"the Zenoh router was gone {found.gaps} times: what was said then is not recorded"
+        )
     if found.dropped:
-        print(f"{found.dropped} messages were dropped: the disk was too slow, or is full")
+        print_text(f"{found.dropped} messages were dropped: the disk was too slow, or is full")

@@ -2,12 +2,13 @@
 
 import argparse
 import asyncio
-import json
 from typing import TYPE_CHECKING
 
-from zacoustic.cli.arguments import add_connect, add_json, check_positive, print_result
+from zacoustic.cli.arguments import add_connect, add_json, check_positive
+from zacoustic.cli.printing import print_json, print_result, print_text
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import one_line
 from zacoustic.serving import stopped_by_signals
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ class ReplayCommand(Command):
 
     name = "replay"
     summary = "play a recording back: onto Zenoh, or into engines, byte for byte"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recording, what to do with it, and how."""
@@ -133,9 +135,9 @@ def _check(arguments: argparse.Namespace) -> int:
     verdict = check_recording(arguments.recording)
     if arguments.json:
         found = {**msgspec.to_builtins(verdict), "is_same": verdict.is_same}
-        print(json.dumps(found, ensure_ascii=False))
+        print_json(found)
     else:
-        print(as_text(verdict))
+        print_text(as_text(verdict))
     return EXIT_OK if verdict.is_same else EXIT_FAILED
 
 
@@ -170,17 +172,16 @@ async def _play(arguments: argparse.Namespace) -> "Played":
 
 
 def _print_played(arguments: argparse.Namespace, played: "Played") -> int:
-    import msgspec
 
     from zacoustic.tools.columns import align
 
     if arguments.json:
-        print(json.dumps(msgspec.to_builtins(played), ensure_ascii=False))
+        print_json(played)
     else:
         rows = [(key, str(number)) for key, number in sorted(played.samples.items())]
-        print(align(("key", "samples"), rows, right=("samples",)))
+        print_text(align(("key", "samples"), rows, right=("samples",)))
         for key, number in played.left_out.items():
-            print(f"{key}: {number} left out; of ROS topics --config tells the keys")
+            print_text(f"{one_line(key)}: {number} left out; of ROS topics --config tells the keys")
     if not played.samples:
         raise ConfigError(f"{arguments.recording}: nothing of it could be put")
     return EXIT_OK

@@ -3,9 +3,10 @@
 import argparse
 from pathlib import Path
 
-from zacoustic.cli.arguments import add_json, print_result
+from zacoustic.cli.arguments import add_json
+from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_result, print_text
 from zacoustic.command import EXIT_OK, Command
-from zacoustic.errors import ConfigError
 
 
 class ReportCommand(Command):
@@ -13,6 +14,7 @@ class ReportCommand(Command):
 
     name = "report"
     summary = "delivery, latency, airtime and link quality of a recording, also as a page"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, page and form of the output."""
@@ -40,27 +42,16 @@ class ReportCommand(Command):
         from zacoustic.tools.recordings.gathering import gather
         from zacoustic.tools.recordings.reporttext import as_text
 
-        facts = gather(arguments.recordings)
-        figures = figures_of(facts)
-        if arguments.html is not None:
-            from zacoustic.tools.recordings.page import as_page
-            from zacoustic.tools.recordings.plots import plots_of
+        with new_file("--html", arguments.html) as page:
+            facts = gather(arguments.recordings)
+            figures = figures_of(facts)
+            if page is not None:
+                from zacoustic.tools.recordings.page import as_page
+                from zacoustic.tools.recordings.plots import plots_of
 
-            title = " and ".join(Path(name).name for name in arguments.recordings)
-            _write(arguments.html, as_page(figures, plots_of(facts, figures), title=title))
+                title = " and ".join(Path(name).name for name in arguments.recordings)
+                page.write(as_page(figures, plots_of(facts, figures), title=title).encode())
         print_result(figures, as_text, as_json=arguments.json)
         if arguments.html is not None and not arguments.json:
-            print(f"\n{arguments.html}: written")
+            print_text(f"\n{arguments.html}: written")
         return EXIT_OK
-
-
-def _write(path: Path, page: str) -> None:
-    """Write the page.
-
-    Raises:
-        ConfigError: It cannot be written.
-    """
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"--html {path}: {error.strerror}") from error

@@ -1,8 +1,8 @@
 """The verb `zacoustic schema`: which keys does the configuration have, and what do they mean?"""
 
 import argparse
-import json
 
+from zacoustic.cli.printing import print_json, print_text
 from zacoustic.command import EXIT_OK, Command
 
 
@@ -31,11 +31,11 @@ class SchemaCommand(Command):
         from zacoustic.tools import reference
 
         if arguments.json:
-            print(json.dumps(reference.json_schema(), ensure_ascii=False))
+            print_json(reference.json_schema())
         elif arguments.markdown:
-            print(reference.as_markdown(reference.tables()), end="")
+            print_text(reference.as_markdown(reference.tables()).removesuffix("\n"))
         elif arguments.table is not None:
-            print(reference.as_text(reference.table_named(arguments.table)))
+            print_text(reference.as_text(reference.table_named(arguments.table)))
         else:
-            print(reference.list_of_tables(reference.tables()))
+            print_text(reference.list_of_tables(reference.tables()))
         return EXIT_OK

@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.cli.arguments import (
-    OBJECT_PER_LINE,
-    add_island,
-    add_json,
-    check_positive,
-    print_line,
-)
+from zacoustic.cli.arguments import OBJECT_PER_LINE, add_island, add_json, check_positive
+from zacoustic.cli.printing import print_line
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError
 
@@ -45,6 +40,7 @@ class SilenceCommand(Command):
 
     name = "silence"
     summary = "transmit nothing for a while: divers, other sonars"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the order, how long, which node, where to ask."""
@@ -156,5 +152,8 @@ def silence_text(state: Any) -> str:  # noqa: ANN401 (a `SilenceState`, which is
     if not state.silent:
         return f"node {state.address}: transmits"
     why = "ordered" if state.ordered else "a quiet window"
+    if state.why and not state.ordered:
+        return f"node {state.address}: silent: {state.why}"
     until = f"until {state.until_utc}" if state.until_utc else "until it is resumed"
-    return f"node {state.address}: silent, {why}, {until}"
+    doubt = f" ({state.why})" if state.why else ""
+    return f"node {state.address}: silent, {why}, {until}{doubt}"

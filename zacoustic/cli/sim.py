@@ -1,14 +1,14 @@
 """The verb `zacoustic sim`: a scenario with its traffic, in virtual time."""
 
 import argparse
-import contextlib
-import json
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
+from zacoustic.cli.newfile import new_file
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ class SimCommand(Command):
 
     name = "sim"
     summary = "run a scenario with its traffic in virtual time: hours in seconds"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare scenario or story, seed, length, trace and form of the output."""
@@ -68,17 +69,17 @@ class SimCommand(Command):
         from zacoustic.tools.sim.text import as_text
 
         until_s = DEFAULT_UNTIL_S if arguments.until is None else arguments.until
-        if not 0 < until_s < math.inf:
-            raise ConfigError(f"--until {until_s:g}; allowed: seconds, above 0")
-        with _written_to(arguments.trace) as trace, recorded_to(arguments.record) as record:
+        if not is_duration(until_s):
+            raise ConfigError(f"--until {until_s:g}; allowed: seconds, above 0, {DURATIONS}")
+        with new_file("--trace", arguments.trace) as file, recorded_to(arguments.record) as record:
             result = simulate(
                 arguments.scenario,
                 seed=arguments.seed,
                 until_s=until_s,
-                trace=trace,
+                trace=_writer(file),
                 record=record,
             )
-        print(_json(result) if arguments.json else as_text(result))
+        print_result(result, as_text, as_json=arguments.json)
         return EXIT_OK
 
 
@@ -95,38 +96,21 @@ def _tell(arguments: argparse.Namespace) -> int:
     for name in ("seed", "until"):
         if getattr(arguments, name) is not None:
             raise ConfigError(f"--{name} with --story; allowed: with a scenario")
-    with _written_to(arguments.trace) as trace, recorded_to(arguments.record) as record:
-        result = tell_story(arguments.story, trace=trace, record=record)
-    print(_json(result) if arguments.json else story_as_text(result))
+    with new_file("--trace", arguments.trace) as file, recorded_to(arguments.record) as record:
+        result = tell_story(arguments.story, trace=_writer(file), record=record)
+    print_result(result, story_as_text, as_json=arguments.json)
     return EXIT_FAILED if result.complaints else EXIT_OK
 
 
-def _json(result: object) -> str:
+def _writer(file: IO[bytes] | None) -> "Callable[[TraceRecord], None] | None":
+    """Return what writes trace records to a file; None without one."""
+    if file is None:
+        return None
     import msgspec
 
-    return json.dumps(msgspec.to_builtins(result, str_keys=True), ensure_ascii=False)
+    encoder, write = msgspec.json.Encoder(), file.write
 
+    def write_line(record: "TraceRecord") -> None:
+        write(encoder.encode(record) + b"\n")
 
-@contextlib.contextmanager
-def _written_to(path: Path | None) -> "Iterator[Callable[[TraceRecord], None] | None]":
-    """Give what writes trace records to a file; None without one.
-
-    Raises:
-        ConfigError: The file cannot be written.
-    """
-    if path is None:
-        yield None
-        return
-    import msgspec
-
-    encoder = msgspec.json.Encoder()
-    try:
-        file = path.open("wb")
-    except OSError as error:
-        raise ConfigError(f"--trace {path}: {error.strerror}") from error
-    with file:
-        yield lambda record: _write_line(file.write, encoder.encode(record))
-
-
-def _write_line(write: Callable[[bytes], int], line: bytes) -> None:
-    write(line + b"\n")
+    return write_line

@@ -3,12 +3,12 @@
 import argparse
 import asyncio
 import contextlib
-import sys
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.cli.arguments import check_positive, print_line
+from zacoustic.cli.arguments import check_positive
+from zacoustic.cli.printing import print_line, print_note
 from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, EXIT_TIMED_OUT, Command
 
@@ -70,7 +70,7 @@ async def _listen(arguments: argparse.Namespace) -> int:
     if seen >= wanted:
         return EXIT_OK
     told = f"{seen} of {wanted} samples within {arguments.timeout:g} s"
-    print(f"zacoustic sub: {told}", file=sys.stderr)
+    print_note(f"zacoustic sub: {told}")
     return EXIT_TIMED_OUT
 
 
@@ -109,5 +109,5 @@ def _names(node: "Node", key: str | None) -> list[str]:
         return [key]
     names = node.topics()
     told = ", ".join(names) if names else "every key"
-    print(f"zacoustic sub: listening to {told}", file=sys.stderr)
+    print_note(f"zacoustic sub: listening to {told}")
     return names or ["**"]

@@ -2,10 +2,10 @@
 
 import argparse
 import asyncio
-import json
 from typing import TYPE_CHECKING, Any
 
 from zacoustic.cli.arguments import OBJECT_PER_LINE, add_island, add_json
+from zacoustic.cli.printing import print_json, print_text
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.errors import ConfigError, DeliveryError
 
@@ -29,6 +29,7 @@ class TopicsCommand(Command):
 
     name = "topics"
     summary = "list what crosses the water: how often, how old, what waits"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare which gateways, where they are, the form of the output."""
@@ -55,11 +56,11 @@ async def _list(arguments: argparse.Namespace) -> None:
         views = chosen(watch, arguments.node)
     for view in views:
         if not arguments.json:
-            print(topics_text(view))
+            print_text(topics_text(view))
             continue
         for stream in view.streams:
             row: dict[str, Any] = msgspec.to_builtins(stream)
-            print(json.dumps({"gateway": view.address, **row}, ensure_ascii=False))
+            print_json({"gateway": view.address, **row})
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:

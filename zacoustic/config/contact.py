@@ -1,9 +1,8 @@
 """The keys `heartbeat_s` and `lost_after_s`: of the section for all nodes, of a node for itself."""
 
-import math
-
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import ALLOWED, NodeEntry, Section
+from zacoustic.core.clock import LONGEST_S, is_duration
 from zacoustic.core.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
 
 
@@ -41,9 +40,9 @@ def read_contact(place: Place, written: Section, own: int) -> ContactRules:
 
 def _check(place: Place, entry: NodeEntry | Section) -> None:
     heartbeat_s, lost_after_s = entry.heartbeat_s, entry.lost_after_s
-    if heartbeat_s is not None and not LEAST_HEARTBEAT_S <= heartbeat_s < math.inf:
+    if heartbeat_s is not None and not LEAST_HEARTBEAT_S <= heartbeat_s <= LONGEST_S:
         place.at("heartbeat_s").complain(allowed=ALLOWED["heartbeat_s"])
-    if lost_after_s is not None and not 0 < lost_after_s < math.inf:
+    if lost_after_s is not None and not is_duration(lost_after_s):
         place.at("lost_after_s").complain(allowed=ALLOWED["lost_after_s"])
 
 

@@ -14,6 +14,12 @@ from typing import Final, Protocol
 
 NS_PER_S: Final = 1_000_000_000
 """Nanoseconds in a second."""
+SHORTEST_S: Final = 1e-6
+"""Shortest duration that users may write, s."""
+LONGEST_S: Final = 1e9
+"""Longest one, s; beyond both arithmetic ends, and no use is known."""
+DURATIONS: Final = f"{SHORTEST_S:g}..{LONGEST_S:g} s"
+"""The same in words."""
 
 
 class Clock(Protocol):
@@ -22,6 +28,11 @@ class Clock(Protocol):
     def __call__(self) -> int:
         """Return the current instant, ns; never smaller than the one before."""
         ...
+
+
+def is_duration(duration_s: float, *, or_zero: bool = False) -> bool:
+    """Tell whether a user may write a duration, s; NaN is none."""
+    return SHORTEST_S <= duration_s <= LONGEST_S or (or_zero and duration_s == 0)
 
 
 def seconds_to_ns(duration_s: float) -> int:

@@ -11,7 +11,8 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
 - After `poll_transmit` has returned a transmission it returns None until `handle_transmit_report`
   brings its report.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
-- Inputs from the water never raise; any exception from them is a bug. Commands raise `LocalError`s.
+- Inputs from the water never raise; any exception from them is a bug, and another engine goes on
+  from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
 
 Who does what::
 
@@ -33,14 +34,9 @@ from types import MappingProxyType
 from typing import Final
 
 from zacoustic.core.envelope import Opened
-from zacoustic.core.events import (
-    CallFailure,
-    CallKey,
-    Event,
-    JournalStateChanged,
-    LinkStateChanged,
-)
-from zacoustic.core.journal import JournalPort, JournalWrite
+from zacoustic.core.events import CallFailure, CallKey, Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.hosttime import HostTime
+from zacoustic.core.journal import BOOT_KEY, JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import (
     UNKNOWN_SOURCE,
@@ -98,7 +94,7 @@ class Engine:
     ) -> None:
         self.address = address
         self.table = table
-        self.stored = stored
+        self.stored = {key: each for key, each in stored.items() if key != BOOT_KEY}
         self.journal_failure = ""
         """Why the journal cannot be written now; empty: it can. To be read only."""
         self.stats = EngineStats()
@@ -129,15 +125,18 @@ class Engine:
         """Of what a sample is awaited; to be read only."""
         self.contact = protocols.contact
         """Who is lost; to be read only."""
-        self.silence = Silence(rules.quiet, stored, journal=journal, emit=emit)
+        self.clock = HostTime(rules.access, bool(rules.quiet), stored, journal=journal, emit=emit)
+        """What is known of UTC; to be read only."""
+        self.silence = Silence(rules.quiet, stored, host=self.clock, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self.orders = Orders(
             address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         self._transmitter = Transmitter(
-            address, protocols, self.silence, rules, self.stats, rng, self.measurements
-        )
+            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements,
+            emit,
+        )  # fmt: skip
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -195,7 +194,7 @@ class Engine:
         if capabilities is not None and capabilities != self.capabilities:
             self._transmitter.use_link(capabilities, now)
         if state is not self._transmitter.link_state:
-            self._transmitter.link_state = state
+            self._transmitter.change_state(state, now)
             if state is LinkState.UP:
                 self.silence.wake(now)
                 self._protocols.link_up(now)
@@ -208,15 +207,16 @@ class Engine:
         if self._transmitter.port is not None:
             self._transmitter.port.handle_carrier(busy, now)
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
-        """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most.
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
+        """The host says that UTC is `now + offset_ns`, wrong by `error_ns` at most; None: unknown.
 
         To be told once before the link is up, when the offset has changed by more than the driver's
         own jitter, and every ten seconds at least where the engine is driven at all.
         """
         self._now = now
         self._protocols.begin(now)
-        self.silence.handle_clock(offset_ns, now)
+        error_ns = self.clock.tell(offset_ns, error_ns, now)
+        self.silence.handle_clock(now)
         self._transmitter.handle_clock(offset_ns, error_ns, now)
 
     def handle_measurement(self, measurement: Measurement, now: int) -> None:
@@ -237,8 +237,7 @@ class Engine:
         self._now = now
         self.silence.expire(now)
         self._protocols.expire(now)
-        if self._transmitter.port is not None:
-            self._transmitter.port.access.handle_timeout(now)
+        self._transmitter.expire(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         """A journal write is safe."""
@@ -301,14 +300,9 @@ class Engine:
         """
         self._now = now
         return self._protocols.publish(
-            stream_id,
-            value,
-            now,
-            instance=instance,
-            encoding=encoding,
-            delete=delete,
+            stream_id, value, now, instance=instance, encoding=encoding, delete=delete,
             queued_at=queued_at,
-        )
+        )  # fmt: skip
 
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Give up a reliable sample; False when it is not on its way.
@@ -385,6 +379,7 @@ class Engine:
 
     def poll_event(self) -> Event | None:
         """Return the next event for the application."""
+        self._transmitter.review(self._now)
         return self._events.popleft() if self._events else None
 
     def poll_timeout(self) -> int | None:
@@ -395,6 +390,7 @@ class Engine:
         instants = (
             self._protocols.next_deadline_at(),
             self.silence.next_deadline_at,
+            self.clock.next_deadline_at,
             self._transmitter.next_at(self._now),
         )
         earliest = min((at for at in instants if at is not None), default=None)
@@ -432,6 +428,10 @@ class Engine:
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
         return self._protocols.pending(stream_id)
+
+    def expire(self, now: int) -> int | None:
+        """Forget what waits and is too old; returns when something else will be, ns, or None."""
+        return self._protocols.queue.drop_expired(now)
 
     @property
     def expired(self) -> dict[int, int]:

@@ -155,7 +155,7 @@ class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
-    """Silence was ordered or has ended, and the journal has it."""
+    """Silence was ordered or has ended, and the journal has it; or a former life has left one."""
 
     is_silent: bool
     """Nothing is transmitted now."""
@@ -165,6 +165,8 @@ class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
     """End as far as it is known, ns; None: there is none, or until it is resumed."""
     changed_at: int
     """Instant of this state, ns."""
+    doubt: str = ""
+    """Why it may last longer than it was ordered, one line; empty: it does not."""
 
 
 class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
@@ -265,6 +267,41 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """For want of a time that is sure nothing is transmitted; or no longer."""
+
+    doubt: str
+    """What is missing, one line; empty: nothing. Slots and quiet hours need the time."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
+    """An internal error has ended the engine of this node; a new one goes on from the journal.
+
+    Told by whoever runs engines. Best-effort samples that waited are lost; how all else ends that
+    was under way is told behind this.
+    """
+
+    faults: int
+    """Internal errors of this process so far."""
+    cause: str
+    """What was raised, one line."""
+    changed_at: int
+    """Instant, ns."""
+
+
+class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+
+    frames: int
+    """How many were sent."""
+    up_at: int
+    """Instant from which on the link is up, ns."""
+    changed_at: int
+    """Instant, ns."""
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -296,6 +333,9 @@ Event = (
     | SilenceChanged
     | StreamTuned
     | JournalStateChanged
+    | ClockStateChanged
+    | NothingHeard
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound

@@ -84,10 +84,12 @@ class Filling:
         if needed_bytes + self._samples_bytes() > self._room_bytes:
             if not self._samples:
                 return False
-            self._string = self._write(self._samples, self._room_bytes - needed_bytes)
-            if self._string is None:
-                self._string = self._write(self._samples, self._room_bytes)
+            # What is written always has room beside all that is taken: where the item does not fit
+            # beside a shorter string, that of before stays.
+            string = self._write(self._samples, self._room_bytes - needed_bytes)
+            if string is None:
                 return False
+            self._string = string
         self._records.append(item)
         self._used_bytes += item.size_bytes
         self._ends += needs_end

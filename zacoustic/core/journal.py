@@ -30,6 +30,9 @@ class JournalWrite(msgspec.Struct, frozen=True, kw_only=True):
 
 EPOCH_KEY = "epoch"
 """Key of the boot epoch: two bytes, big-endian."""
+BOOT_KEY = "boot"
+"""Key that the shell adds to what was stored, and keeps nowhere: it names the run of the monotonic
+clock. Instants of two lives with the same name can be compared; without a name none can."""
 
 
 class JournalPort:

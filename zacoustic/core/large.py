@@ -245,7 +245,7 @@ class LargeSamples:
         stream = self._table.get(stream_id)
         if stream is None or not isinstance(stream.spec, TopicSpec):
             return Admission(Reason.NOT_SUBSCRIBED if is_open else None, is_open=is_open)
-        if not (stream.may_publish(source) and stream.may_subscribe(self._address)):
+        if not self._may_take(stream, source):
             return Admission(Reason.NOT_SUBSCRIBED, is_open=is_open)
         others = [each for each in self._receivers(stream) if each != source]
         admission = Admission(

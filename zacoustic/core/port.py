@@ -2,7 +2,7 @@
 
 One transmission is outstanding at most, and between two the device gets the gap that it asks for.
 When a frame may start is the answer of three: the gap, the medium access of the link, and the
-listen windows, unless the access gives everybody turns.
+listen windows, unless the access gives everybody turns or the device hears while it sends.
 
 A frame that arrives twice because a modem or the water made two of it is recognised where that is
 certain: the same bytes from the same source, sooner than the source can have sent them again.
@@ -70,7 +70,8 @@ class LinkPort:
         self.access: MediumAccess = choose(access, capabilities, address, rng)
         self.listening = Listening(capabilities)
         """The pauses of this node and of the others."""
-        self._listens = not self.access.is_scheduled
+        # Who hears while it sends is reached at any time, and so is whose airtime is waiting.
+        self._listens = capabilities.half_duplex and not self.access.is_scheduled
         self._address = address
         self._measurements = measurements or Measurements()
         self._outstanding: Transmission | None = None

@@ -102,6 +102,7 @@ class Protocols:
             demand=self.demand,
             journal=journal,
             rng=rng,
+            stats=stats,
             emit=emit,
         )
         self.receiving = ReliableReceiving(

@@ -13,7 +13,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import DURATIONS, LONGEST_S, is_duration, seconds_to_ns
 
 
 class Priority(enum.IntEnum):
@@ -125,16 +125,17 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
         """
         if not 1 <= self.depth <= 65535:
             raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
-        if self.lifespan_s is not None and not 0 < self.lifespan_s < float("inf"):
-            raise ValueError(f"lifespan_s is {self.lifespan_s}; allowed: above 0")
+        if self.lifespan_s is not None and not is_duration(self.lifespan_s):
+            raise ValueError(f"lifespan_s is {self.lifespan_s}; allowed: above 0, {DURATIONS}")
         for name in ("min_interval_s", "linger_s"):
             value = getattr(self, name)
-            if not 0 <= value < float("inf"):
-                raise ValueError(f"{name} is {value}; allowed: 0 or more")
+            if not is_duration(value, or_zero=True):
+                raise ValueError(f"{name} is {value}; allowed: 0 or more, {DURATIONS}")
         if self.deadline_s is not None:
-            if not LEAST_DEADLINE_S <= self.deadline_s < float("inf"):
+            if not LEAST_DEADLINE_S <= self.deadline_s <= LONGEST_S:
                 raise ValueError(
-                    f"deadline_s is {self.deadline_s}; allowed: {LEAST_DEADLINE_S} or more"
+                    f"deadline_s is {self.deadline_s}; "
+                    f"allowed: {LEAST_DEADLINE_S} or more, to {LONGEST_S:g}"
                 )
             if self.deadline_s <= self.min_interval_s:
                 raise ValueError(

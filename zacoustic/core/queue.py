@@ -32,6 +32,9 @@ RELIABLE_LANE: Final = 3
 SAMPLE_LANES: Final = (SAMPLE_LANE, RELIABLE_LANE)
 """Second part of the keys of lanes with samples; other lanes answer, confirm, call."""
 
+SMALLER: Final = "make it smaller: it crosses whole, or not at all"
+"""What to do about a record that fits no frame."""
+
 _BEFORE_ALL: Final = -(1 << 62)
 
 
@@ -235,8 +238,13 @@ class TransmitQueue:
         """Count what waits for one stream."""
         return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)
 
-    def check_size(self, name: str, record_bytes: int) -> None:
+    def check_size(self, name: str, record_bytes: int, *, hint: str = SMALLER) -> None:
         """Refuse a record that fits no frame.
+
+        Args:
+            name: Of the stream.
+            record_bytes: Size of the record.
+            hint: What to do about it.
 
         Raises:
             PayloadTooLargeError: Says how large it is and how much fits.
@@ -245,7 +253,7 @@ class TransmitQueue:
             raise PayloadTooLargeError(
                 f"{name}: the record is {record_bytes} bytes; a frame of this link has room for "
                 f"{self.largest_bytes}",
-                hint="publish less, or give the stream a type",
+                hint=hint,
             )
 
     def fits(self, item: Waiting) -> bool:
@@ -410,6 +418,12 @@ class TransmitQueue:
                 if earliest is None or due_at < earliest:
                     earliest = due_at
         return earliest
+
+    def drop_expired(self, now: int) -> int | None:
+        """Forget what is too old; returns when the next payload will be, ns, or None."""
+        busy = [lane for lane in list(self._busy.values()) if self._drop_expired(lane, now)]
+        instants = (item.expires_at for lane in busy for item in lane.items)
+        return min((at for at in instants if at is not None), default=None)
 
     def _drop_expired(self, lane: Lane, now: int) -> bool:
         """Forget what is too old; True when something is left."""

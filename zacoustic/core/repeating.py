@@ -174,7 +174,7 @@ class Repeater:
                 assert self._times is not None
                 round_trip_ns = now - repetition.sent_at
                 if prompt or round_trip_ns < 2 * self._times.first_round_trip_ns:
-                    timing.measured(round_trip_ns)
+                    timing.measured(round_trip_ns, self._times)
             timing.answered(in_crowd=len(self._timings) > 1)
             timing.quiet_until = 0
         self._repetitions.pop(repetition, None)
@@ -282,7 +282,7 @@ class Repeater:
                     continue
                 timing = self._timing(repetition.record.destination)
                 pause_ns = timing.pause_ns(times, 0, self._rng, priority)
-                if not timing.is_doubtful:
+                if not timing.is_doubtful(times):
                     pause_ns = aimed_pause(
                         pause_ns, priority, repetition.tries, times, at, self._rng
                     )

@@ -81,6 +81,9 @@ class EngineStats:
         """Records delivered to the application, by stream."""
         self.deadlines_missed: dict[int, int] = {}
         """Periods in which no sample came that was promised, of all keys, by stream."""
+        self.round_trips_ns: dict[int, int] = {}
+        """How long a node takes to acknowledge a reliable sample, from the end of its frame to that
+        of the answer, smoothed, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
     def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:

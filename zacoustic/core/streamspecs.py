@@ -4,6 +4,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.core.dense.packedbytes import PackedBytesCodec
 from zacoustic.core.keys import Wildcard
 from zacoustic.core.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
@@ -33,7 +34,7 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
 DENSE: Final = "dense"
 """The codec of dense streams."""
 
-DENSE_CODING: Final = 2
+DENSE_CODING: Final = 3
 """How dense strings are coded, in the digests of dense streams: what was coded in another way might
 be read, and look right."""
 
@@ -171,16 +172,18 @@ def check_times(spec: StreamSpec) -> None:
         ConfigError: Something of it is not allowed.
     """
     if isinstance(spec, ActionSpec):
-        if not 0 < spec.result_timeout_s < float("inf"):
-            raise ConfigError(f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0")
-        if not 0 <= spec.feedback_interval_s < float("inf"):
+        if not is_duration(spec.result_timeout_s):
             raise ConfigError(
-                f"feedback_interval_s: {spec.feedback_interval_s}; allowed: 0 or more"
+                f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0, {DURATIONS}"
+            )
+        if not is_duration(spec.feedback_interval_s, or_zero=True):
+            raise ConfigError(
+                f"feedback_interval_s: {spec.feedback_interval_s}; allowed: 0 or more, {DURATIONS}"
             )
     if isinstance(spec, ServiceSpec | ActionSpec):
         if not 1 <= spec.server <= 254:
             raise ConfigError(f"server: {spec.server}; allowed: an address, 1..254")
-        if not 0 < spec.timeout_s < float("inf"):
-            raise ConfigError(f"timeout_s: {spec.timeout_s}; allowed: above 0")
+        if not is_duration(spec.timeout_s):
+            raise ConfigError(f"timeout_s: {spec.timeout_s}; allowed: above 0, {DURATIONS}")
         if "{" in spec.name:
             raise ConfigError(f'name: "{spec.name}" has a placeholder; allowed in topics only')

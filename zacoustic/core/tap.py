@@ -10,8 +10,9 @@ calls like others, since composing a frame draws random numbers and changes queu
 of it. An engine without a tap is not touched.
 """
 
+import functools
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
 from zacoustic.core.actions.actions import Actions
@@ -71,17 +72,19 @@ class Tap:
     Args:
         engine: The engine, best before it was called at all.
         sink: Takes the calls.
+        calls: Which of them.
     """
 
-    def __init__(self, engine: Engine, sink: TapSink) -> None:
+    def __init__(self, engine: Engine, sink: TapSink, calls: Collection[str] = CALLS) -> None:
         self._sink = sink
         self._is_inside = False
-        for name, part, method in _methods(engine):
+        for name, part, method in _methods(engine, calls):
             setattr(part, name.rpartition(".")[2], self._tapped(name, method))
 
     def _tapped(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
         parameters = tuple(inspect.signature(method).parameters)
 
+        @functools.wraps(method)  # a second tap has to see its parameters
         def tapped(*args: Any, **keywords: Any) -> Any:  # noqa: ANN401 (as the method has it)
             if self._is_inside:
                 return method(*args, **keywords)
@@ -122,8 +125,10 @@ def method_of(name: str) -> Callable[..., Any]:
     return found
 
 
-def _methods(engine: Engine) -> Iterator[tuple[str, object, Callable[..., Any]]]:
-    for name in CALLS:
+def _methods(
+    engine: Engine, calls: Collection[str]
+) -> Iterator[tuple[str, object, Callable[..., Any]]]:
+    for name in calls:
         part, method = _part(engine, name)
         yield name, part, getattr(part, method)
 

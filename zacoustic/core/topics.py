@@ -30,6 +30,7 @@ from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import UnknownStreamError
 
 _AGE_BYTES: Final = 1
+_IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
 NO_DELIVERY: Final = 0
 """What `Engine.publish` returns for a best-effort sample: nothing is told of it."""
 
@@ -127,7 +128,7 @@ class Topics:
                 )
                 count(self._stats.published, stream_id)
                 return delivery_id
-        self._queue.check_size(stream.name, needed_bytes)
+        self._queue.check_size(stream.name, needed_bytes, hint=_IN_PARTS)
         count(self._stats.published, stream_id)
         if reliable:
             return self._sending.publish(

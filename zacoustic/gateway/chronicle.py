@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.gateway.notices import Notice
+from zacoustic.safetext import one_line
 
 EVENTS_KEPT: Final = 16
 """The last so many are told."""
@@ -34,7 +35,7 @@ class Chronicle:
 
     def note(self, notice: Notice) -> None:
         """Keep a notice."""
-        lines = [" ".join(line.split()) for line in notice.lines()]
+        lines = [one_line(" ".join(line.split())) for line in notice.lines()]
         self._keep(notice.event, ", ".join(lines), is_trouble=notice.is_trouble)
 
     def complain(self, text: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.clock import Clock, seconds_to_ns
+from zacoustic.safetext import one_line
 
 # A sensor with the wrong unit at 100 Hz makes one line in this time, not a thousand.
 QUIET_S: Final = 10.0
@@ -55,5 +56,6 @@ class Complaints:
         unsaid = self._unsaid.pop(stream, 0)
         more = f" (and {unsaid} more since the last warning)" if unsaid else ""
         line = " ".join(text.removeprefix(f"{stream}: ").split())
-        _logger.warning("%s: %s%s", stream, line, more)
-        self._tell(f"{stream}: {line}{more}")
+        warning = one_line(f"{stream}: {line}{more}")
+        _logger.warning("%s", warning)
+        self._tell(warning)

@@ -1,17 +1,21 @@
 """The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
 
+from collections.abc import Callable
 from typing import assert_never
 
 from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
     DeliveryStored,
+    EngineRestarted,
     Event,
     JournalStateChanged,
     LinkStateChanged,
+    NothingHeard,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -31,9 +35,12 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (
+    ClockChanged,
+    EngineLost,
     EntityHeard,
     JournalChanged,
     LinkChanged,
+    LinkUnheard,
     Notify,
     PeerBack,
     PeerHeard,
@@ -64,6 +71,7 @@ class Exchange:
         health: Takes note of the rest.
         orders: Answers orders.
         pings: Takes answers to pings.
+        detail: Tells what the link says of its state.
         notify: Told what people want to know.
     """
 
@@ -78,6 +86,7 @@ class Exchange:
         health: Health,
         orders: OrderDesk,
         pings: PingDesk,
+        detail: Callable[[], str],
         notify: Notify,
     ) -> None:
         self._table = table
@@ -88,6 +97,7 @@ class Exchange:
         self._health = health
         self._orders = orders
         self._pings = pings
+        self._detail = detail
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
@@ -115,10 +125,14 @@ class Exchange:
             case CallFailed():
                 self._services.fail(event)
             case LinkStateChanged():
-                self._notify(LinkChanged(state=event.state.value))
+                self._notify(LinkChanged(state=event.state.value, detail=self._detail()))
             case SilenceChanged():
                 state = self._orders.silence(event)
-                self._notify(SilenceKept(silent=state.silent, until_utc=state.until_utc or ""))
+                self._notify(
+                    SilenceKept(
+                        silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt
+                    )
+                )
             case StreamTuned():
                 self._notify(
                     TopicTuned(
@@ -130,8 +144,14 @@ class Exchange:
                         ordered_by=event.ordered_by,
                     )
                 )
+            case EngineRestarted():
+                self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
+            case NothingHeard():
+                self._notify(LinkUnheard(frames=event.frames))
+            case ClockStateChanged():
+                self._notify(ClockChanged(doubt=event.doubt))
             case PeerSeen():
                 self._health.note_peer(event)
                 self._notify(

@@ -33,13 +33,15 @@ from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.junction import Junction
 from zacoustic.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.hostclock import HostClock
 from zacoustic.island.latching import stamp_samples
-from zacoustic.island.session import Island, endpoints_of, listen_at, mode_of
+from zacoustic.island.session import Island, endpoints_of, listen_at, listen_here, mode_of
 from zacoustic.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.journal.forgotten import forgotten
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
 from zacoustic.permitlog import open_permit_log
+from zacoustic.safetext import one_line, without_secrets
 
 if TYPE_CHECKING:
     from zacoustic.gateway.metrics import MetricsServer
@@ -63,6 +65,7 @@ class Gateway:
         notify: Told what people want to know, on the loop; None: logged.
         metrics: Host and port at which it answers to Prometheus; None: what the config says.
         clock: Where instants come from; the same as the link's.
+        host: The clock of the computer, which hours of the day and slots go by; None: this one's.
 
     Raises:
         ConfigError: The config has no Zenoh settings or no link.
@@ -79,9 +82,11 @@ class Gateway:
         notify: Notify | None = None,
         metrics: tuple[str, int] | None = None,
         clock: Clock = time.monotonic_ns,
+        host: HostClock | None = None,
     ) -> None:
         self.config = config
         self._zenoh_config = _zenoh_config(config)
+        self._listens_here = listen_here(self._zenoh_config)
         self._link = link or registry.create(_locator(config), config.address)
         journal = journal or config.journal or MemoryJournal()
         if isinstance(journal, str | Path):
@@ -91,6 +96,7 @@ class Gateway:
         self._metrics_place = metrics or config.metrics
         self._metrics: MetricsServer | None = None
         self._clock = clock
+        self._host = host or HostClock()
         self._record = record
         self._recording: LiveRecording | None = None
         self._junction: Junction | None = None
@@ -205,10 +211,11 @@ class Gateway:
             mode=mode_of(self._zenoh_config),
             zid=str(junction.island.session.zid()),
             endpoints=tuple(
-                f"{word} {endpoint}"
+                f"{word} {without_secrets(endpoint)}"
                 for word in ("listen", "connect")
                 for endpoint in endpoints_of(self._zenoh_config, word)
             ),
+            listens_here=self._listens_here,
             link=self._locator,
             link_state=junction.runner.link_state.value,
             streams=tuple(stream.name for stream in table),
@@ -223,7 +230,7 @@ class Gateway:
     @property
     def _locator(self) -> str:
         links = self.config.links
-        return links[0].locator if links else type(self._link).__name__
+        return without_secrets(links[0].locator) if links else type(self._link).__name__
 
     def _about(self) -> dict[str, object]:
         """Return what does not change, for the health report."""
@@ -276,6 +283,7 @@ class Gateway:
                 about=self._about(),
                 notify=self._notify,
                 clock=self._clock,
+                host=self._host,
                 make_engine=Engine if self._recording is None else self._recording.make,
             )
         except BaseException:
@@ -317,4 +325,4 @@ def _locator(config: Config) -> str:
 
 def _log(notice: Notice) -> None:
     for line in notice.lines():
-        _logger.info("%s", line)
+        _logger.info("%s", one_line(line))

@@ -20,7 +20,7 @@ answered to a `get`:
 ``journal``   whether anything survives a restart, and why it cannot be written now
 ``events``    the last things that were worth a line, errors among them
 ``dropped``   what came off the water, and what came from the island, and was of no use
-``clock``     what time it is here; answered to a `get` only
+``clock``     what time it is here; answered to a `get`, and put when the clock has been set
 ============  =====================================================================================
 
 and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
@@ -31,7 +31,6 @@ cross the water. The one timer is armed by a change and not re-armed: an idle ga
 """
 
 import asyncio
-import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -53,6 +52,7 @@ from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.trace import TraceRecord
 from zacoustic.gateway.chronicle import Chronicle
+from zacoustic.gateway.dates import Dates
 from zacoustic.gateway.objects import ObjectDesk
 from zacoustic.gateway.soundings import Soundings
 from zacoustic.gateway.traffic import Traffic
@@ -87,6 +87,7 @@ class Health:
         jobs: What this gateway does: job and stream id.
         losses: What the island gave and was of no use.
         is_journal_kept: The journal outlives the process.
+        dates: Dates of what is told.
         clock: Where the instants of the engine come from.
         interval_s: Least time between two puts of one document, s.
     """
@@ -102,6 +103,7 @@ class Health:
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
         is_journal_kept: bool,
+        dates: Dates,
         clock: Clock,
         interval_s: float = INTERVAL_S,
     ) -> None:
@@ -109,10 +111,12 @@ class Health:
         self._island = island
         self._objects = objects
         self._chronicle = chronicle
-        self._about = {**about, "started_at_unix_s": round(time.time(), 3)}
+        self._about = {**about, "started_at_unix_s": round(dates.unix_s(), 3)}
         self._jobs = jobs
         self._losses = losses
         self._is_journal_kept = is_journal_kept
+        self._dates = dates
+        self._times_set = 0
         self._clock = clock
         self._interval_s = interval_s
         self._loop = asyncio.get_running_loop()
@@ -122,15 +126,16 @@ class Health:
         self._last_at_s = float("-inf")
         self._published: dict[str, bytes] = {}
         self._seen: dict[int, PeerSeen] = {}
-        self._traffic = Traffic()
+        self._traffic = Traffic(dates.unix_s)
         engine = runner.engine
-        self._frames = FrameLog(engine)
+        self._frames = FrameLog(engine, unix_s=dates.unix_s)
         self._soundings = Soundings(
             engine.measurements,
             engine.contact,
             engine.deadlines,
             address=engine.address,
             clock=clock,
+            unix_s=dates.unix_s,
         )
         self._differing: dict[int, set[int]] = {}
         self._outcomes: dict[int, dict[str, int]] = {}
@@ -174,9 +179,9 @@ class Health:
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
         asked = held.query.key_expr
-        # Never put: it tells whoever asks how far the clocks of people are apart.
-        clock = msgspec.json.encode({"now_unix_s": time.time()})
-        documents = {**self._encoded(), f"{self._prefix}/clock": clock}
+        # Whoever watches asks for the clock every second, to know that this gateway lives.
+        is_pulse = str(asked).endswith("/clock")
+        documents = {**({} if is_pulse else self._encoded()), **self._clock_document()}
         held.answer(
             [
                 Answer(key=key, payload=payload, encoding=JSON)
@@ -195,10 +200,19 @@ class Health:
     def _publish(self) -> None:
         self._timer = None
         self._last_at_s = self._loop.time()
-        for key, payload in self._encoded().items():
+        documents = self._encoded()
+        if self._times_set != self._dates.times_set:
+            self._times_set = self._dates.times_set
+            documents = {**self._clock_document(), **documents}  # before what is dated by it
+        for key, payload in documents.items():
             if self._published.get(key) != payload:
                 self._published[key] = payload
                 self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
+
+    def _clock_document(self) -> dict[str, bytes]:
+        """What tells whoever asks how far the clocks of people are apart."""
+        now = {"now_unix_s": self._dates.now_unix_s()}
+        return {f"{self._prefix}/clock": msgspec.json.encode(now)}
 
     def _encoded(self) -> dict[str, bytes]:
         return {
@@ -208,7 +222,8 @@ class Health:
 
     def documents(self) -> dict[str, object]:
         """Return all documents as they are now, by the end of their keys."""
-        return {
+        self._dates.look()
+        documents = {
             "node": self._about,
             "link": self._link(),
             "ledger": self._ledger(),
@@ -221,17 +236,19 @@ class Health:
             "events": self._chronicle.document(),
             **self._soundings.documents(),
         }
+        return {name: self._dates.told(each) for name, each in documents.items()}
 
     @property
     def _engine(self) -> Engine:
         return self._runner.engine
 
     def _link(self) -> dict[str, object]:
-        stats = self._engine.stats
+        stats, why_silent = self._engine.stats, self._why_silent()
         return {
             "state": self._runner.link_state.value,
             "detail": self._runner.link_detail,
-            "silent": self._engine.silence.is_silent(self._clock()),
+            "silent": bool(why_silent),
+            "why_silent": why_silent,
             "capabilities": self._engine.capabilities,
             "diagnostics": self._runner.link.diagnostics(),
             "frames_transmitted": stats.frames_transmitted,
@@ -241,6 +258,14 @@ class Health:
             "bytes_received": stats.bytes_received,
             "reports": stats.reports,
         }
+
+    def _why_silent(self) -> str:
+        """Return why nothing is transmitted; empty: no such order, and no want of the time."""
+        engine = self._engine
+        state = engine.silence.state(self._clock())
+        if state.is_ordered:
+            return f"ordered; {state.doubt}" if state.doubt else "ordered"
+        return engine.clock.doubt or ("a quiet window" if state.is_silent else "")
 
     def _ledger(self) -> dict[str, object]:
         stats = self._engine.stats
@@ -275,6 +300,7 @@ class Health:
         self, address: int, confirmed: dict[int, bool], heard_at_unix_s: float | None
     ) -> dict[str, object]:
         seen = self._seen.get(address)
+        round_trip_ns = self._engine.stats.round_trips_ns.get(address)
         return {
             "name": self._engine.table.nodes.get(address, ""),
             "epoch": seen.epoch if seen else None,
@@ -283,6 +309,7 @@ class Health:
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": heard_at_unix_s,
             **self._traffic.of_peer(address),
+            "round_trip_s": ns_to_seconds(round_trip_ns) if round_trip_ns else None,
             "metrics": self._engine.measurements.metrics(address),
         }
 

@@ -9,7 +9,6 @@ import asyncio
 import contextlib
 import logging
 import random
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Final
@@ -18,7 +17,7 @@ import zenoh
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, PeerFound, PeerLost
+from zacoustic.core.events import EngineRestarted, Event, PeerFound, PeerLost
 from zacoustic.core.makeengine import MakeEngine
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
@@ -27,6 +26,7 @@ from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.complaints import Complaints
+from zacoustic.gateway.dates import Dates
 from zacoustic.gateway.dialects import Dialects
 from zacoustic.gateway.exchange import Exchange
 from zacoustic.gateway.framefeed import FrameFeed
@@ -42,6 +42,7 @@ from zacoustic.gateway.routes import Routes
 from zacoustic.gateway.services import Services
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
+from zacoustic.hostclock import HostClock
 from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.queries import QueryDesk
 from zacoustic.island.session import Island
@@ -82,6 +83,7 @@ class Junction:
         about: What a monitor is told of it that does not change.
         notify: Told what people want to know.
         clock: Where instants come from.
+        host: The clock of this computer.
         make_engine: Makes the engine.
     """
 
@@ -101,6 +103,7 @@ class Junction:
         about: Mapping[str, object],
         notify: Notify,
         clock: Clock,
+        host: HostClock,
         make_engine: MakeEngine = Engine,
     ) -> None:
         self.failure: Exception | None = None
@@ -114,28 +117,34 @@ class Junction:
         self._loop = asyncio.get_running_loop()
         self._doorbell = Doorbell(self._loop, self._attend)
         ring = self._doorbell.ring
-        seed = random.SystemRandom().getrandbits(64)
-        _logger.info("node %d: epoch %d, seed %d", address, state.boot_epoch, seed)
-        engine = make_engine(
-            address=address,
-            table=table,
-            epoch=state.boot_epoch,
-            rng=random.Random(seed),
-            stored=state.entries,
-            rules=rules,
-            trace=self._trace,
-        )
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            seed = random.SystemRandom().getrandbits(64)
+            _logger.info("node %d: epoch %d, seed %d", address, epoch, seed)
+            return make_engine(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=random.Random(seed),
+                stored=host.named(stored),
+                rules=rules,
+                trace=self._trace,
+            )
+
         self.runner = LinkRunner(
-            engine,
+            renew(state.boot_epoch, state.entries),
             link,
             self._deliver,
+            renew=renew,
             clock=clock,
             journal=journal,
-            wall_clock=time.time_ns,
+            wall_clock=host.utc_ns,
             clock_error_s=rules.clock_error_s,
+            ask_clock=host.ask,
             permit_log=permit_log,
         )
-        self._chronicle = Chronicle()
+        dates = Dates(clock, host.utc_ns)
+        self._chronicle = Chronicle(dates.unix_s)
         self._complaints = Complaints(clock, tell=self._chronicle.complain)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
@@ -145,7 +154,7 @@ class Junction:
             self.siblings,
             self._complaints,
             self._dialects,
-            KeptSamples(self.runner.keep, clock=clock, wall_clock=time.time_ns),
+            KeptSamples(self.runner.keep, clock=clock, wall_clock=host.utc_ns),
             clock=clock,
             ring=ring,
         )
@@ -187,9 +196,12 @@ class Junction:
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
             is_journal_kept=not isinstance(journal, MemoryJournal),
+            dates=dates,
             clock=clock,
         )
-        self._orders = OrderDesk(table, self.runner, self.siblings, clock=clock)
+        self._orders = OrderDesk(
+            table, self.runner, self.siblings, clock=clock, wall_clock=host.utc_ns
+        )
         self._pings = PingDesk(self.runner, self.siblings, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
@@ -201,6 +213,7 @@ class Junction:
             health=self._health,
             orders=self._orders,
             pings=self._pings,
+            detail=lambda: self.runner.link_detail,
             notify=self._tell,
         )
 
@@ -309,6 +322,8 @@ class Junction:
 
     def _deliver(self, event: Event) -> None:
         self._exchange.deliver(event)
+        if isinstance(event, EngineRestarted):
+            self._doorbell.ring()  # the island goes on
         if isinstance(event, PeerLost | PeerFound):
             is_lost = isinstance(event, PeerLost)
             if self._dialects.note_peer(event.address, is_lost=is_lost):

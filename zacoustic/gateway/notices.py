@@ -36,6 +36,8 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """Id of its Zenoh session."""
     endpoints: tuple[str, ...]
     """Where the session listens and what it connects to, as the config says."""
+    listens_here: bool = False
+    """The file has no `listen`: only this computer reaches the session."""
     link: str
     """Locator of the modem."""
     link_state: str
@@ -61,6 +63,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
             f"address   {self.address} {self.name}".rstrip(),
             f"session   {self.mode} {self.zid}",
             *(f"endpoint  {endpoint}" for endpoint in self.endpoints),
+            *["endpoint  only this computer reaches it: no listen in the file"] * self.listens_here,
             f"link      {self.link} ({self.link_state})",
             f"streams   {len(self.streams)}: {', '.join(self.streams)}",
             f"digest    {self.digest}",
@@ -99,12 +102,15 @@ class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
     """Nothing is transmitted now."""
     until_utc: str
     """End as far as it is known; empty: until it is resumed, or no silence."""
+    doubt: str = ""
+    """Why it may last longer than it was ordered; empty: it does not."""
 
     def lines(self) -> list[str]:
         """One line."""
         if not self.silent:
             return ["silence   ended"]
-        return [f"silence   until {self.until_utc or 'it is resumed'}"]
+        doubt = f" ({self.doubt})" if self.doubt else ""
+        return [f"silence   until {self.until_utc or 'it is resumed'}{doubt}"]
 
 
 class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
@@ -147,6 +153,58 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
         if self.failure:
             return [f"journal   fails, what is reliable waits: {self.failure}"]
         return ["journal   can be written again"]
+
+
+class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
+    """Nothing is transmitted for want of a time that is sure; or no longer."""
+
+    doubt: str
+    """What is missing; empty: nothing."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Nothing is transmitted."""
+        return bool(self.doubt)
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [
+            f"clock     nothing is transmitted: {self.doubt}" if self.doubt else "clock     sure"
+        ]
+
+
+class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
+    """A bug has ended the engine; a new one goes on from the journal."""
+
+    faults: int
+    """How many internal errors there were since the start."""
+    cause: str
+    """What was raised."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """It is to be reported; the log has what to report."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"internal  error {self.faults}, please report the log; it goes on: {self.cause}"]
+
+
+class LinkUnheard(Notice, frozen=True, kw_only=True, tag="unheard"):
+    """Frames were sent since the link is up, and nothing at all was heard."""
+
+    frames: int
+    """How many were sent."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"unheard   {self.frames} frames sent and none heard; ask zacoustic doctor"]
 
 
 class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):

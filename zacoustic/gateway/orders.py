@@ -15,7 +15,7 @@ from typing import Final, cast
 
 import msgspec
 
-from zacoustic.core.clock import Clock, seconds_to_ns
+from zacoustic.core.clock import Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.encoding import JSON
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
@@ -125,15 +125,11 @@ class OrderDesk:
 
     def silence(self, event: SilenceChanged) -> SilenceState:
         """Return what the engine says in the words of an answer."""
-        until_utc = None
+        left_s = None
         if event.ends_at is not None:
-            until_utc = utc_text(self._wall_clock() + event.ends_at - self._clock())
-        return SilenceState(
-            address=self._siblings.address,
-            silent=event.is_silent,
-            ordered=event.is_ordered,
-            until_utc=until_utc,
-        )
+            left_s = ns_to_seconds(event.ends_at - self._clock())
+        state = OrderState(silent=event.is_silent, ordered=event.is_ordered, left_s=left_s)
+        return self._silence(self._siblings.address, state)
 
     # Below the methods above
 
@@ -159,12 +155,7 @@ class OrderDesk:
     def _answer(self, held: HeldQuery, node: int, order: Order, state: OrderState) -> None:
         document: SilenceState | StreamState
         if order.stream_id is None:
-            until_utc = None
-            if state.left_s is not None:
-                until_utc = utc_text(self._wall_clock() + seconds_to_ns(state.left_s))
-            document = SilenceState(
-                address=node, silent=state.silent, ordered=state.ordered, until_utc=until_utc
-            )
+            document = self._silence(node, state)
         else:
             stream = self._table.get(order.stream_id)
             document = StreamState(
@@ -177,3 +168,19 @@ class OrderDesk:
             )
         key = str(held.query.key_expr).replace(f"{PREFIX}/*/", f"{PREFIX}/{node}/")
         held.answer([Answer(key=key, payload=msgspec.json.encode(document), encoding=JSON)])
+
+    def _silence(self, node: int, state: OrderState) -> SilenceState:
+        until_utc, why = None, ""
+        if state.left_s is not None:
+            until_utc = utc_text(self._wall_clock() + seconds_to_ns(state.left_s))
+        if node == self._siblings.address:
+            engine = self._runner.engine
+            why = engine.clock.doubt or engine.silence.state(self._clock()).doubt
+        return SilenceState(
+            address=node,
+            silent=state.silent or bool(why),
+            ordered=state.ordered,
+            until_utc=until_utc,
+            left_s=state.left_s,
+            why=why,
+        )

@@ -17,7 +17,6 @@ says how long it is to try there, s.
 
 import math
 from collections.abc import Callable, Mapping
-from datetime import UTC, datetime
 from typing import Final
 
 import msgspec
@@ -54,7 +53,7 @@ _ALLOWED: Final = {
 }
 
 
-class SilenceState(msgspec.Struct, frozen=True, kw_only=True):
+class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The answer about silence."""
 
     address: int
@@ -65,6 +64,10 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True):
     """By an order; otherwise, if silent, by a quiet window."""
     until_utc: str | None
     """End of the silence, as far as it is known."""
+    left_s: float | None = None
+    """How long it still lasts, s, as far as it is known."""
+    why: str = ""
+    """Of a node on this island: why it is silent for want of the time, or maybe for too long."""
 
 
 class StreamState(msgspec.Struct, frozen=True, kw_only=True):
@@ -152,11 +155,7 @@ def read_state(payload: bytes, order: Order) -> OrderState:
             priority=PRIORITY_NAMES[found.priority],
         )
     state = msgspec.json.decode(payload, type=SilenceState)
-    left_s = None
-    if state.until_utc is not None:
-        until = datetime.fromisoformat(state.until_utc)
-        left_s = max(0.0, (until - datetime.now(UTC)).total_seconds())
-    return OrderState(silent=state.silent, ordered=state.ordered, left_s=left_s)
+    return OrderState(silent=state.silent, ordered=state.ordered, left_s=state.left_s)
 
 
 def _read_silence(said: Mapping[str, str], stream_id: int | None) -> Order:

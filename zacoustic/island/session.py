@@ -32,6 +32,10 @@ WORDS: Final = {
 }
 """What to say to people when the connection goes, and when it comes again."""
 
+HERE: Final = {"router": ("tcp/127.0.0.1:7447",), "peer": ("tcp/127.0.0.1:0",)}
+"""Where a session listens of whose file says nothing about it, by its mode."""
+_ZENOH_LISTENS: Final = {"router": ["tcp/[::]:7447"], "peer": ["tcp/[::]:0"]}
+
 _ENDPOINT: Final = re.compile(r"bound to (\S+): ")
 _ENDPOINTS: Final = re.compile(r"Single\(([^)]*)\)")
 _PROTOCOL: Final = re.compile(r"not supported for (\S+) protocol")
@@ -225,6 +229,26 @@ def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
         raise ConfigError(
             f"listen: {', '.join(endpoints)}; allowed: Zenoh endpoints, such as tcp/127.0.0.1:7447"
         ) from error
+
+
+def listen_here(config: zenoh.Config) -> bool:
+    """Have a session whose file says nothing of listening listen on this computer only.
+
+    Zenoh's own default is every network that the computer is in.
+
+    Args:
+        config: The settings; changed.
+
+    Returns:
+        Whether the file says nothing, and the session would listen.
+    """
+    if _setting(config, "listen/endpoints") != _ZENOH_LISTENS:
+        return False
+    endpoints = HERE.get(mode_of(config))
+    if endpoints is None:
+        return False
+    listen_at(config, endpoints)
+    return True
 
 
 def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from zacoustic.errors import ConfigError
+from zacoustic.privatefile import keep_private
 
 APPLICATION_ID: Final = 0x7A61636A  # "zacj"
 """Says in the file's header that it is a journal of zacoustic."""
@@ -62,6 +63,7 @@ def open_file(path: Path, address: int, *, limit_bytes: int) -> sqlite3.Connecti
         ConfigError: It cannot be used; names file and remedy. Nothing was changed in it.
     """
     _make_folder(path)
+    keep_private(path)  # SQLite gives its log the mode of the file
     with complaining(path), contextlib.ExitStack() as unless_ready:
         uri = f"{path.absolute().as_uri()}?psow=0"
         # Transactions are begun by hand; each call may be on another thread, one at a time.

@@ -42,7 +42,8 @@ class SqliteJournal:
     """
 
     def __init__(self, path: str | Path, address: int, *, limit_bytes: int = LIMIT_BYTES) -> None:
-        self.path = Path(path)
+        # SQLite keeps its log beside the file itself, not beside a link to it.
+        self.path = Path(os.path.realpath(path))
         """The file."""
         self._address = address
         self._limit_bytes = limit_bytes

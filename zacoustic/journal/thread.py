@@ -23,6 +23,9 @@ FIRST_RETRY_S: Final = 1.0
 LONGEST_RETRY_S: Final = 60.0
 """Longest time between two attempts, s: about how long people wait after they have made room."""
 
+NO_WRITE: Final = 0
+"""Id of a write that no engine waits for."""
+
 _logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
@@ -70,6 +73,7 @@ class JournalThread:
         self._retry_s = FIRST_RETRY_S
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="journal")
         self._waiting: list[JournalWrite] = []
+        self._under_way = 0
         self._task: asyncio.Task[None] | None = None
         self._retry: asyncio.TimerHandle | None = None
         self._is_stopped = False
@@ -79,6 +83,17 @@ class JournalThread:
         self._waiting.append(write)
         if self._task is None and self._retry is None and not self._is_stopped:
             self._begin()
+
+    async def settle(self) -> None:
+        """Forget what waits for an engine that is no more; on return no commit is under way.
+
+        What is committed meanwhile is told as always; writes of no engine (`NO_WRITE`) still wait.
+        """
+        kept = self._waiting[self._under_way :]
+        self._waiting[self._under_way :] = _of_no_engine(kept)
+        if self._task is not None:
+            await asyncio.wait([self._task])
+        self._waiting = _of_no_engine(self._waiting)  # a commit may have failed
 
     async def close(self) -> None:
         """Commit what waits, as far as that is possible now, and close the store."""
@@ -111,11 +126,14 @@ class JournalThread:
     async def _commit(self) -> bool:
         """Commit all that waits in one group; False: it failed, and is tried again later."""
         group, loop = tuple(self._waiting), asyncio.get_running_loop()
+        self._under_way = len(group)
         try:
             await loop.run_in_executor(self._thread, self._journal.commit, group)
         except OSError as error:
             self._put_off(str(error))
             return False
+        finally:
+            self._under_way = 0
         del self._waiting[: len(group)]
         self._retry_s = FIRST_RETRY_S
         self._note("")
@@ -141,6 +159,10 @@ class JournalThread:
         if failure != self.failure:
             self.failure = failure
             self._state_changed(failure)
+
+
+def _of_no_engine(writes: Sequence[JournalWrite]) -> list[JournalWrite]:
+    return [write for write in writes if write.write_id == NO_WRITE]
 
 
 async def _elsewhere(step: Callable[[], T]) -> T:

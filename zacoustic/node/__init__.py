@@ -19,9 +19,8 @@ the endpoints are the same. Modules, in reading order:
 `goalsonzenoh`
 `identity`, `eventlog`     who the node is, what happens to it
 `mailbox`                  what waits to be taken
-`blocking`, `waiting`,     the same without asyncio, for scripts and notebooks
-`waitingactions`,
-`loopthread`
+`waiting`, `loopthread`,   the same without asyncio, for scripts and notebooks: the parts of
+`waitingactions`           `zacoustic.blocking`
 =========================  =========================================================================
 
 Importing this package imports no Zenoh.

@@ -12,10 +12,13 @@ import msgspec
 
 from zacoustic.core.events import (
     CallFailure,
+    ClockStateChanged,
     DeadlineMissed,
     DeliveryEnded,
+    EngineRestarted,
     JournalStateChanged,
     LinkStateChanged,
+    NothingHeard,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -48,6 +51,9 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | ClockStateChanged
+    | NothingHeard
+    | EngineRestarted
     | PeerSeen
     | PeerLost
     | PeerFound
@@ -152,6 +158,10 @@ class Carrier(Protocol):
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; only where `can_declare`."""
+        ...
+
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
         ...
 
     def ledger(self) -> list[LedgerEntry]:

@@ -1,6 +1,7 @@
 """What a node makes: publishers and subscriptions, clients and services, actions."""
 
 import asyncio
+import threading
 from collections.abc import Coroutine
 from typing import Any, TypeVar, overload
 
@@ -40,6 +41,8 @@ class EndpointMaker:
         self._carrier: Carrier | None = None
         self._catalogue: Catalogue | None = None
         self._is_closed = False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: int | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._subscriptions: set[Subscription[Any]] = set()
 
@@ -79,7 +82,7 @@ class EndpointMaker:
             ConfigError: What the code says and the configuration do not agree.
             LocalError: No such topic, this node may not publish it, or the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.publisher(sample_type, name, qos, stream_id)
         return Publisher(route, carrier.advertise(route))
 
@@ -126,7 +129,7 @@ class EndpointMaker:
             ConfigError: What the code says and the configuration do not agree.
             LocalError: No such topic, this node may not listen to it, or the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.subscription(sample_type, name, qos, stream_id)
         subscription = Subscription(route, carrier, self._subscriptions.discard)
         self._subscriptions.add(subscription)
@@ -203,7 +206,7 @@ class EndpointMaker:
             ConfigError: What the code says and the configuration do not agree.
             LocalError: No such service, this node is the server, or the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.client(service_type, name, qos, stream_id=stream_id, server=server)
         return Client(route, carrier)
 
@@ -251,7 +254,7 @@ class EndpointMaker:
             ConfigError: What the code says and the configuration do not agree.
             LocalError: No such service, another node is the server, or the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.server(service_type, name, qos, stream_id=stream_id)
         return Service(route, handler, carrier, self._spawn)
 
@@ -302,7 +305,7 @@ class EndpointMaker:
             ConfigError: What the code says and the configuration do not agree.
             LocalError: No such action, this node is the server, or the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.action_client(action_type, name, qos, stream_id=stream_id, server=server)
         return ActionClient(route, carrier, self._spawn)
 
@@ -362,7 +365,7 @@ class EndpointMaker:
             LocalError: No such action, another node is the server, it is served here already, or
                 the node is not open.
         """
-        carrier, catalogue = self._opened(), self._known()
+        carrier, catalogue = self._maker()
         route = catalogue.action_server(action_type, name, qos, stream_id=stream_id)
         return ActionServer(
             route,
@@ -384,8 +387,19 @@ class EndpointMaker:
         assert self._catalogue is not None
         return self._catalogue
 
+    def _maker(self) -> tuple[Carrier, Catalogue]:
+        """Return what endpoints are made of; refused before anything is made of it elsewhere."""
+        carrier, catalogue = self._opened(), self._known()
+        if threading.get_ident() != self._thread:
+            raise LocalError(
+                f"node {self.name}: endpoints are made in the thread of its loop",
+                hint="loop.call_soon_threadsafe brings a call there; or use zacoustic.blocking",
+            )
+        return carrier, catalogue
+
     def _spawn(self, coroutine: Coroutine[Any, Any, None], name: str) -> asyncio.Task[None]:
-        task = asyncio.get_running_loop().create_task(coroutine, name=name)
+        assert self._loop is not None
+        task = self._loop.create_task(coroutine, name=name)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task

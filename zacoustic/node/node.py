@@ -1,6 +1,7 @@
 """`Node`: one participant, from `open` to `close`."""
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +14,7 @@ from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.errors import ConfigError, LocalError
+from zacoustic.errors import ConfigError, LocalError, SessionError
 from zacoustic.journal import Journal, MemoryJournal, journal_in
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
@@ -98,6 +99,7 @@ class Node(EndpointMaker):
         carrier = await self._make_carrier(identity.config, identity.address, table)
         await carrier.open()
         self.name, self.address = identity.name, identity.address
+        self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
         self._carrier = carrier
         self._catalogue = Catalogue(identity, table, carrier)
 
@@ -243,6 +245,10 @@ class Node(EndpointMaker):
         """What was counted; on Zenoh no frames, they are the gateway's."""
         return self._opened().stats
 
+    def expired(self) -> dict[int, int]:
+        """Return what became too old before it could be sent, by stream id; on Zenoh nothing."""
+        return self._opened().expired()
+
     def ledger(self) -> list[LedgerEntry]:
         """Return every byte given to the link, by stream and cause; on Zenoh nothing."""
         return self._opened().ledger()
@@ -257,8 +263,13 @@ class Node(EndpointMaker):
                 raise ConfigError("journal is given without link; allowed: with it", hint=_ITS_OWN)
             if self._record is not None:
                 raise ConfigError("record is given without link; allowed: with it", hint=_RECORDS)
-            from zacoustic.node.onzenoh import ZenohCarrier
-
+            try:
+                from zacoustic.node.onzenoh import ZenohCarrier
+            except ModuleNotFoundError as error:
+                raise SessionError(
+                    f"a node without link needs {error.name}, which is not installed",
+                    hint="pip install eclipse-zenoh",
+                ) from error
             return ZenohCarrier(config, self._connect, report=self._events.add)
         from zacoustic import registry
         from zacoustic.node.onlink import LinkCarrier

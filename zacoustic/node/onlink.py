@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from zacoustic.core.actions.news import ActionEvent
+from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
@@ -31,8 +32,8 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec
-from zacoustic.core.trace import TraceRecord
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
+from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal, JournalState
 from zacoustic.link import Link
 from zacoustic.node.carrier import (
@@ -96,27 +97,33 @@ class LinkCarrier:
         self._report = report
         self._fail = fail
         self._recording = recording
-        make = Engine if recording is None else recording.make
-        self._engine = make(
-            address=address,
-            table=table,
-            epoch=state.boot_epoch,
-            rng=random.Random(random.SystemRandom().getrandbits(64)),
-            stored=state.entries,
-            rules=rules,
-            trace=self._trace,
-        )
+        host, make = HostClock(), Engine if recording is None else recording.make
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            return make(
+                address=address,
+                table=table,
+                epoch=epoch,
+                rng=random.Random(random.SystemRandom().getrandbits(64)),
+                stored=host.named(stored),
+                rules=rules,
+                trace=None,
+            )
+
         self._runner = LinkRunner(
-            self._engine,
+            renew(state.boot_epoch, state.entries),
             link,
             self._deliver,
+            renew=renew,
             journal=journal,
-            wall_clock=time.time_ns,
+            wall_clock=host.utc_ns,
             clock_error_s=rules.clock_error_s,
+            ask_clock=host.ask,
             permit_log=permit_log,
         )
         self._thread = threading.get_ident()
-        self._progress = asyncio.Event()
+        self._settled = asyncio.Event()
+        self._runner.settled = self._settled.set
         self._watch: asyncio.Task[None] | None = None
         self._listeners = Listeners(self._runner, table)
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
@@ -131,11 +138,15 @@ class LinkCarrier:
     @property
     def stats(self) -> EngineStats:
         """What the engine has counted."""
-        return self._engine.stats
+        return self._runner.engine.stats
 
     def ledger(self) -> list[LedgerEntry]:
         """Bytes given to the link, by stream and cause."""
-        return self._engine.stats.ledger()
+        return self._runner.engine.stats.ledger()
+
+    def expired(self) -> dict[int, int]:
+        """Samples and calls that became too old before they could be sent, by stream id."""
+        return self._runner.engine.expired
 
     def declare(self, spec: StreamSpec) -> Stream:
         """Add a stream; peers learn of it as of a restart."""
@@ -164,6 +175,7 @@ class LinkCarrier:
         if self._watch is not None:
             await asyncio.wait([self._watch])
         await self._close_recording()
+        self._settled.set()
         self._end_all(LinkClosedError("the node was closed"))
 
     async def range(self, address: int, timeout_s: float) -> Range:
@@ -184,10 +196,26 @@ class LinkCarrier:
                     self._runner.apply(lambda engine, now: engine.ranging.cancel(range_id))
 
     async def flush(self) -> None:
-        """Wait until nothing is queued and no transmission is under way."""
-        while not self._is_flushed():
-            self._progress.clear()
-            await self._progress.wait()
+        """Wait until nothing is queued and no transmission is under way.
+
+        What waits may also expire, be cancelled or be pushed out: each ends in an input of the
+        engine, but expiry of what is best effort, for which an engine sets no timer.
+        """
+        loop = asyncio.get_running_loop()
+        while True:
+            expires_at = self._runner.apply(lambda engine, now: engine.expire(now))
+            if self._is_flushed():
+                return
+            self._settled.clear()
+            if expires_at is None:
+                await self._settled.wait()
+                continue
+            delay_s = ns_to_seconds(max(0, expires_at - time.monotonic_ns()))
+            timer = loop.call_later(delay_s, self._settled.set)
+            try:
+                await self._settled.wait()
+            finally:
+                timer.cancel()
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Make the way out of a publisher."""
@@ -335,7 +363,7 @@ class LinkCarrier:
                 _logger.warning(
                     "node %d and node %d define stream %d (%s) in different ways: "
                     "nothing of it passes between them",
-                    self._engine.address, event.address, event.stream_id,
+                    self._runner.engine.address, event.address, event.stream_id,
                     stream.name if stream else "only there",
                 )  # fmt: skip
                 self._report(event)
@@ -377,7 +405,8 @@ class LinkCarrier:
     def _fail_range(self, event: RangeFailed) -> None:
         error = range_error(event)
         if event.range_id is None:
-            _logger.warning("node %d: ranging is not possible: %s", self._engine.address, error)
+            node = self._runner.engine.address
+            _logger.warning("node %d: ranging is not possible: %s", node, error)
             return
         answer = self._ranges.pop(event.range_id, None)
         if answer is not None and not answer.done():
@@ -388,17 +417,11 @@ class LinkCarrier:
             recording, self._recording = self._recording, None
             await recording.close()
 
-    def _trace(self, record: TraceRecord) -> None:
-        if record.what in ("report", "receive"):  # the end of a frame, or an acknowledgement
-            self._progress.set()
-
     def _is_flushed(self) -> bool:
-        if self._runner.failure is not None:
-            raise LinkClosedError(f"the node has failed: {self._runner.failure}")
-        stats = self._engine.stats
+        stats = self._runner.engine.stats
         # Beside the streams what they do not carry: subscriptions.
         lanes = (NO_STREAM, *(stream.stream_id for stream in self._table))
-        waiting = any(self._engine.pending(each) for each in lanes)
+        waiting = any(self._runner.engine.pending(each) for each in lanes)
         return not waiting and stats.frames_transmitted == sum(stats.reports.values())
 
     async def _wait_failed(self) -> None:
@@ -408,7 +431,7 @@ class LinkCarrier:
             error = LinkClosedError(f"the node has failed: {failure}")
             error.__cause__ = failure
             self._end_all(error)
-            self._progress.set()
+            self._settled.set()
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import zenoh
 
+from zacoustic import safetext
 from zacoustic.config import Config
 from zacoustic.core.events import CallFailure, LinkStateChanged
 from zacoustic.core.linktypes import LinkMetrics, LinkState
@@ -98,6 +99,10 @@ class ZenohCarrier:
         if self._open_island is None:
             raise SessionError("the Zenoh session is closed")
         return self._open_island
+
+    def expired(self) -> dict[int, int]:
+        """Return nothing: what waits is the gateway's."""
+        return {}
 
     def ledger(self) -> list[LedgerEntry]:
         """Return nothing: the link is the gateway's."""
@@ -276,7 +281,7 @@ class ZenohCarrier:
             value = None if is_delete else route.form.read(payload, encoding)
         except PayloadInvalidError as error:
             self._stats.drop("payload")
-            _logger.warning("%s: a sample was dropped: %s", key, error)
+            _logger.warning("%s: a sample was dropped: %s", safetext.one_line(key), error)
             return
         count(self._stats.received, stream.stream_id if stream else NO_STREAM)
         marker = read_marker(sample.attachment)

@@ -13,6 +13,7 @@ from zacoustic.node.carrier import Carrier, Incoming, Outlet
 from zacoustic.node.delivery import Delivery
 from zacoustic.node.mailbox import Mailbox
 from zacoustic.node.routes import TopicRoute
+from zacoustic.safetext import one_line
 
 DEFAULT_DEPTH: Final = 10
 """Samples of each key that wait for a subscription without QoS: as many as in ROS."""
@@ -198,7 +199,9 @@ class Subscription(Generic[T]):
                 content = self._form.build(incoming.value)
             except (ValueError, TypeError) as error:  # from a check of the application's class
                 self._carrier.stats.drop("refused_by_class")
-                _logger.warning("%s: a sample is refused by its class: %s", incoming.key, error)
+                _logger.warning(
+                    "%s: a sample is refused by its class: %s", one_line(incoming.key), error
+                )
                 return None
         return Sample(
             content=content,

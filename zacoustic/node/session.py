@@ -14,12 +14,11 @@ import zenoh
 from zacoustic.config import Config
 from zacoustic.errors import SessionError
 from zacoustic.island.latching import stamp_samples
-from zacoustic.island.session import endpoints_of, mode_of, one_line
+from zacoustic.island.session import HERE, endpoints_of, listen_here, mode_of, one_line
 
 CONNECT_TIMEOUT_MS: Final = 3000
 """How long opening waits for the router, ms: node and gateway are often started together."""
 
-_DEFAULT_LISTEN: Final = ("tcp/127.0.0.1:7447",)
 _ANY_ADDRESS: Final = re.compile(r"(?<=/)(0\.0\.0\.0|\[::\])(?=:)")
 
 
@@ -39,7 +38,8 @@ def session_config(config: Config | None, connect: str | Sequence[str] | None) -
     if connect is not None:
         endpoints = (connect,) if isinstance(connect, str) else tuple(connect)
     elif mode_of(settings) == "router":
-        endpoints = endpoints_of(settings, "listen") or _DEFAULT_LISTEN
+        listen_here(settings)  # so does the gateway of this file
+        endpoints = endpoints_of(settings, "listen") or HERE["router"]
     else:
         endpoints = endpoints_of(settings, "connect")
     endpoints = tuple(_ANY_ADDRESS.sub(_loopback, endpoint) for endpoint in endpoints)

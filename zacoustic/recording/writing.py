@@ -25,6 +25,7 @@ from typing import IO, TYPE_CHECKING, Final, Protocol
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.privatefile import create_private
 from zacoustic.recording.channels import Channel
 
 if TYPE_CHECKING:
@@ -214,7 +215,7 @@ def _open(path: Path) -> "tuple[IO[bytes], Writer]":
     stream: IO[bytes] | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = path.open("xb")
+        stream = create_private(path)
         writer = Writer(stream, chunk_size=CHUNK_BYTES)
         writer.start(profile="", library=f"zacoustic {program()}")
         stream.flush()
@@ -228,7 +229,13 @@ def _open(path: Path) -> "tuple[IO[bytes], Writer]":
 
 
 def _free_name(path: Path) -> Path:
-    """Return the path, or one with the time in its name where that is taken."""
+    """Return the path, or one with the time in its name where that is taken.
+
+    Raises:
+        ConfigError: It is a folder.
+    """
+    if path.is_dir():
+        raise ConfigError(f"recording {path} is a folder; allowed: a file in it")
     if not path.exists():
         return path
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S}Z"

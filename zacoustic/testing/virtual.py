@@ -36,6 +36,7 @@ from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.journal import BOOT_KEY
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkCapabilities, LinkState
 from zacoustic.core.makeengine import MakeEngine
@@ -274,7 +275,7 @@ class VirtualNetwork:
             epoch=epoch,
             rng=random.Random(f"{self.scenario.seed}/{address}/{epoch}"),
             rules=self._rules_of(address),
-            stored=dict(node.journal.entries),
+            stored={**node.journal.entries, BOOT_KEY: b"%d" % node.clock.boots},
             trace=self._note if self._trace or self._hash else None,
         )
         self._connect(node, node.engine)

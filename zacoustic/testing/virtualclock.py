@@ -37,12 +37,15 @@ class NodeClock:
         )
         self._error_ns = None if spec.error_s is None else seconds_to_ns(spec.error_s)
         self._told_at: int | None = None
+        self.boots = 0
+        """How often the computer has started again."""
         self.is_true = not self._excess
         """The monotonic clock shows the time of the network."""
 
     def reboot(self, now: int) -> None:
         """Begin anew."""
         self._began_at, self._shows = now, _BOOT_NS
+        self.boots += 1
         self.is_true = False
 
     def local(self, now: int) -> int:

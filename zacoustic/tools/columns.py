@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from zacoustic.safetext import one_line
+
 
 def align(
     header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
@@ -10,13 +12,13 @@ def align(
 
     Args:
         header: Name of each column.
-        rows: As many cells each as the header.
+        rows: As many cells each as the header; each is made safe to show in one line.
         right: Names of the columns that are set flush right, as numbers are.
 
     Returns:
         Lines without trailing blanks, joined by line ends; the header is the first.
     """
-    lines = [header, *rows]
+    lines = [header, *([one_line(cell) for cell in row] for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
     return "\n".join(_line(header, line, widths, right) for line in lines)
 

@@ -4,11 +4,14 @@ Each has ``time`` (UTC, ms), ``level``, ``logger`` and ``message``; the rest are
 message, such as those of a notice of the gateway, and ``exception``, a traceback.
 """
 
-import json
 import logging
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, Final
+
+import msgspec
+
+from zacoustic.safetext import json_line, without_secrets
 
 FIELDS: Final = "fields"
 """Name of the extra of a log record that holds its fields."""
@@ -39,7 +42,7 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             line["exception"] = self.formatException(record.exc_info)
-        return json.dumps(line, ensure_ascii=False, default=str)
+        return without_secrets(json_line(msgspec.to_builtins(line, str_keys=True, enc_hook=str)))
 
 
 def log_as_json(common: Mapping[str, object]) -> None:

@@ -11,17 +11,22 @@ screen on the bridge run for days, and what they say on standard error is read:
   nothing. Uvicorn would raise the signal once more when all is over, and not wait at a second one.
 """
 
+import math
 import signal
-from collections.abc import Awaitable, Callable, MutableMapping
+import time
+from collections.abc import Awaitable, Callable, Collection
 from types import FrameType
 from typing import Any, Final
 
 from nicegui import app, ui
+from nicegui.events import GenericEventArguments
 
-_Message = MutableMapping[str, Any]
-_Receive = Callable[[], Awaitable[_Message]]
-_Send = Callable[[_Message], Awaitable[None]]
-_Application = Callable[[_Message, _Receive, _Send], Awaitable[None]]
+from zacoustic.tools.truth import SCRIPT, STYLE, Alarm, beat_html
+from zacoustic.tools.visitors import Gatekeeper, Visitors, own_names
+
+CURRENT_S: Final = 4.0
+"""What was pressed longer ago than this is not done any more, s."""
+_BEATS_KEPT: Final = 64
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -33,6 +38,7 @@ def serve_page(
     port: int,
     start: Callable[[], Awaitable[None]],
     stop: Callable[[], Awaitable[None]],
+    names: Collection[str] = (),
     **look: Any,  # noqa: ANN401 (of NiceGUI)
 ) -> None:
     """Serve a page until SIGINT or SIGTERM.
@@ -43,6 +49,7 @@ def serve_page(
         port: Where it listens.
         start: Is awaited on the loop before anybody is served.
         stop: Is awaited on the loop when nobody is any more.
+        names: Names under which browsers find it, besides this computer's own (`visitors`).
         look: What else `ui.run` takes.
     """
 
@@ -51,7 +58,7 @@ def serve_page(
             signal.signal(number, _interrupted)
         stack = app.middleware_stack
         assert stack is not None
-        app.middleware_stack = Visitors(stack)
+        app.middleware_stack = Gatekeeper(Visitors(stack), own_names(host, *names))
         await start()
 
     app.on_startup(begin)
@@ -70,39 +77,49 @@ def serve_page(
         signal.signal(number, signal.SIG_IGN)
 
 
-class Visitors:
-    """Around an application of ASGI: those who leave before they are answered are let go.
+class Banner:
+    """The banner of one page, in which it says what is dead (`truth`); made with the page.
 
     Args:
-        application: Answers.
+        what: Begins it when the page's server is gone.
     """
 
-    def __init__(self, application: _Application) -> None:
-        self._application = application
+    def __init__(self, what: str) -> None:
+        ui.add_css(STYLE)
+        ui.add_body_html(f"<script>{SCRIPT}</script>")
+        self._what = what
+        self._number = 0
+        self._sent_at_s: dict[int, float] = {}
+        self._echoed: int | None = None
+        ui.on("za-echo", self._hear)
+        self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
-    async def __call__(self, scope: _Message, receive: _Receive, send: _Send) -> None:
-        """Answer one request.
+    def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
+        """Say that the server lives; at least every second.
 
-        What goes wrong in the answer shows itself with those who stay for it.
+        Args:
+            alarm: What it knows to be dead; None: nothing.
+            taken: Number of the last order of this page that was taken.
         """
-        has_left = has_begun = False
+        self._number += 1
+        self._sent_at_s[self._number] = time.monotonic()
+        self._sent_at_s.pop(self._number - _BEATS_KEPT, None)
+        self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
 
-        async def hear() -> _Message:
-            nonlocal has_left
-            message = await receive()
-            has_left = has_left or message["type"] == "http.disconnect"
-            return message
+    def is_current(self) -> bool:
+        """Tell whether what the browser says now was meant for now.
 
-        async def say(message: _Message) -> None:
-            nonlocal has_begun
-            has_begun = True
-            await send(message)
+        What was pressed while the connection hung comes when it is back, perhaps minutes later.
+        The browser echoes each beat, so what comes behind an old echo is old.
+        """
+        if self._echoed is None:
+            return True
+        sent_at_s = self._sent_at_s.get(self._echoed, -math.inf)
+        return time.monotonic() - sent_at_s < CURRENT_S
 
-        try:
-            await self._application(scope, hear, say)
-        except Exception:
-            if has_begun or not has_left:
-                raise
+    def _hear(self, event: GenericEventArguments) -> None:
+        if isinstance(event.args, int):
+            self._echoed = event.args
 
 
 def _interrupted(number: int, _: FrameType | None) -> None:

@@ -27,13 +27,13 @@ is from now on, x east, y north, z down, in m::
 import argparse
 import asyncio
 import contextlib
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import json_line, one_line
 from zacoustic.serving import LineWriter, parse_place, stopped_by_signals
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ class _Reporter:
         self._write(record, f"{at_s:10.3f} s  {text}")
 
     def _write(self, record: dict[str, object], text: str) -> None:
-        self._writer.write(json.dumps(record) if self._as_json else text)
+        self._writer.write(json_line(record) if self._as_json else one_line(text))
 
 
 def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "EmulatedFleet":

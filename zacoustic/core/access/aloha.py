@@ -67,6 +67,6 @@ class Aloha(MediumAccess):
             self._resume_at = now + self._back_off.draw()
             self._back_off.grow()
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """Take the time of the host."""
         self._time.tell(offset_ns, error_ns, now)

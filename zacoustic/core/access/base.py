@@ -79,8 +79,14 @@ class MediumAccess(ABC):
     def handle_timeout(self, now: int) -> None:  # noqa: B027  a policy may ignore it
         """An instant that `ready_at` or `speak_at` named has come."""
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:  # noqa: B027  as above
-        """This host says: UTC is `now + offset_ns`, wrong by `error_ns` at most."""
+    def handle_clock(  # noqa: B027  a policy may ignore it
+        self, offset_ns: int, error_ns: int | None, now: int
+    ) -> None:
+        """This host says: UTC is `now + offset_ns`, wrong by `error_ns` at most; None: unknown."""
+
+    def clock_doubt(self, now: int) -> str:
+        """Return why the clock keeps this node from transmitting, one line; empty: it does not."""
+        return ""
 
     def handle_control(  # noqa: B027  a policy may ignore it
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int

@@ -36,7 +36,9 @@ the way there and back too early, so it goes on for that much longer (`detour_ns
 longer for that costs a frame, but not the rhythm.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
-Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent.
+Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent. Nor
+do devices that hear while they send; DESERT counts as one, since its airtime is waiting, and sound
+for some hundredths.
 """
 
 from typing import Final

@@ -10,6 +10,9 @@ A new offset that differs from the old one by more than both errors allow is a *
 two was wrong, and nothing tells which. The network time is then not sure until a later statement,
 at least ten seconds after, agrees with the new one. Whoever needs a time that is sure keeps silent
 so long.
+
+A source may say that it does not know how wrong it is. Nothing is learnt from such a statement: the
+offset that is known stays, with its error. But a statement that contradicts it is a jump as well.
 """
 
 from typing import Final
@@ -26,10 +29,16 @@ class NetworkTime:
 
     Args:
         drift_ppm: How fast the engine's clock goes wrong, 1e-6.
+        tolerance_ns: What two statements may differ beyond their errors, ns.
+        settling_ns: How long a new time must hold after a jump, ns; 0: it counts at once.
     """
 
-    def __init__(self, drift_ppm: float) -> None:
+    def __init__(
+        self, drift_ppm: float, *, tolerance_ns: int = 0, settling_ns: int = SETTLING_NS
+    ) -> None:
         self._drift_ppm = drift_ppm
+        self._tolerance_ns = tolerance_ns
+        self._settling_ns = settling_ns
         self._offset_ns: int | None = None
         self._error_ns = 0
         self._told_at = 0
@@ -43,20 +52,29 @@ class NetworkTime:
     @property
     def sure_at(self) -> int | None:
         """Earliest instant at which a statement can end the doubt, ns; None: there is none."""
-        return None if self._doubted_at is None else self._doubted_at + SETTLING_NS
+        return None if self._doubted_at is None else self._doubted_at + self._settling_ns
 
-    def tell(self, offset_ns: int, error_ns: int, now: int) -> None:
-        """Take a statement: network time is `now + offset_ns`, wrong by `error_ns` at most."""
+    def tell(self, offset_ns: int, error_ns: int | None, now: int) -> bool:
+        """Take a statement: network time is `now + offset_ns`, wrong by `error_ns` at most.
+
+        Returns:
+            Whether it is what counts from now on; otherwise what is known is better.
+        """
         if self._offset_ns is not None:
             known_ns = self._error_now(now)
-            if abs(offset_ns - self._offset_ns) > known_ns + error_ns:
-                self._doubted_at = now
+            allowed_ns = known_ns + (error_ns or 0) + self._tolerance_ns
+            if abs(offset_ns - self._offset_ns) > allowed_ns:
+                counts = error_ns is not None and not self._settling_ns
+                self._doubted_at = None if counts else now
             else:
-                if self._doubted_at is not None and now - self._doubted_at >= SETTLING_NS:
+                if self._doubted_at is not None and now - self._doubted_at >= self._settling_ns:
                     self._doubted_at = None
-                if error_ns > known_ns:
-                    return  # what is known is better
+                if error_ns is not None and error_ns > known_ns:
+                    return False
+        if error_ns is None:
+            return False
         self._offset_ns, self._error_ns, self._told_at = offset_ns, error_ns, now
+        return True
 
     def error_at(self, instant: int) -> int | None:
         """By how much network time may be wrong at an instant, ns; None: unknown, or in doubt."""

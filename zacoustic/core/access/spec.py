@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.clock import DURATIONS, NS_PER_S, is_duration, seconds_to_ns
 from zacoustic.errors import ConfigError
 
 SLOWEST_SOUND_M_S: Final = 1400.0
@@ -190,10 +190,10 @@ METHODS: Final[dict[str, type[AccessSpec]]] = {
 
 
 def _check_positive(key: str, value: float) -> None:
-    if not 0 < value < float("inf"):
-        raise ConfigError(f"{key}: {value:g}; allowed: above 0")
+    if not is_duration(value):
+        raise ConfigError(f"{key}: {value:g}; allowed: above 0, {DURATIONS}")
 
 
 def _check_not_negative(key: str, value: float) -> None:
-    if not 0 <= value < float("inf"):
-        raise ConfigError(f"{key}: {value:g}; allowed: 0 or more")
+    if not is_duration(value, or_zero=True):
+        raise ConfigError(f"{key}: {value:g}; allowed: 0 or more, {DURATIONS}")

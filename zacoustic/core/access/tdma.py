@@ -11,10 +11,11 @@ That holds as long as every clock is within the stated error. So a node that is 
 *muted*: its error, which grows by drift since the last statement, exceeds the stated one; its clock
 has jumped; or it was never told (`zacoustic.core.access.networktime`).
 
-The common clock is UTC, which each host has, or that of one node. The latter tells it by CLOCK in
-frames that go anyway, at most once a minute, and in frames of its own if that is asked for; the
-others correct by the propagation delay that the modem measured, or by half of the longest one,
-and count what they do not know of it as error.
+The common clock is UTC, which each host has, or that of one node. The latter takes the UTC that its
+host shows first, right or not, and goes on from there: no step of the host's clock moves the slots
+of a fleet. It tells the time by CLOCK in frames that go anyway, at most once a minute, and in
+frames of its own if that is asked for; the others correct by the propagation delay that the modem
+measured, or by half of the longest one, and count what they do not know of it as error.
 """
 
 from typing import Final
@@ -60,6 +61,7 @@ class Tdma(MediumAccess):
         self._own = tuple(index for index, owner in enumerate(spec.slots) if owner == address)
         self._cycle_ns = len(spec.slots) * self._slot_ns
         self._error_limit_ns = spec.error_limit_ns
+        self._stated_s = spec.clock_error_s
         self._reference = spec.clock
         self._is_reference = spec.clock == address
         self._beacon_ns = None if spec.beacon_s is None else seconds_to_ns(spec.beacon_s)
@@ -99,13 +101,28 @@ class Tdma(MediumAccess):
         self._clock_told_at = now
         return ClockTime(now + offset_ns, self._time.error_at(now)).encode()
 
-    def handle_clock(self, offset_ns: int, error_ns: int, now: int) -> None:
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """Take the time of the host, where that counts."""
         if self._is_reference:
             # Its clock is the common one, by definition.
-            self._time.tell(offset_ns, 0, now)
+            known_ns = self._time.offset_ns
+            self._time.tell(offset_ns if known_ns is None else known_ns, 0, now)
         elif self._reference is None:
             self._time.tell(offset_ns, error_ns, now)
+
+    def clock_doubt(self, now: int) -> str:
+        """Return why this node does not use its slots, where that is for want of the time."""
+        if not self._own:
+            return ""
+        if self._time.offset_ns is None:
+            who = None if self._is_reference else self._reference
+            return "UTC is not known" if who is None else f"node {who} has not told the time yet"
+        error_ns = self._time.error_at(now)
+        if error_ns is None:
+            return "the clock has jumped"
+        if error_ns > self._error_limit_ns:
+            return f"the time may be wrong by more than clock_error_s, {self._stated_s:g} s"
+        return ""
 
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int

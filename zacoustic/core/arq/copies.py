@@ -72,6 +72,11 @@ def is_doubled(priority: Priority, tries: int) -> bool:
     return priority in MOST_COPIES and tries > 1
 
 
+def row_frames(priority: Priority) -> int:
+    """Return how many frames a repetition of a sample is, one at once behind the other."""
+    return 2 if priority in MOST_COPIES else 1
+
+
 def aimed_pause(
     pause_ns: int, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
 ) -> int:

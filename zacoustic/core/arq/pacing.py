@@ -8,11 +8,12 @@ a sample of it does not wait for as long as others have decided to leave the nod
 import random
 from typing import Final
 
-from zacoustic.core.arq.copies import aimed_pause, follow, is_doubled, is_emergency
+from zacoustic.core.arq.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority
+from zacoustic.core.stats import EngineStats
 from zacoustic.core.streams import StreamTable
 
 _COPIED_AT_ONCE: Final = 2
@@ -29,13 +30,15 @@ class Pacing:
     Args:
         table: The streams.
         rng: Draws the pauses between repetitions.
+        stats: Is told how long that is.
     """
 
-    def __init__(self, table: StreamTable, rng: random.Random) -> None:
+    def __init__(self, table: StreamTable, rng: random.Random, stats: EngineStats) -> None:
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
         self._table = table
         self._rng = rng
+        self._stats = stats
         self._timings: dict[int, PeerTiming] = {}
         self._heard_at: dict[int, int] = {}
 
@@ -63,15 +66,47 @@ class Pacing:
         others = any(at > lately for each, at in self._heard_at.items() if each != source)
         self.timing(source).answered(in_crowd=others)
 
-    def measured(self, lane: SendLane, sample: Outgoing, source: int, now: int) -> None:
-        """The sample that was sent last is acknowledged, for the first time."""
-        if sample.tries > 1 or sample.stage is not Stage.SENT or sample.marked:
-            return
-        round_trip_ns = now - sample.sent_at
-        # What comes so late was said because nothing further came, and the answer was lost.
-        is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
-        if is_answer:
-            self.timing(source).measured(round_trip_ns)
+    def first_acknowledged(
+        self, lane: SendLane, sample: Outgoing, source: int, now: int, *, is_last: bool
+    ) -> int:
+        """Learn from an ACK; returns the order of the transmission that it is taken to answer.
+
+        Args:
+            lane: The key.
+            sample: What it acknowledges for the first time, and was sent last of that.
+            source: Who acknowledges.
+            now: The instant.
+            is_last: Nothing at all was sent later.
+        """
+        times, timing, round_trip_ns = self.times, self.timing(source), now - sample.sent_at
+        if times is None or sample.stage is not Stage.SENT or sample.marked:
+            return sample.order
+        if sample.tries == 1 and (is_last or times.is_delegated):
+            # What comes so late was said because nothing further came, and the answer was lost.
+            is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
+            if is_answer:
+                self._measured(source, round_trip_ns, times)
+        if not times.is_delegated:
+            return sample.order
+        reception = lane.receptions[source]
+        reception.late_ns = now - sample.sent_before_at if sample.tries > 1 else None
+        order = sample.order
+        if sample.tries > 1 and round_trip_ns < timing.least_ns(times):
+            # Too soon for the last transmission.
+            self.answered_again(lane, source)
+            order = sample.first_order
+        for other in lane.active():
+            # Frames wait in the device: what was sent later is only awaited from now on.
+            if other.stage is Stage.SENT and other.order > order and source in lane.lacking(other):
+                other.due_at = max(other.due_at, now + self.pause_ns(lane, other))
+        return order
+
+    def answered_again(self, lane: SendLane, source: int) -> None:
+        """An ACK says nothing new: the one before answered what went before the last repetition."""
+        reception = lane.receptions[source]
+        if reception.late_ns is not None and self.times is not None:
+            self._measured(source, reception.late_ns, self.times)
+            reception.late_ns = None
 
     def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A sample begins to be sent."""
@@ -120,7 +155,9 @@ class Pacing:
 
     def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
         """Tell whether all receivers that lack a sample have not answered again and again."""
-        return all(self.timing(address).is_doubtful for address in lane.lacking(sample))
+        times = self.times
+        assert times is not None
+        return all(self.timing(each).is_doubtful(times) for each in lane.lacking(sample))
 
     def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again."""
@@ -161,7 +198,13 @@ class Pacing:
         priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
         pauses_ns = (
             self.timing(each).pause_ns(
-                times, rank, self._rng, priority, spread_ns=spread_ns, at_most_ns=at_most_ns
+                times,
+                rank,
+                self._rng,
+                priority,
+                frames=row_frames(priority),
+                spread_ns=spread_ns,
+                at_most_ns=at_most_ns,
             )
             for each in lacking
         )
@@ -188,8 +231,14 @@ class Pacing:
             self.timing(each).least_pause_ns(self.times, rank, priority) for each in lacking
         )
         least_ns = min(pauses_ns, default=self.times.first_round_trip_ns) + spread_ns
-        longest_ns = max(least_ns, at_most_ns) + self.times.doubt_ns
+        drawn_ns = row_frames(priority) * self.times.longest_ns
+        longest_ns = max(least_ns + drawn_ns, at_most_ns)
         return min(sample.due_at, sample.sent_at + longest_ns)
+
+    def _measured(self, source: int, round_trip_ns: int, times: LinkTimes) -> None:
+        timing = self.timing(source)
+        timing.measured(round_trip_ns, times)
+        self._stats.round_trips_ns[source] = timing.smooth_ns
 
     def _before_end(self, sample: Outgoing, at: int) -> int:
         """Return an instant, or the last one that leaves time for an answer before the sample ends.

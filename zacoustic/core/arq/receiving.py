@@ -292,7 +292,8 @@ class ReliableReceiving:
     def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
         """Learn the rhythm from a sample; returns whether it is to be answered."""
         assert self._times is not None
-        if arrival.sync is not None or lane.awaits_large:
+        is_rhythmic = not (self._times.is_delegated or lane.awaits_large)
+        if arrival.sync is not None or not is_rhythmic:
             lane.watch.forget()
             return True
         frame_ns = self._times.airtime_ns(arrival.frame_bytes)

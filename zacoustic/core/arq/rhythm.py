@@ -132,7 +132,7 @@ class SendRhythm:
     def _look_ahead(self, number: int, times: LinkTimes) -> None:
         self._next_number, self._window, self._unanswered = number, (1, 0), 0
         due_at, period_ns = self._beat.due_at(number), self._beat.period_ns
-        if due_at is None or period_ns is None:
+        if due_at is None or period_ns is None or times.is_delegated:
             return
         if not _LEAST_ROUND_TRIPS <= period_ns / times.first_round_trip_ns <= _MOST_ROUND_TRIPS:
             return

@@ -29,7 +29,7 @@ from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import TransmitReport
 from zacoustic.core.queue import TransmitQueue, Waiting
-from zacoustic.core.stats import Cause
+from zacoustic.core.stats import Cause, EngineStats
 from zacoustic.core.streams import Stream, StreamTable
 
 _ANY_DEPTH: Final = 65535
@@ -46,6 +46,7 @@ class ReliableSending:
         demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         rng: Draws the pauses between repetitions.
+        stats: Is told how long answers take.
         emit: Takes events.
     """
 
@@ -59,13 +60,14 @@ class ReliableSending:
         demand: Demand,
         journal: JournalPort,
         rng: random.Random,
+        stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
         self._table = table
         self._queue = queue
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, rng)
+        self._pacing = Pacing(table, rng, stats)
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
         self.places = LargePlaces(
@@ -169,8 +171,7 @@ class ReliableSending:
         for record in records:
             if isinstance(record, SampleWaiting):
                 self._order += 1
-                record.sample.order = self._order
-                record.sample.stage = Stage.ON_AIR
+                record.sample.order, record.sample.stage = self._order, Stage.ON_AIR
                 self._pacing.begins(record.lane, record.sample, now)
                 self._on_air.append((record.lane, record.sample))
 
@@ -178,11 +179,10 @@ class ReliableSending:
         """A transmission has ended: from here an ACK is awaited."""
         on_air, self._on_air = self._on_air, []
         for lane, sample in on_air:
-            if sample.stage is not Stage.ON_AIR:
-                continue
-            sample.stage = Stage.SENT
-            sample.sent_at = report.finished_at
-            sample.due_at = self._pacing.repeat_at(lane, sample, report)
+            if sample.stage is Stage.ON_AIR:
+                sample.stage = Stage.SENT
+                sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
+                sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     # For the water
 
@@ -362,7 +362,7 @@ class ReliableSending:
 
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note what a receiver has, and repeat at once what it must have missed."""
-        latest = 0
+        latest: Outgoing | None = None
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
                 continue  # its own feedback tells
@@ -370,10 +370,7 @@ class ReliableSending:
             has_it = sample.number < expected
             holds_it = ahead >= 0 and bool(held >> ahead & 1)
             if (has_it or holds_it) and source not in sample.acknowledged | sample.held:
-                # Only what was sent last is surely what this answers.
-                if sample.order == self._order:
-                    self._pacing.measured(lane, sample, source, now)
-                latest = max(latest, sample.order)
+                latest = sample if latest is None or latest.order < sample.order else latest
             if has_it:
                 sample.acknowledged.add(source)
                 sample.held.discard(source)
@@ -381,9 +378,13 @@ class ReliableSending:
                 sample.held.add(source)
             else:
                 sample.held.discard(source)  # it has restarted, and lost what it held
-        if latest:
+        if latest is None:
+            self._pacing.answered_again(lane, source)
+        else:
+            is_last = latest.order == self._order
+            order = self._pacing.first_acknowledged(lane, latest, source, now, is_last=is_last)
             self._pacing.answered(source, now)
-            lane.due_soon(source, before=latest)
+            lane.due_soon(source, before=order)
         self._refresh(lane)
 
     def _repeat(self, now: int) -> None:

@@ -64,12 +64,14 @@ class Outgoing:
         "delivery_id",
         "due_at",
         "expires_at",
+        "first_order",
         "follows",
         "held",
         "marked",
         "number",
         "order",
         "sent_at",
+        "sent_before_at",
         "stage",
         "tries",
         "waiting",
@@ -96,7 +98,12 @@ class Outgoing:
         self.tries = 0
         self.order = 0
         """Counts transmissions of the node: what was sent after what."""
+        self.first_order = 0
+        """The same of its first transmission."""
         self.sent_at = 0
+        """End of its last transmission, ns."""
+        self.sent_before_at = 0
+        """End of the one before that, ns."""
         self.due_at = 0
 
 
@@ -116,7 +123,7 @@ class SampleWaiting(Waiting):
 class Reception:
     """What one receiver is known to have of a lane."""
 
-    __slots__ = ("expected", "in_sync", "settled_at", "skips_to")
+    __slots__ = ("expected", "in_sync", "late_ns", "settled_at", "skips_to")
 
     def __init__(self, expected: int) -> None:
         self.expected = expected
@@ -126,6 +133,8 @@ class Reception:
         self.skips_to = 0
         """It is not to have the sample before this number, and others may still lack that: until
         it has told to await this number, it is addressed alone, with a floor of its own."""
+        self.late_ns: int | None = None
+        """How long the last round trip took at least, if the next ACK says the same again, ns."""
         self.settled_at: int | None = None
         """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
 
@@ -290,6 +299,7 @@ class SendLane:
             is_off_beat = bool(sample.tries) and not sample.marked
             if sample.waiting.sync or is_off_beat or self._has_large:
                 self.rhythm.end()
+        sample.first_order = sample.first_order or sample.order
         sample.tries += 1
         sample.asked = False
 

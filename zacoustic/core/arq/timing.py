@@ -3,7 +3,18 @@
 The first guess is what the link says: the sound to the other end and back, the time it lingers
 there, the ACK's own frame, and one short frame of doubt. Then it is measured, as RFC 6298 does,
 from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
-half: sound is slow, and as slow the next time. Repetitions to a node of which nothing is heard come
+half: sound is slow, and as slow the next time; not so behind a device that controls access.
+
+
+A silence may be a loss, or an answer that takes longer than was thought. Sound and airtime are
+known beforehand, so it is taken for a loss, and the first five repetitions go at the same pace.
+What a device needs that decides itself when it transmits is a guess: until a round trip was
+measured each pause that was in vain doubles the next ones, and an answer to what went twice does
+not end that, since it may answer the first (RFC 6298, and Karn's rule). Answers that are late show
+it: one that comes sooner behind a repetition than any ever did was for what went before that, and
+so was the first of two that say the same. Then that is measured.
+
+Repetitions to a node of which nothing is heard come
 less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
 So do those to a node that is heard and does not answer, since the channel may be crowded; those of
 an emergency not rarer than every four round trips, since the node is in range.
@@ -14,7 +25,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.access.listening import Listening
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority
 
@@ -22,6 +33,9 @@ _ACK_BYTES: Final = 5
 _SHORT_BYTES: Final = 8
 _BATCH_FRAMES: Final = 4
 _FIRST_DEVIATION: Final = 8
+"""Part of the first round trip that it is taken to be off by."""
+_FIRST_DEVIATION_DELEGATED: Final = 2
+"""The same where a device decides when it transmits."""
 _FACTORS: Final = (
     *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
     *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
@@ -29,10 +43,17 @@ _FACTORS: Final = (
 """Round trips between two repetitions, by how many in a row have been without any sign of the
 node."""
 
+_LAST_EQUAL: Final = 4
+"""Place of the last of the first factors, which are equal."""
+_DOUBLING: Final = 2
+"""So many places further a factor is twice as large."""
 
 _LEAST_FACTOR: Final = 4.0
 """So many round trips a node that does not answer is left in peace, in whatever haste: answers may
 take longer than they did, and whoever transmits all the time hears none."""
+_SENSED_TRIES: Final = 2
+"""So many repetitions go soon, after a short frame more or less, where carriers are sensed: whoever
+hears the other end begin waits, so what was lost was hardly lost to that."""
 _EARLIEST: Final = 0.75
 """Share of a deadline that is certain; the rest is drawn, so that two ends do not repeat in step
 for ever."""
@@ -56,9 +77,13 @@ class LinkTimes:
         """What the device needs after a frame."""
         self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
         """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        self.is_delegated = capabilities.controls_access
+        """The device decides when a frame starts: nobody knows how long it has waited there."""
         self.mtu_bytes = capabilities.mtu_bytes
         self.next_frame_ns = 0
         """How long the next frame of a publisher has to be awaited that goes on, ns."""
+        self.senses_carrier = capabilities.senses_carrier
+        """Who is about to start knows whether somebody else is heard."""
         if not capabilities.senses_carrier:
             self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         self.ack_patience_ns = _BATCH_FRAMES * (
@@ -67,7 +92,12 @@ class LinkTimes:
         """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
+        self.confirm_linger_s: float = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        """How long a confirm waits: what is repeated with its request would fall under it, again
+        and again."""
         self.doubt_ns = short_ns
+        self.longest_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
+        """The longest frame that may be under way at the other end, ns."""
         self.way_ns = seconds_to_ns(capabilities.propagation_s)
         """How long the sound takes to the farthest node, one way."""
         self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
@@ -85,9 +115,11 @@ class LinkTimes:
         """Return within which time that many receivers acknowledge a repetition, each at random.
 
         Most have acknowledged before and say it again, and one that is not known yet says more. A
-        single one may collide as well, with the answer to a repetition of another topic.
+        single one may collide as well, with the answer to a repetition of another topic; or it
+        falls under what its publisher repeats next, where that does not hear it begin.
         """
-        return self.doubt_ns if receivers < 2 else 2 * receivers * self.ack_slot_ns
+        least_ns = self.doubt_ns if self.senses_carrier else self.longest_ns
+        return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
 
 
 class PeerTiming:
@@ -103,14 +135,29 @@ class PeerTiming:
         self._counts_at = 0
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
+        self._doubts_guess = False
+        """Repetitions were in vain before anything was measured: a round trip may take longer."""
         self._unanswered = 0
         self._unheard = 0
 
-    def measured(self, round_trip_ns: int) -> None:
+    @property
+    def smooth_ns(self) -> int:
+        """The usual round trip, ns; 0 before one was measured."""
+        return self._smooth_ns or 0
+
+    def least_ns(self, times: LinkTimes) -> int:
+        """Return how long an answer takes at least, as far as known, ns."""
+        if self.shortest_ns is not None:
+            return self.shortest_ns
+        return times.first_round_trip_ns
+
+    def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
         """Take a round trip, from the end of a frame to the ACK for it."""
         if self._smooth_ns is None or self.shortest_ns is None:
-            self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // _FIRST_DEVIATION
+            parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION
+            self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // parts
             self.shortest_ns = round_trip_ns
+            self._doubts_guess = False
             return
         longer_ns = round_trip_ns - self.shortest_ns
         self.shortest_ns += longer_ns if longer_ns < 0 else longer_ns // 8
@@ -122,7 +169,11 @@ class PeerTiming:
         """A repetition has become due; what becomes due together counts once."""
         if now >= self._counts_at:
             self._counts_at = now + times.first_round_trip_ns
-            self._unanswered = min(self._unanswered + 1, len(_FACTORS) - 1)
+            self._doubts_guess = self._smooth_ns is None and times.is_delegated
+            more = 1
+            if self._doubts_guess:
+                more = max(0, _LAST_EQUAL - self._unanswered) + _DOUBLING
+            self._unanswered = min(self._unanswered + more, len(_FACTORS) - 1)
             self._unheard = min(self._unheard + 1, len(_FACTORS) - 1)
 
     def heard(self) -> bool:
@@ -135,16 +186,24 @@ class PeerTiming:
 
     def begin_anew(self) -> None:
         """Repeat as often as to a node that was just heard."""
-        self._unanswered = self._unheard = 0
+        self._unheard = 0
+        if not self._doubts_guess:
+            self._unanswered = 0
 
     def answered(self, *, in_crowd: bool = True) -> None:
         """The node has told that it has something of what it lacked; others may speak as well."""
-        self._unanswered = self._unanswered // 2 if in_crowd else 0
+        if self._doubts_guess:
+            self._unanswered = max(0, self._unanswered - _DOUBLING)
+        else:
+            self._unanswered = self._unanswered // 2 if in_crowd else 0
 
-    @property
-    def is_doubtful(self) -> bool:
-        """Repetitions to it are unanswered again and again: more than one would be wasted."""
-        return _FACTORS[self._unanswered] > 1
+    def is_doubtful(self, times: LinkTimes) -> bool:
+        """Repetitions to it are unanswered again and again: more than one would be wasted.
+
+        So it would be where an answer may just take longer than was guessed.
+        """
+        is_guess = self._smooth_ns is None and times.is_delegated
+        return is_guess or _FACTORS[self._unanswered] > 1
 
     def pause_ns(
         self,
@@ -153,26 +212,41 @@ class PeerTiming:
         rng: random.Random,
         priority: Priority,
         *,
+        frames: int = 1,
         spread_ns: int = 0,
         at_most_ns: int | None = None,
     ) -> int:
-        """Return how long to wait for an answer before the next repetition, ns.
+        """Draw how long to wait for an answer before the next repetition, ns.
+
+        Two ends that repeat in step lie under each other's frames for ever. So what is drawn is
+        as long as what may be under way there, and longer where repetitions have become rare.
 
         Args:
             times: Of the link.
             rank: How many receivers acknowledge before this one; what was measured has it in it.
-            rng: Draws up to a short frame more, so that two ends do not repeat in step.
+            rng: Draws.
             priority: Of what is repeated.
+            frames: So many frames are sent in a row.
             spread_ns: Within which time they acknowledge, each at random.
             at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
                 than `least_pause_ns`; None: it may be.
         """
         round_trip_ns = self._round_trip_ns(times, rank)
-        pause_ns = round(round_trip_ns * self._factor(priority)) + spread_ns
-        if at_most_ns is not None and pause_ns > at_most_ns:
-            drawn_ns = rng.randint(round(_EARLIEST * at_most_ns), at_most_ns)
-            pause_ns = max(drawn_ns, self.least_pause_ns(times, rank, priority) + spread_ns)
-        return pause_ns + rng.randrange(times.doubt_ns + 1)
+        factor = self._factor(priority)
+        # A round trip that took long once is no reason to be silent for hours.
+        rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
+        pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
+        pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
+        range_ns = least_range_ns = self._least_range_ns(times, frames)
+        if factor > 1:
+            range_ns = max(range_ns, pause_ns // 2)
+        earliest_ns = max(round_trip_ns, pause_ns - range_ns // 2)
+        drawn_ns = spread_ns + earliest_ns + rng.randrange(range_ns + 1)
+        if at_most_ns is None or drawn_ns <= at_most_ns:
+            return drawn_ns
+        least_ns = self.least_pause_ns(times, rank, priority) + spread_ns
+        earliest_ns = max(least_ns, round(_EARLIEST * at_most_ns))
+        return rng.randint(earliest_ns, max(at_most_ns, least_ns + least_range_ns))
 
     def least_pause_ns(self, times: LinkTimes, rank: int, priority: Priority) -> int:
         """Return how long an answer is awaited, in whatever haste, ns.
@@ -200,6 +274,11 @@ class PeerTiming:
             return self.quiet_until
         least_ns = self.least_pause_ns(times, 0, priority)
         return min(self.quiet_until, self.quiet_since + least_ns)
+
+    def _least_range_ns(self, times: LinkTimes, frames: int) -> int:
+        if times.senses_carrier and self._unanswered < _SENSED_TRIES:
+            return times.doubt_ns
+        return frames * times.longest_ns
 
     def _factor(self, priority: Priority) -> float:
         factor = _FACTORS[self._unanswered]

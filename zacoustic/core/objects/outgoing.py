@@ -188,12 +188,12 @@ class OutgoingObject:
         self.listens_until = finished_at + listen_ns
         self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
         for view in self._asked:
-            view.turn_at = finished_at + self._pause_ns(listen_ns, view.turns)
+            view.turn_at = finished_at + self._pause_ns(timing, listen_ns, view.turns)
             if view.unanswered > _PATIENT_QUESTIONS:
                 view.forget_holding()
         waiting = self._lacking() or self._waiting()
         silent = min((view.unanswered for view in waiting), default=0)
-        self.due_at = finished_at + self._pause_ns(listen_ns, silent)
+        self.due_at = finished_at + self._pause_ns(timing, listen_ns, silent)
 
     def give_up_listening(self, now: int) -> None:
         """No answer, or not all of them, came in time: go on."""
@@ -407,11 +407,13 @@ class OutgoingObject:
         answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
         return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
 
-    def _pause_ns(self, listen_ns: int, questions: int) -> int:
+    def _pause_ns(self, timing: Timing, listen_ns: int, questions: int) -> int:
         """Return the pause after so many questions without an answer that helps, ns."""
+        # Two sources that ask in one rhythm would never be heard.
+        is_step = questions > 1 or not timing.senses_carrier
+        drawn_ns = self._rng.randrange(timing.slot_ns) if is_step else 0
         doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
         if not doublings:
-            return max(self._patience_ns, listen_ns)
-        # Two sources that ask the same receiver in one rhythm would never be heard.
+            return max(self._patience_ns, listen_ns) + drawn_ns
         pause_ns = listen_ns << min(doublings, _MOST_DOUBLINGS)
-        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5)))
+        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5))) + drawn_ns

@@ -271,6 +271,11 @@ class IncomingObjects:
         admission = self._gate.admit(place[0], manifest.stream_id)
         if not admission.is_open:
             return  # asked again with each further fragment
+        if admission.reason is not None:
+            # It was not yet known, when its manifest came, whether the tables agree. They do, so it
+            # is of somebody else with that address: of another fleet, or of a former life.
+            self._refuse(place, admission.reason)
+            return
         claim = self._gate.claim(place[0], manifest, is_turn=is_turn)
         if claim is Claim.LATER:
             if state.unwritten:

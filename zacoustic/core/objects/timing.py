@@ -25,6 +25,8 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     """Propagation delay to reckon with, one way."""
     pause_ns: int
     """Length of a listen window."""
+    senses_carrier: bool = True
+    """Two that start at once hear of each other, unless they do within a propagation delay."""
 
     @classmethod
     def of(cls, capabilities: LinkCapabilities, envelope_bytes: int, pause_ns: int) -> "Timing":
@@ -36,6 +38,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
             feedback_ns=capabilities.airtime_ns(feedback_bytes),
             propagation_ns=seconds_to_ns(capabilities.propagation_s),
             pause_ns=pause_ns,
+            senses_carrier=capabilities.senses_carrier,
         )
 
     @property

@@ -64,7 +64,9 @@ class Orders:
         self._ledger = Ledger(stored, journal)
         self._emit = emit
         self._serial = 0
-        self._services.serve_here(ORDERS_STREAM_ID, self._receive)
+        stream = table.get(ORDERS_STREAM_ID)
+        if stream is not None and stream.is_built_in:  # else the id is that of another service
+            self._services.serve_here(ORDERS_STREAM_ID, self._receive)
 
     def send(self, node: int, order: Order, now: int, *, timeout_s: float | None = None) -> int:
         """Give an order to another node; returns the call id that the answer will name.

@@ -14,13 +14,12 @@ from pathlib import Path
 import msgspec
 
 from zacoustic import registry
-from zacoustic.channel.profiles import ModemProfile
+from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
 from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
-from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
-from zacoustic.core.qos import Reliability, Stamp
+from zacoustic.core.qos import Stamp
 from zacoustic.core.rmw_desert.codec import RmwDesertCodec
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
@@ -28,8 +27,10 @@ from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten
+from zacoustic.safetext import without_secrets
 from zacoustic.tools.check import desert
 from zacoustic.tools.check.bits import SampleBits, sample_bits
+from zacoustic.tools.crossing import IN_PARTS, crosses_in_parts, room_bytes
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
@@ -91,6 +92,14 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
     """Largest frame that it takes, where that is known before it is open."""
 
 
+class _Built(msgspec.Struct, frozen=True):
+    """A link that was made, and not opened."""
+
+    row: LinkRow
+    capabilities: LinkCapabilities | None
+    """Where they are known before it is open."""
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What `check` found in a valid configuration."""
 
@@ -107,7 +116,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     wire: str
     """Wire profile: what is spoken on the link."""
     profile: str
-    """Name of the modem profile of the airtimes."""
+    """Whose airtimes they are: name of a modem profile, or locator of the link."""
+    unsaid: str
+    """Why the airtimes are not those of the link; empty: they are, or a profile was asked for."""
     mtu_bytes: int
     """Largest frame of that modem."""
     streams: tuple[StreamRow, ...]
@@ -120,15 +131,30 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What a restart forgets for want of a journal; empty: nothing that matters."""
     notes: tuple[str, ...]
     """What is valid and still worth a thought."""
+    misfits: tuple[str, ...] = ()
+    """What can never cross, with what would make it: the file does not do what it says."""
 
 
-def report_of(config: Config, profile: ModemProfile) -> Report:
-    """Make the report of a configuration."""
+def report_of(config: Config, profile: ModemProfile | None) -> Report:
+    """Make the report of a configuration.
+
+    Args:
+        config: The configuration.
+        profile: Modem of the airtimes; None: the link's, or the default where it does not tell.
+    """
     on_desert = config.table.wire is WireProfile.RMW_DESERT
+    built = [_build(entry.locator, config.address) for entry in config.links]
+    links = tuple(each.row for each in built)
+    unsaid = ""
+    if profile is None:
+        profile = profile_named(DEFAULT_PROFILE)
+        if built and built[0].capabilities is not None:
+            profile = _like(profile, built[0])
+        elif built and not links[0].error:
+            unsaid = f"{links[0].locator} tells its bit rate when it is open"
     rows = tuple(
         row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
     )
-    links = tuple(_link_row(entry.locator, config.address) for entry in config.links)
     return Report(
         file=config.source,
         address=config.address,
@@ -145,7 +171,9 @@ def report_of(config: Config, profile: ModemProfile) -> Report:
         ),
         journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
         forgotten="" if config.journal else forgotten(config.table, config.address),
+        unsaid=unsaid,
         notes=tuple(_notes(config, links, rows, profile)),
+        misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
     )
 
 
@@ -237,15 +265,31 @@ def _type_row(codec: TypedCodec) -> TypeRow:
     )
 
 
-def _link_row(locator: str, address: int) -> LinkRow:
+def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
+    """Return a profile with the rate and the frames of a link."""
+    capabilities = built.capabilities
+    assert capabilities is not None
+    return msgspec.structs.replace(
+        profile,
+        name=built.row.locator,
+        mtu_bytes=capabilities.mtu_bytes,
+        preamble_s=capabilities.preamble_s,
+        per_byte_s=8 / capabilities.bit_rate_bps,
+        gap_s=capabilities.gap_s,
+    )
+
+
+def _build(locator: str, address: int) -> _Built:
     """Build the link, without opening it: that tells whether its package and settings are right."""
+    shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)
     except ZacousticError as error:
-        return LinkRow(locator=locator, error=str(error))
-    capabilities = getattr(link, "capabilities", None)
-    mtu_bytes = capabilities.mtu_bytes if isinstance(capabilities, LinkCapabilities) else None
-    return LinkRow(locator=locator, error="", mtu_bytes=mtu_bytes)
+        return _Built(LinkRow(locator=shown, error=without_secrets(error)), None)
+    told = getattr(link, "capabilities", None)
+    capabilities = told if isinstance(told, LinkCapabilities) else None
+    mtu_bytes = None if capabilities is None else capabilities.mtu_bytes
+    return _Built(LinkRow(locator=shown, error="", mtu_bytes=mtu_bytes), capabilities)
 
 
 def _notes(
@@ -261,6 +305,8 @@ def _notes(
                 f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
                 f"sizes and airtimes here is for up to {profile.mtu_bytes}"
             )
+    if config.zenoh_config is None:
+        yield "no Zenoh here (pip install eclipse-zenoh): its own keys are not checked"
     if not links:
         yield "no link: give one in the file (links: [ { locator } ]) or by --link"
     if not rows:
@@ -273,39 +319,46 @@ def _notes(
         yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
 
 
+def _misfits(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+    room = room_bytes(profile.mtu_bytes)
+    for row in rows:
+        if row.smallest_bytes <= room or crosses_in_parts(config.table.by_id(row.stream_id)):
+            continue
+        hint = IN_PARTS if row.kind == "topic" else "make it smaller"
+        yield (
+            f"{_what(row)}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
+            f"the {room} bytes that a frame has for it: it never crosses ({hint})"
+        )
+
+
 def _room_notes(
     config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile
 ) -> Iterator[str]:
-    # The engine takes a record only if it fits beside a TAG: it may have to be sent with one.
-    room_bytes = profile.mtu_bytes - TAG_BYTES
+    room = room_bytes(profile.mtu_bytes)
     for row in rows:
-        what = f"stream {row.stream_id} ({row.name}), {row.kind}"
-        if _crosses_in_parts(config.table.by_id(row.stream_id)):
-            if row.smallest_bytes > room_bytes:
+        hint = f" ({IN_PARTS})" if row.kind == "topic" else ""
+        if crosses_in_parts(config.table.by_id(row.stream_id)):
+            if row.smallest_bytes > room:
                 yield (
-                    f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
-                    f"the {room_bytes} bytes that a frame has for it: all of it crosses in parts"
+                    f"{_what(row)}: even its smallest record, {row.smallest_bytes} bytes, does "
+                    f"not fit the {room} bytes that a frame has for it: all of it crosses in parts"
                 )
-        elif row.smallest_bytes > room_bytes:
-            yield (
-                f"{what}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
-                f"the {room_bytes} bytes that a frame has for it: it never crosses"
-            )
+        elif row.smallest_bytes > room:
+            continue  # which is no note
         elif row.largest_bytes is None and row.type is not None:
             yield (
-                f"{what}: {row.type} has no largest size; what does not fit the "
-                f"{room_bytes} bytes of a frame is refused (give its texts and bytes a max_length)"
+                f"{_what(row)}: {row.type} has no largest size; what does not fit the {room} "
+                f"bytes of a frame is refused (give its texts and bytes a max_length){hint}"
             )
-        elif row.largest_bytes is not None and row.largest_bytes > room_bytes:
+        elif row.largest_bytes is not None and row.largest_bytes > room:
             yield (
-                f"{what}: up to {row.largest_bytes} bytes; what does not fit the "
-                f"{room_bytes} bytes of a frame is refused"
+                f"{_what(row)}: up to {row.largest_bytes} bytes; what does not fit the {room} "
+                f"bytes of a frame is refused{hint}"
             )
 
 
-def _crosses_in_parts(stream: Stream) -> bool:
-    """Tell whether what fits no frame crosses as an object."""
-    return isinstance(stream.spec, TopicSpec) and (stream.qos.reliability is Reliability.RELIABLE)
+def _what(row: StreamRow) -> str:
+    return f"stream {row.stream_id} ({row.name}), {row.kind}"
 
 
 def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:

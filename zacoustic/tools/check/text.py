@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 
 from zacoustic.core.wireprofile import WireProfile
+from zacoustic.safetext import one_line
 from zacoustic.tools.check.bits import SampleBits
 from zacoustic.tools.check.report import Report, StreamRow, TypeRow
 from zacoustic.tools.columns import align
@@ -24,10 +25,10 @@ def as_text(report: Report) -> str:
 def _paragraphs(report: Report) -> Iterator[str]:
     name = report.nodes.get(report.address)
     own = f"node {report.address}" + (f", {name}" if name else "")
-    yield f"{report.file}: valid; {own}; table {report.digest}"
+    yield one_line(f"{report.file}: valid; {own}; table {report.digest}")
     for link in report.links:
         reason = link.error.removeprefix(f"{link.locator}: ")
-        yield f"link {link.locator}" + (f": {reason}" if reason else "")
+        yield one_line(f"link {link.locator}" + (f": {reason}" if reason else ""))
     if report.wire != WireProfile.NATIVE.value:
         yield f"wire {report.wire}: sizes are those of its packets"
     if report.journal:
@@ -38,9 +39,10 @@ def _paragraphs(report: Report) -> Iterator[str]:
         rows = [_stream_cells(row, report.nodes) for row in report.streams]
         yield ""
         yield align(_STREAMS, rows, right=_RIGHT)
+        why = f" ({report.unsaid}; --profile names a modem like it)" if report.unsaid else ""
         yield (
             "bytes: smallest–largest record, stream id included; airtime: of the largest one "
-            f"alone in a frame, {report.profile}, at most {report.mtu_bytes} bytes"
+            f"alone in a frame, {report.profile}{why}, at most {report.mtu_bytes} bytes"
         )
     bits = [_bits_cells(row, row.bits) for row in report.streams if row.bits is not None]
     if bits:
@@ -53,9 +55,12 @@ def _paragraphs(report: Report) -> Iterator[str]:
     if report.types:
         yield ""
         yield align(_TYPES, [_type_cells(row) for row in report.types], right=_RIGHT)
+    if report.misfits:
+        yield ""
+        yield from (f"fails: {misfit}" for misfit in report.misfits)
     if report.notes:
         yield ""
-        yield from (f"note: {note}" for note in report.notes)
+        yield from (one_line(f"note: {note}") for note in report.notes)
 
 
 def _stream_cells(row: StreamRow, nodes: Mapping[int, str]) -> tuple[str, ...]:

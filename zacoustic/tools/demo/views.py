@@ -1,12 +1,12 @@
 """How the demo shows itself: `View`, and the two that write lines; the live one is in `live`."""
 
-import json
 import sys
 from abc import ABC, abstractmethod
 from typing import assert_never
 
 import msgspec
 
+from zacoustic.safetext import json_line
 from zacoustic.tools.demo.logbook import Logbook, island_name
 from zacoustic.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, Sent, Started
 from zacoustic.tools.demo.verdict import Summary, as_text
@@ -54,11 +54,11 @@ class JsonView(WritingView):
 
     def note(self, note: AnyNote) -> None:
         """Write it."""
-        _write(json.dumps(msgspec.to_builtins(note), ensure_ascii=False))
+        _write(json_line(msgspec.to_builtins(note)))
 
     def conclude(self, summary: Summary) -> None:
         """Write it."""
-        _write(json.dumps(msgspec.to_builtins(summary), ensure_ascii=False))
+        _write(json_line(msgspec.to_builtins(summary)))
 
 
 class LinesView(WritingView):

@@ -13,6 +13,7 @@ from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, LinkUnavailableError
 from zacoustic.link import Finding, Link
+from zacoustic.safetext import without_secrets
 from zacoustic.tools.doctor.host import (
     Synchronised,
     check_clock,
@@ -85,9 +86,17 @@ async def diagnose(
     return DoctorReport(
         file=str(file),
         address=config.address,
-        findings=tuple(rounds.findings),
+        findings=tuple(map(_without_secrets, rounds.findings)),
         examined=tuple(rounds.examined),
-        left_out=tuple(rounds.left_out),
+        left_out=tuple(map(without_secrets, rounds.left_out)),
+    )
+
+
+def _without_secrets(finding: Finding) -> Finding:
+    return Finding(
+        what=without_secrets(finding.what),
+        why=without_secrets(finding.why),
+        cure=without_secrets(finding.cure),
     )
 
 
@@ -129,7 +138,9 @@ class _Rounds:
         if not running and not locators:
             self.left_out.append("the modem: the file names no link, and there is no --link")
             return None
-        locator = running or locators[0]
+        # What runs tells its locator without the passwords in it.
+        known = (each for each in locators if without_secrets(each) == running)
+        locator = next(known, running or locators[0])
         try:
             return registry.create(locator, self._config.address)
         except LinkUnavailableError as error:

@@ -1,10 +1,7 @@
-"""This computer: room for the journal, and the clock that TDMA goes by."""
+"""This computer: room for the journal, and the clock that slots and quiet hours go by."""
 
 import contextlib
-import ctypes
 import os
-import struct
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +9,7 @@ from typing import Final
 
 from zacoustic.config import Config
 from zacoustic.core.access.spec import TdmaSpec
+from zacoustic.hostclock import ask_kernel
 from zacoustic.link import Finding
 from zacoustic.tools.doctor.ntp import Offset
 
@@ -19,9 +17,6 @@ JOURNAL_BYTES: Final = 64 * 1024 * 1024
 """What a journal takes at most."""
 _TRIED_BYTES: Final = 1024 * 1024
 """What is written to see whether it can be."""
-_STA_UNSYNC: Final = 0x40
-_TIMEX_BYTES: Final = 256
-_STATUS_OFFSET: Final = 40
 
 Synchronised = Callable[[], bool | None]
 """Tells whether something keeps the clock of this computer right; None: not known."""
@@ -60,7 +55,7 @@ def check_journal(config: Config) -> Iterator[Finding]:
 def check_clock(
     config: Config, offset: Offset | None, synchronised: Synchronised
 ) -> Iterator[Finding]:
-    """See whether the clock is good enough for the slots of TDMA.
+    """See whether the clock is good enough for the slots of TDMA, and for quiet hours.
 
     Args:
         config: Of the node.
@@ -68,41 +63,34 @@ def check_clock(
         synchronised: Tells whether something keeps it right.
     """
     access = config.rules.access
-    if not isinstance(access, TdmaSpec) or access.clock is not None:
+    slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
+    if slots is None and not config.rules.quiet:
         return
-    why = "this node transmits in the slots of others: frames of both are lost, and nobody sees why"
-    if offset is not None:
-        if abs(offset.offset_s) - offset.error_s > access.clock_error_s:
+    if offset is None:
+        if synchronised() is False:
+            what = "quiet hours go" if slots is None else "TDMA goes"
             yield Finding(
-                what=f"clock skew: the clock is {offset.offset_s:+.3f} s off {offset.server}; "
-                f"clock_error_s is {access.clock_error_s:g}, the guard {access.guard_ns / 1e9:.3f}"
-                " s",
-                why=why,
-                cure="have the clock set (chrony, GPS with PPS) before the dive; or let a node "
-                "tell the time: clock in access",
+                what=f"nothing keeps the clock of this computer right, and {what} by it",
+                why="this node transmits nothing, unless it has had the time since its start",
+                cure="run chrony (with rtcsync) or another NTP client, and leave it running until "
+                "the dive; --ntp HOST measures how wrong the clock is; TDMA can go by the clock of "
+                "a node instead: clock in access",
             )
-    elif synchronised() is False:
+    elif slots is not None and abs(offset.offset_s) - offset.error_s > slots.clock_error_s:
         yield Finding(
-            what="nothing keeps the clock of this computer right, and TDMA goes by it",
-            why=f"it drifts some seconds a day; then {why}",
-            cure="run chrony or another NTP client, and leave it running until the dive; --ntp "
-            "HOST measures how wrong it is; or let a node tell the time: clock in access",
+            what=f"clock skew: the clock is {offset.offset_s:+.3f} s off {offset.server}; "
+            f"clock_error_s is {slots.clock_error_s:g}, the guard {slots.guard_ns / 1e9:.3f} s",
+            why="this node transmits in the slots of others: frames of both are lost, and nobody "
+            "sees why",
+            cure="have the clock set (chrony, GPS with PPS) before the dive; or let a node "
+            "tell the time: clock in access",
         )
 
 
 def kernel_synchronised() -> bool | None:
     """Tell what the kernel says of its clock; None where it cannot be asked."""
-    if not sys.platform.startswith("linux") or struct.calcsize("l") != 8:
-        return None
-    timex = ctypes.create_string_buffer(_TIMEX_BYTES)
-    try:
-        state = ctypes.CDLL(None).adjtimex(timex)
-    except (OSError, AttributeError):
-        return None
-    if state < 0:
-        return None
-    (status,) = struct.unpack_from("i", timex.raw, _STATUS_OFFSET)
-    return not status & _STA_UNSYNC
+    state = ask_kernel()
+    return None if state is None else state.error_ns is not None
 
 
 def _try_to_write(folder: Path) -> None:

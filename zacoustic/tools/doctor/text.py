@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from zacoustic.safetext import one_line
 from zacoustic.tools.doctor.doctor import DoctorReport
 
 
@@ -12,9 +13,9 @@ def as_text(report: DoctorReport) -> str:
 
 def _lines(report: DoctorReport) -> Iterator[str]:
     for finding in report.findings:
-        yield f"! {finding.what}"
-        yield f"  at sea: {finding.why}"
-        yield f"  cure:   {finding.cure}"
+        yield one_line(f"! {finding.what}")
+        yield one_line(f"  at sea: {finding.why}")
+        yield one_line(f"  cure:   {finding.cure}")
         yield ""
     number = len(report.findings)
     looked = ", ".join(report.examined)
@@ -23,4 +24,4 @@ def _lines(report: DoctorReport) -> Iterator[str]:
         f"{report.file}, node {report.address}: "
         f"{verdict if number else 'nothing found'} (looked at: {looked})"
     )
-    yield from (f"not looked at: {each}" for each in report.left_out)
+    yield from (one_line(f"not looked at: {each}") for each in report.left_out)

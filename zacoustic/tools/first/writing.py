@@ -5,21 +5,26 @@ type. A topic that fails goes as opaque bytes instead.
 """
 
 import json
+import math
 import re
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import msgspec
 
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, decode_application
 from zacoustic.core.keys import fault_of_name
+from zacoustic.core.objects.limits import LARGEST_BYTES
+from zacoustic.core.payload import CborCodec
 from zacoustic.core.streamspecs import LAST_STREAM_ID
 from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.json5 import parse_json5
+from zacoustic.tools.crossing import room_bytes
 from zacoustic.tools.first.inference import InferredField, InferredType, NoTypeError, infer_type
-from zacoustic.tools.first.survey import SeenTopic, Survey
+from zacoustic.tools.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
 
 FIRST_ID: Final = 10
 """Stream id of the first topic; a few are left for what turns out to be more important."""
@@ -27,7 +32,11 @@ FAST_HZ: Final = 0.5
 """A topic that is faster gets a least interval: sound carries a frame or two per second in all."""
 INTERVAL_S: Final = 5.0
 """That interval, s."""
+LIFESPAN_S: Final = 60.0
+"""How old a sample may become, s, unless it takes longer to cross."""
 
+_HEAD_BYTES: Final = 1  # the stream id
+_PARTS_MARGIN: Final = 3
 _CDR_HEAD: Final = b"\x00\x01\x00\x00"
 
 
@@ -42,6 +51,8 @@ class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
     """What the application's payloads are."""
     remark: str = ""
     """Why it has no type."""
+    parts_s: float | None = None
+    """How long its largest sample takes to cross in parts, s; None: all of them fit a frame."""
 
 
 def draft_topic(topic: SeenTopic, name: str) -> TopicDraft:
@@ -81,7 +92,16 @@ def write_config(survey: Survey) -> tuple[str, Config]:
         for topic in survey.topics
         if (fault := _fault_of(topic.key)) is not None
     ]
-    usable = [topic for topic in survey.topics if _fault_of(topic.key) is None]
+    left_out += [
+        f"{topic.key}: {topic.largest_bytes} bytes; allowed: {LARGEST_BYTES}"
+        for topic in survey.topics
+        if _fault_of(topic.key) is None and topic.largest_bytes > LARGEST_BYTES
+    ]
+    usable = [
+        topic
+        for topic in survey.topics
+        if _fault_of(topic.key) is None and topic.largest_bytes <= LARGEST_BYTES
+    ]
     taken = {topic.key for topic in usable}
     services = [key for key in survey.services if _fault_of(key) is None and key not in taken]
     room = LAST_STREAM_ID - FIRST_ID + 1
@@ -93,11 +113,33 @@ def write_config(survey: Survey) -> tuple[str, Config]:
             hint="start the nodes first, or listen longer: --listen-s 30",
         )
     names = _type_names(usable)
-    drafts = [draft_topic(topic, name) for topic, name in zip(usable, names, strict=True)]
+    drafts = [_sized(draft_topic(topic, name)) for topic, name in zip(usable, names, strict=True)]
     text = "\n".join(_lines(survey, drafts, services, left_out)) + "\n"
     whole: Any = parse_json5(text, source="the first configuration")
     config = config_from_mapping(whole["plugins"]["acoustic"], source="the first configuration")
     return text, config
+
+
+def _sized(draft: TopicDraft) -> TopicDraft:
+    """Find out whether the largest sample fits a frame, and how long it takes where it does not."""
+    profile = profile_named(DEFAULT_PROFILE)
+    payload_bytes = _largest_payload(draft)
+    if _HEAD_BYTES + payload_bytes <= room_bytes(profile.mtu_bytes):
+        return draft
+    frames = 1 + payload_bytes // (profile.mtu_bytes // 2)  # with heads, answers and repair
+    frame_s = profile.airtime_s(profile.mtu_bytes) + profile.gap_s
+    parts_s = math.ceil(_PARTS_MARGIN * frames * frame_s / INTERVAL_S) * INTERVAL_S
+    return msgspec.structs.replace(draft, parts_s=max(LIFESPAN_S, parts_s))
+
+
+def _largest_payload(draft: TopicDraft) -> int:
+    """Return the largest payload on the water of what was seen, bytes."""
+    seen = draft.seen
+    if not draft.types or seen.largest_bytes > PAYLOAD_LIMIT_BYTES:
+        return seen.largest_bytes
+    codec = CborCodec(_type_of(draft.types))
+    values = (decode_application(payload, draft.encoding) for payload in seen.payloads)
+    return max(len(codec.encode(value)) for value in values)
 
 
 def _fault_of(key: str) -> str | None:
@@ -127,16 +169,25 @@ def _check(types: Sequence[InferredType], values: Sequence[object]) -> None:
         ConfigError: A type contradicts itself.
         NoTypeError: A value does not pass.
     """
-    specs = [
-        TypeSpec(name=each.name, fields=tuple(_spec(field) for field in each.fields))
-        for each in types
-    ]
-    outermost = TypeTable(specs)[types[-1].name]
+    outermost = _type_of(types)
     for value in values:
         try:
             outermost.validate(value)
         except PayloadInvalidError as error:
             raise NoTypeError(str(error)) from error
+
+
+def _type_of(types: Sequence[InferredType]) -> TypeSpec:
+    """Return the outermost of the types of a topic.
+
+    Raises:
+        ConfigError: A type contradicts itself.
+    """
+    specs = [
+        TypeSpec(name=each.name, fields=tuple(_spec(field) for field in each.fields))
+        for each in types
+    ]
+    return TypeTable(specs)[types[-1].name]
 
 
 def _spec(field: InferredField) -> FieldSpec:
@@ -225,11 +276,18 @@ def _topic_lines(stream_id: int, draft: TopicDraft) -> Iterator[str]:
             keys["encoding"] = draft.encoding
     elif draft.encoding != OPAQUE:
         keys["encoding"] = draft.encoding
-    keys |= {"publishers": [1], "lifespan_s": 60}
-    if topic.rate_hz > FAST_HZ:
-        keys["min_interval_s"] = INTERVAL_S
+    keys |= {"publishers": [1], "lifespan_s": LIFESPAN_S}
+    interval_s = INTERVAL_S if topic.rate_hz > FAST_HZ else None
+    if draft.parts_s is not None:
+        yield "      // Larger than a frame: in parts, which only reliable topics are."
+        most_bytes = min(LARGEST_BYTES, 2 * topic.largest_bytes)
+        keys |= {"reliability": "reliable", "max_bytes": most_bytes, "lifespan_s": draft.parts_s}
+        if topic.rate_hz * draft.parts_s > 1:
+            interval_s = draft.parts_s
+    if interval_s is not None:
+        keys["min_interval_s"] = interval_s
     written = ", ".join(f"{key}: {_written(value)}" for key, value in keys.items())
-    edit = " // EDIT: how often" if topic.rate_hz > FAST_HZ else ""
+    edit = " // EDIT: how often" if interval_s is not None else ""
     yield f"      {{ {written} }},{edit}"
 
 

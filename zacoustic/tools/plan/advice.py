@@ -4,13 +4,14 @@ What is tried, the least painful first: the codec of what takes most, company in
 interval of what takes most, all of that together, longer intervals of everything.
 """
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Priority
+from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import StreamSpec, TopicSpec
 from zacoustic.errors import ConfigError
@@ -69,13 +70,17 @@ def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
     """Yield series of changes, each of which is only tried if those before it do not do."""
     heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    for each in streams:
+        if each.refused and isinstance(each.stream.spec, TopicSpec):
+            yield _in_parts(fleet, each.stream)
     for stream in heavy:
         yield _recoded(fleet, stream)
     yield _lingering(fleet)
     for stream in heavy:
-        yield _slower(fleet, (stream.stream_id,), stream.name)
+        yield _slower(fleet, (stream.stream_id,))
     everything = tuple(each.stream.stream_id for each in streams)
-    yield _slower(fleet, everything, "everything")
+    if len(everything) > 1:
+        yield _slower(fleet, everything)
 
 
 def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
@@ -111,19 +116,28 @@ def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
         yield f"{names}: linger_s: {_LINGER_S:g}, with depth: 8", changed
 
 
-def _slower(fleet: Fleet, stream_ids: Sequence[int], name: str) -> Iterator[tuple[str, Fleet]]:
+def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Fleet]]:
+    """Let streams speak more rarely: what is tried is what is told, in three digits."""
     for factor in _SLOWER:
-        offers = [
-            offer.altered(offer.stream, offer.every_s * factor)
-            if offer.stream.stream_id in stream_ids
-            else offer
-            for offer in fleet.offers
-        ]
-        periods = sorted(
-            {offer.every_s for offer in offers if offer.stream.stream_id in stream_ids}
-        )
-        every = f"every {periods[0]:g} s" if len(periods) == 1 else f"{factor:g} times as rarely"
-        yield f"{name}: {every}", _with(fleet, offers=offers)
+        told: dict[int, str] = {}
+        offers = []
+        for offer in fleet.offers:
+            stream = offer.stream
+            if stream.stream_id in stream_ids:
+                every_s = float(f"{offer.every_s * factor:.3g}")
+                key = "every_s" if offer.is_call else "min_interval_s"
+                told.setdefault(stream.stream_id, f"{stream.name}: {key}: {every_s:g}")
+                offer = offer.altered(stream, every_s)
+            offers.append(offer)
+        yield "; ".join(told.values()), _with(fleet, offers=offers)
+
+
+def _in_parts(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
+    """Let what is larger than a frame cross in parts."""
+    reliable = msgspec.structs.replace(stream.qos, reliability=Reliability.RELIABLE)
+    with contextlib.suppress(ConfigError):  # a dense topic cannot be reliable
+        changed = _changed(fleet, {stream.stream_id: partial(_replace, qos=reliable)})
+        yield f'{stream.name}: reliability: "reliable"', changed
 
 
 def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:

@@ -71,7 +71,7 @@ class Call:
         if not self._is_answered:
             self._is_answered = True
             if self._tries["request"] == 1:
-                timing.measured(self._walk.now - self._sent_at["request"])
+                timing.measured(self._walk.now - self._sent_at["request"], self._times)
             self._walk.delivered(self._offer, self._began_at)
         self._walk.speaker(self._offer.node).take_back((*self._key, "request"))
         self._say(
@@ -84,7 +84,7 @@ class Call:
         timing.heard()
         timing.answered(in_crowd=False)
         if not self._is_confirmed and self._tries["answer"] == 1:
-            timing.measured(self._walk.now - self._sent_at["answer"])
+            timing.measured(self._walk.now - self._sent_at["answer"], self._times)
         self._is_confirmed = True
         self._walk.speaker(self._server).take_back((*self._key, "answer"))
 

@@ -32,6 +32,15 @@ DEFAULT_RANGE_M: Final = 1000.0
 _WINDOW_S: Final = 10.0
 
 
+class Refused(msgspec.Struct, frozen=True, kw_only=True):
+    """Samples that a publisher would be refused."""
+
+    share: float
+    """Of all of the stream, 0…1."""
+    reason: str
+    """Of the first."""
+
+
 class Fleet(msgspec.Struct, kw_only=True):
     """Everything that a walk needs."""
 
@@ -45,6 +54,8 @@ class Fleet(msgspec.Struct, kw_only=True):
     """What is to be said."""
     notes: list[str]
     """What is to be known of it."""
+    refused: dict[int, Refused] = {}
+    """What a recording has that its types refuse, by stream id."""
 
 
 class Water(msgspec.Struct, frozen=True, kw_only=True):
@@ -72,6 +83,13 @@ def fleet_of(path: Path, recordings: Sequence[str], water: Water) -> Fleet:
         found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
         fleet.notes = list(found.notes)
         fleet.offers = offers_of_recording(found.missions, table, list(fleet.tables))
+        fleet.refused = {
+            stream_id: Refused(
+                share=count.refused / (count.refused + count.samples), reason=count.reason
+            )
+            for stream_id, count in found.counts.items()
+            if count.refused
+        }
         heard = {offer.stream.stream_id for offer in fleet.offers}
         fleet.notes += [
             f"{stream.name}: not in the recording: left out"

@@ -268,6 +268,8 @@ def _usual_bytes(stream: Stream, typical: Mapping[int, float], room_bytes: int) 
     if bits is not None and bits.typical is not None:
         return -(-int(bits.typical) // _BITS), True
     smallest, largest = stream.codec.smallest_bytes, stream.codec.largest_bytes
+    if largest is None and isinstance(stream.spec, TopicSpec) and stream.spec.max_bytes:
+        return stream.spec.max_bytes, False
     if largest is None:
         return max(smallest, room_bytes - _HEAD_BYTES - len(stream.keys.wildcards)), False
     return largest, smallest == largest

@@ -222,7 +222,7 @@ class ReliableLane:
                 if node in sample.lacking:
                     timing.answered(in_crowd=len(self._receptions) > 1)
                     if sample.tries == 1 and not sample.marked:
-                        timing.measured(now - sample.sent_at)
+                        timing.measured(now - sample.sent_at, self._times)
                 sample.lacking.discard(node)
                 if not sample.lacking:
                     self._forget(sample.number)

@@ -45,8 +45,10 @@ class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
     went: float
     """Share of its samples that get on the water at all, 0…1; without those that `min_interval_s`
     leaves out."""
+    refused: float
+    """Share of its samples that publishing refuses, 0…1: its type does, or no frame has room."""
     expected_s: float | None
-    """Mean time to arrival, of calls to the answer, s; None: nothing arrived."""
+    """Half of them take no longer to arrive, of calls to the answer, s; None: nothing arrived."""
     worst_s: float | None
     """99 of 100 take no longer, s."""
     bound_s: float | None
@@ -167,6 +169,7 @@ def _stream_plan(row: StreamFound, airtime_s: float, hours: float) -> StreamPlan
         utilisation=row.airtime_s / hours / _S_PER_H,
         share=row.airtime_s / airtime_s if airtime_s else 0.0,
         went=row.went,
+        refused=row.refused,
         expected_s=row.expected_s,
         worst_s=row.worst_s,
         bound_s=row.bound_s,

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 
+from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.plan.report import NodePlan, PlanReport, StreamPlan
 
 _STREAMS = (
-    "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "expected", "worst",
-    "bound",
+    "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "refused", "expected",
+    "worst", "bound",
 )  # fmt: skip
 _NODES = ("node", "transmits", "energy/day")
 
@@ -32,12 +33,12 @@ def _lines(report: PlanReport) -> Iterator[str]:
         yield "it fits"
     else:
         yield f"it does not fit: all of it would take {report.demand:.0%} of the time"
-        yield from (f"  {each}" for each in report.misfits)
+        yield from (one_line(f"  {each}") for each in report.misfits)
         for change in report.changes:
-            yield f"it would fit with: {change.what} ({change.demand:.0%} of the time)"
+            yield one_line(f"it would fit with: {change.what} ({change.demand:.0%} of the time)")
         if not report.changes:
             yield "no single change that was tried makes it fit"
-    yield from (f"note: {each}" for each in report.notes)
+    yield from (one_line(f"note: {each}") for each in report.notes)
 
 
 def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
@@ -49,6 +50,7 @@ def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
         f"{row.utilisation:.1%}",
         f"{row.share:.0%}",
         f"{row.went:.0%}",
+        f"{row.refused:.0%}" if row.refused else "",
         _seconds(row.expected_s),
         _seconds(row.worst_s),
         _seconds(row.bound_s),

@@ -1,11 +1,13 @@
 """What of a walk fits: what got on the water, in time, and within what access carries."""
 
+import math
 from typing import Final
 
 import msgspec
 
 from zacoustic.core.access.spec import AlohaSpec
 from zacoustic.core.streams import Stream
+from zacoustic.tools.crossing import IN_PARTS
 from zacoustic.tools.plan.fleet import Fleet
 from zacoustic.tools.plan.walk import Found, Walk
 
@@ -13,7 +15,8 @@ LEAST_WENT: Final = 0.95
 """Share of the samples that has to get on the water."""
 ALOHA_LIMIT: Final = 0.18
 """What unslotted ALOHA carries at most: 1/(2e) of the time."""
-_WORST: Final = 0.99
+_HALF, _WORST = 0.5, 0.99
+_TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
 
 
 class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
@@ -28,11 +31,15 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
     airtime_s: float
     """Sound of all of it, s."""
     expected_s: float | None
-    """Mean time to arrival, s."""
+    """Half of them took no longer to arrive, s."""
     worst_s: float | None
     """99 of 100 took no longer, s."""
     bound_s: float | None
     """What is promised, or how long it is worth something, s."""
+    refused: float = 0.0
+    """Share of its samples that publishing refuses, 0…1."""
+    reason: str = ""
+    """Why."""
 
     @property
     def demand_s(self) -> float:
@@ -42,6 +49,8 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def misfit(self) -> str:
         """Why it does not fit; empty: it does."""
+        if self.refused > 1 - LEAST_WENT:
+            return f"{self.refused:.0%} of its samples are refused: {self.reason}"
         if self.went < LEAST_WENT:
             return f"{1 - self.went:.0%} of it never goes: pushed out, or too old before its turn"
         if self.bound_s is not None and self.worst_s is not None and self.worst_s > self.bound_s:
@@ -82,6 +91,8 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
         wanted = found.said.get(stream_id, 0) * allowed / len(own)
         latencies = sorted(found.latencies_s.get(stream_id, ()))
         went = found.went.get(stream_id, 0)
+        too_large = found.refused.get(stream_id, 0) / max(1, found.said.get(stream_id, 0))
+        refusal = fleet.refused.get(stream_id)
         rows.append(
             StreamFound(
                 stream=stream,
@@ -89,9 +100,11 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
                 # What was said last may not have gone yet.
                 went=min(1.0, (went + len(own)) / wanted) if wanted else 1.0,
                 airtime_s=found.stream_airtime_s.get(stream_id, 0.0),
-                expected_s=sum(latencies) / len(latencies) if latencies else None,
-                worst_s=latencies[int(_WORST * (len(latencies) - 1))] if latencies else None,
+                expected_s=_share_of(latencies, _HALF),
+                worst_s=_share_of(latencies, _WORST),
                 bound_s=_bound_s(stream),
+                refused=max(too_large, refusal.share if refusal else 0.0),
+                reason=refusal.reason if refusal and not too_large else _TOO_LARGE,
             )
         )
     return sorted(rows, key=lambda row: -row.demand_s)
@@ -102,6 +115,13 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found, until_s: 
     others_s = found.stream_airtime_s.get(0, 0.0)
     demand = (sum(each.demand_s for each in streams) + others_s) / until_s
     misfits = [f"{each.stream.name}: {each.misfit}" for each in streams if each.misfit]
+    planned = {each.stream.stream_id for each in streams}
+    table = next(iter(fleet.tables.values()))
+    misfits += [
+        f"{table.by_id(stream_id).name}: {each.share:.0%} of its samples are refused: {each.reason}"
+        for stream_id, each in fleet.refused.items()
+        if stream_id not in planned
+    ]
     uses_aloha = any(isinstance(each.access, AlohaSpec) for each in fleet.rules.values())
     if uses_aloha and demand > ALOHA_LIMIT:
         misfits.append(
@@ -114,6 +134,11 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found, until_s: 
             0, f"{first.stream.name} alone takes {first.demand_s / until_s:.0%} of the time"
         )
     return Verdict(demand=demand, misfits=tuple(misfits))
+
+
+def _share_of(latencies_s: list[float], share: float) -> float | None:
+    """Return what a share of sorted latencies stays within, s; None: there are none."""
+    return latencies_s[math.ceil(share * len(latencies_s)) - 1] if latencies_s else None
 
 
 def _bound_s(stream: Stream) -> float | None:

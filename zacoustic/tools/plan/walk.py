@@ -67,6 +67,8 @@ class Found:
         """Samples and calls by stream."""
         self.went: dict[int, int] = {}
         """Those of them that have been on the water, by stream."""
+        self.refused: dict[int, int] = {}
+        """Those that are larger than a frame, and may not cross in parts, by stream."""
         self.lost_frames = 0
         """Arrivals that nobody has got."""
         self.dropped = 0
@@ -233,7 +235,8 @@ class Walk:
         listed = spec.subscribers if isinstance(spec, TopicSpec) else None
         room_bytes = self._speakers[offer.node].port.envelope.room_bytes - TAG_BYTES
         if head_bytes_of(offer) + saying.payload_bytes > room_bytes:
-            return  # publishing it would be refused
+            self.found.refused[stream.stream_id] = self.found.refused.get(stream.stream_id, 0) + 1
+            return
         is_alone = len(receivers) == 1 and (listed is not None or stream.is_on_demand)
         item = Item(
             stream.stream_id, receivers[0] if is_alone else BROADCAST,

@@ -11,9 +11,11 @@ from zacoustic.core.stats import NO_STREAM
 from zacoustic.core.streams import Stream
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 from zacoustic.recording.channels import SENT
-from zacoustic.tools.recordings.facts import Facts, match
+from zacoustic.tools.recordings.facts import Facts, Published, match
 from zacoustic.tools.recordings.linkfigures import LinkFigures, links_of
 from zacoustic.tools.recordings.spread import Spread, spread_of
+from zacoustic.tools.recordings.thinning import left_out
+from zacoustic.tools.recordings.verdict import verdict_of
 
 
 class StreamFigures(msgspec.Struct, kw_only=True):
@@ -28,7 +30,10 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     published: int = 0
     """Samples published, calls made or goals sent by recorded nodes."""
     expected: int = 0
-    """Samples that would have arrived at recorded nodes if nothing were lost; calls and goals."""
+    """Samples that would have arrived at recorded nodes if nothing were lost; calls and goals.
+    Without those that were left out on purpose."""
+    thinned: int = 0
+    """Samples that made room for newer ones, as `min_interval_s` wants it: no loss."""
     delivered: int = 0
     """Samples of recorded nodes that have arrived at recorded nodes; calls and goals answered."""
     arrived: int = 0
@@ -96,13 +101,15 @@ class Figures(msgspec.Struct, kw_only=True):
     """By speaker and hearer."""
     notes: list[str]
     """What somebody should know who reads them, a line each."""
+    verdict: list[str] = []
+    """What it comes to, a line each."""
 
 
 def figures_of(facts: Facts) -> Figures:
     """Make the figures."""
     match(facts)
     nodes = [_node(facts, node) for node in facts.nodes]
-    return Figures(
+    figures = Figures(
         files=facts.files,
         began_utc_ns=facts.began_ns,
         duration_s=facts.duration_s,
@@ -112,6 +119,8 @@ def figures_of(facts: Facts) -> Figures:
         links=links_of(facts),
         notes=_notes(facts, nodes),
     )
+    figures.verdict = verdict_of(figures)
+    return figures
 
 
 def _streams(facts: Facts) -> list[StreamFigures]:
@@ -126,15 +135,15 @@ def _streams(facts: Facts) -> list[StreamFigures]:
         figures.published += 1
         if published.delete:
             continue
-        stream = facts.streams[published.stream_id]
-        hearers = [
-            node for node in facts.tables if node != published.node and stream.may_subscribe(node)
-        ]
-        figures.expected += len(hearers)
+        figures.expected += len(_hearers(facts, published))
         figures.delivered += len(published.arrived)
         latencies.setdefault(published.stream_id, []).extend(
             (at_ns - published.at_ns) / 1e9 for at_ns in published.arrived.values()
         )
+    for published in left_out(facts):
+        figures = found[published.stream_id]
+        figures.thinned += 1
+        figures.expected -= len(_hearers(facts, published))
     for arrived in facts.arrived:
         if arrived.stream_id in found:
             found[arrived.stream_id].arrived += 1
@@ -163,6 +172,12 @@ def _streams(facts: Facts) -> list[StreamFigures]:
                 found[row.stream_id].transmitted_bytes += row.transmitted_bytes
                 found[row.stream_id].airtime_s += row.transmitted_bytes * per_byte_s
     return list(found.values())
+
+
+def _hearers(facts: Facts, published: Published) -> list[int]:
+    """Return the recorded nodes at which a sample is to arrive."""
+    stream = facts.streams[published.stream_id]
+    return [node for node in facts.tables if node != published.node and stream.may_subscribe(node)]
 
 
 def _kind(stream: Stream) -> str:

@@ -1,8 +1,8 @@
 """A report as one page: tables and plots in one HTML file that needs nothing from elsewhere."""
 
-import html
 from collections.abc import Sequence
 
+from zacoustic.safetext import html_text
 from zacoustic.tools.recordings.figures import Figures
 from zacoustic.tools.recordings.plots import Plot
 from zacoustic.tools.recordings.reporttext import Sheet, head_of, sheets_of
@@ -14,8 +14,10 @@ table { border-collapse: collapse; } .wide { overflow-x: auto; }
 th, td { padding: .2em .7em; text-align: right; white-space: nowrap;
   border-bottom: 1px solid #8884; }
 th.l, td.l { text-align: left; } td.bad { color: #b00; font-weight: bold; }
-svg { max-width: 100%; height: auto; background: #fff; } .note { color: #b00; }
-@media (prefers-color-scheme: dark) { body { background: #111; color: #ddd; } }
+svg { max-width: 100%; height: auto; } .note { color: #b00; }
+.verdict { font-weight: bold; margin: .2em 0; }
+@media (prefers-color-scheme: dark) { body { background: #111; color: #ddd; }
+  td.bad, .note { color: #ff6b6b; } }
 """
 
 
@@ -27,16 +29,18 @@ def as_page(figures: Figures, plots: Sequence[Plot], *, title: str) -> str:
         plots: What it shows.
         title: What it is of.
     """
-    name = html.escape(title)
+    name = html_text(title)
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>{name}</title><style>{_STYLE}</style></head><body>",
-        f"<h1>{name}</h1><p>{html.escape(head_of(figures))}</p>",
-        *(f'<p class="note">{html.escape(note)}</p>' for note in figures.notes),
+        f"<h1>{name}</h1>",
+        *(f'<p class="verdict">{html_text(line)}</p>' for line in figures.verdict),
+        f"<p>{html_text(head_of(figures))}</p>",
+        *(f'<p class="note">{html_text(note)}</p>' for note in figures.notes),
         *(_table(sheet) for sheet in sheets_of(figures)),
-        *(f"<h2>{html.escape(plot.title)}</h2>{plot.svg}" for plot in plots),
+        *(f"<h2>{html_text(plot.title)}</h2>{plot.svg}" for plot in plots),
         "</body></html>",
     ]
     return "\n".join(parts) + "\n"
@@ -49,7 +53,7 @@ def _table(sheet: Sheet) -> str:
         for row in sheet.rows
     )
     return (
-        f'<h2>{html.escape(sheet.title)}</h2><div class="wide"><table>'
+        f'<h2>{html_text(sheet.title)}</h2><div class="wide"><table>'
         f"<thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>"
     )
 
@@ -57,4 +61,4 @@ def _table(sheet: Sheet) -> str:
 def _cell(tag: str, text: str, at: int, sheet: Sheet) -> str:
     kind = ' class="l"' if at < sheet.left else ""
     kind = ' class="bad"' if text == "DIFFERS" else kind
-    return f"<{tag}{kind}>{html.escape(text)}</{tag}>"
+    return f"<{tag}{kind}>{html_text(text)}</{tag}>"

@@ -2,12 +2,13 @@
 
 import io
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
 from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import SENT
+from zacoustic.safetext import one_line
 from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures
 from zacoustic.tools.recordings.linkfigures import numbers_of
@@ -21,6 +22,20 @@ _BINS: Final = 60
 _MOST_POINTS: Final = 2000
 """Points of one plot: more make a page slow, and nobody sees them."""
 _MOST_ROWS: Final = 16
+_LABEL_CHARACTERS: Final = 40
+
+# Stands for the colour of the page's text, which is known where the page is shown.
+_INK: Final = "#010203"
+_INKED: Final = ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color",
+                 "grid.color")  # fmt: skip
+_LOOK: Final[dict[Any, Any]] = {
+    **dict.fromkeys(_INKED, _INK),
+    **dict.fromkeys(("figure.facecolor", "axes.facecolor", "savefig.facecolor"), "none"),
+    "legend.framealpha": 0.0,
+    "svg.fonttype": "none",
+    "font.size": 9,
+    "text.parse_math": False,  # a dollar in a name is no formula
+}
 
 Point = tuple[float, float]
 
@@ -67,7 +82,7 @@ def _draw(title: str, draw: "Callable[[Axes], bool]") -> Plot | None:
             f"a page needs {error.name}",
             hint="pip install 'zacoustic[report]', or --json and no page",
         ) from error
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": title, "font.size": 9}):
+    with mpl.rc_context({**_LOOK, "svg.hashsalt": title}):
         figure = Figure(figsize=(_WIDTH_IN, _HEIGHT_IN), layout="constrained")
         axes = figure.add_subplot()
         axes.grid(alpha=0.3)
@@ -76,7 +91,7 @@ def _draw(title: str, draw: "Callable[[Axes], bool]") -> Plot | None:
             return None
         written = io.StringIO()
         figure.savefig(written, format="svg", metadata={"Date": None, "Creator": None})
-    text = written.getvalue()
+    text = written.getvalue().replace(_INK, "currentColor")
     return Plot(title, text[text.index("<svg") :])
 
 
@@ -84,7 +99,7 @@ def _delivery(axes: "Axes", figures: Figures) -> bool:
     streams = [each for each in figures.streams if each.expected][:_MOST_ROWS]
     if not streams:
         return False
-    names = [each.name for each in streams]
+    names = [_label(each.name) for each in streams]
     axes.barh(names, [each.delivered / each.expected for each in streams], color="tab:green")
     axes.set_xlim(0, 1)
     axes.invert_yaxis()
@@ -96,12 +111,12 @@ def _latency(axes: "Axes", facts: Facts) -> bool:
     for published in facts.published:
         for at_ns in published.arrived.values():
             point = (_since(facts, at_ns), (at_ns - published.at_ns) / 1e9)
-            rows.setdefault(facts.streams[published.stream_id].name, []).append(point)
+            rows.setdefault(_label(facts.streams[published.stream_id].name), []).append(point)
     for asked in facts.asked:
         if asked.ended_at_ns is not None and not asked.failure:
             took_s = (asked.ended_at_ns - asked.at_ns) / 1e9
             point = (_since(facts, asked.ended_at_ns), took_s)
-            rows.setdefault(facts.streams[asked.stream_id].name, []).append(point)
+            rows.setdefault(_label(facts.streams[asked.stream_id].name), []).append(point)
     return _scatter(axes, rows)
 
 
@@ -111,7 +126,7 @@ def _airtime(axes: "Axes", figures: Figures) -> bool:
     )[:_MOST_ROWS]
     if not streams:
         return False
-    axes.barh([each.name for each in streams], [each.airtime_s for each in streams])
+    axes.barh([_label(each.name) for each in streams], [each.airtime_s for each in streams])
     axes.invert_yaxis()
     return True
 
@@ -201,6 +216,12 @@ def _scatter(axes: "Axes", rows: dict[str, list[Point]]) -> bool:
     if rows and len(rows) <= _MOST_ROWS:
         axes.legend(fontsize=8)
     return bool(rows)
+
+
+def _label(name: str) -> str:
+    """Return a name as it stands beside a plot: short, and only to be looked at."""
+    shown = one_line(name)
+    return shown if len(shown) <= _LABEL_CHARACTERS else f"{shown[: _LABEL_CHARACTERS - 1]}…"
 
 
 def _time_axis(axes: "Axes") -> None:

@@ -6,6 +6,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.recordings.figures import Figures
 from zacoustic.tools.recordings.linkfigures import METRICS
@@ -52,11 +53,11 @@ def sheets_of(figures: Figures) -> list[Sheet]:
 
 def as_text(figures: Figures) -> str:
     """Return everything as text."""
-    parts = [head_of(figures)]
+    parts = [*(one_line(line) for line in figures.verdict), one_line(head_of(figures))]
     for sheet in sheets_of(figures):
         right = sheet.header[sheet.left :]
         parts.append(f"\n{sheet.title}\n{align(sheet.header, sheet.rows, right=right)}")
-    parts += [f"\n{note}" for note in figures.notes]
+    parts += [f"\n{one_line(note)}" for note in figures.notes]
     return "\n".join(parts)
 
 
@@ -73,6 +74,7 @@ def _streams(figures: Figures) -> Sheet:
                 each.name,
                 each.kind,
                 str(each.published),
+                str(each.thinned or ""),
                 whole,
                 share,
                 str(each.failed),
@@ -85,7 +87,8 @@ def _streams(figures: Figures) -> Sheet:
             )
         )
     header = (
-        "stream", "kind", "published", "arrived", "share", "failed", "refused", "50 %, s",
+        "stream", "kind", "published", "left out",
+        "arrived", "share", "failed", "refused", "50 %, s",
         "95 %, s", "worst, s", "age 50 %, s", "age 95 %, s", "bytes", "airtime, s", "ended as",
     )  # fmt: skip
     return Sheet("Streams: delivery and latency", header, rows, left=2)

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.core.arq.numbers import NUMBER_BYTES
 from zacoustic.core.dense import DenseCodec, DenseSample, Model
 from zacoustic.core.encoding import CBOR, JSON, decode_application, encode_application
@@ -20,6 +21,7 @@ from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError
+from zacoustic.tools.crossing import crosses_in_parts, room_bytes
 from zacoustic.tools.telemetry.exchange import counted, exchange, windows
 from zacoustic.tools.telemetry.recording import Mission, Recordings
 from zacoustic.tools.telemetry.values import is_right
@@ -61,6 +63,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     """Mean bytes, by `RECORDS`."""
     dense: DenseBytes
     """Online, without a model."""
+    too_large: int = 0
+    """How many records of the codec of the configuration no frame has room for, and never cross."""
     dense_fitted: DenseBytes | None = None
     """With the model of the configuration; None: it names none."""
 
@@ -146,6 +150,7 @@ class _Bench:
             type="" if stream is None or stream.type is None else stream.type.name,
             frames=len(frames),
             records=_mean_records(frames),
+            too_large=0 if stream is None else _too_large(stream, frames),
             dense=self._dense(groups, None),
             dense_fitted=self._dense(groups, self._model) if self._model is not None else None,
         )
@@ -239,6 +244,16 @@ class _Records:
 
     def _application(self, payload: bytes, encoding: str) -> object:
         return self._type.validate(decode_application(payload, encoding, type_spec=self._type))
+
+
+def _too_large(stream: Stream, frames: Sequence[Sequence[Sizes]]) -> int:
+    """Count the records that no frame has room for, and that may not cross in parts."""
+    if crosses_in_parts(stream):
+        return 0
+    room = room_bytes(profile_named(DEFAULT_PROFILE).mtu_bytes)
+    # A dense block of one sample, where nothing refers to another, is about its packed record.
+    codec = "cbor" if isinstance(stream.codec, CborCodec) else "packed"
+    return sum(each[codec] > room for frame in frames for each in frame)
 
 
 def _mean_records(frames: Sequence[Sequence[Sizes]]) -> dict[str, float]:

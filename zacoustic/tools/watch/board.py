@@ -5,6 +5,7 @@ hours: a vehicle has no network time. So a gateway that is asked tells what time
 ages are reckoned by its clock.
 """
 
+import re
 import time
 from collections import deque
 from collections.abc import Callable
@@ -51,20 +52,32 @@ _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
 # A rate of more than this is two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
 
+# Anybody can put a key: other digits than these are no address.
+_ADDRESS: Final = re.compile(r"[0-9]{1,3}")
+
 T = TypeVar("T")
+
+
+def addresses_in(key: str) -> list[int]:
+    """Return the address of the gateway whose document has this key; none: it is nobody's."""
+    prefix, _, rest = key.partition("/")
+    address = rest.partition("/")[0]
+    return [int(address)] if prefix == PREFIX and _ADDRESS.fullmatch(address) else []
 
 
 class Board:
     """Documents in, views out.
 
     Args:
-        unix_s: The clock of people here, s.
+        unix_s: The clock of people here, s; None: this computer's, as it was at first and goes on
+            from there, so that ages never jump.
     """
 
-    def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
+    def __init__(self, unix_s: Callable[[], float] | None = None) -> None:
         self.unreadable = 0
         """Documents that were none."""
-        self._unix_s = unix_s
+        began_s = time.time() - time.monotonic()
+        self._unix_s = unix_s or (lambda: began_s + time.monotonic())
         self._boards: dict[int, _GatewayBoard] = {}
 
     def take(self, key: str, payload: bytes) -> None:
@@ -75,12 +88,12 @@ class Board:
             payload: JSON.
         """
         chunks = key.split("/")
-        if len(chunks) < 3 or chunks[0] != PREFIX or not chunks[1].isdigit():
+        if len(chunks) < 3 or not addresses_in(key):
             return
         kind: Any = None
         if len(chunks) == 3:
             kind = DOCUMENTS.get(chunks[2])
-        elif len(chunks) == 5 and chunks[2] == "peer" and chunks[3].isdigit():
+        elif len(chunks) == 5 and chunks[2] == "peer" and _ADDRESS.fullmatch(chunks[3]):
             kind = PEER_DOCUMENTS.get(chunks[4])
         if kind is None:
             return
@@ -94,7 +107,12 @@ class Board:
 
     def note_alive(self, address: int, *, is_alive: bool) -> None:
         """A gateway has come, or has gone."""
-        self._boards.setdefault(address, _GatewayBoard(address)).is_alive = is_alive
+        board = self._boards.setdefault(address, _GatewayBoard(address))
+        board.note_alive(is_alive, self._unix_s())
+
+    def note_answer(self, address: int, *, has_answered: bool) -> None:
+        """A gateway was asked whether it lives."""
+        self._boards[address].note_answer(has_answered, self._unix_s())
 
     def addresses(self) -> list[int]:
         """Return the gateways of which there is something to show, in order."""
@@ -114,7 +132,9 @@ class _GatewayBoard:
 
     def __init__(self, address: int) -> None:
         self.address = address
-        self.is_alive = True
+        self._is_there = True
+        self._answers = True
+        self._gone_at_s: float | None = None
         self._documents: dict[str, Any] = {}
         self._ahead_s = 0.0
         """By how much our clock is ahead of the gateway's."""
@@ -139,6 +159,22 @@ class _GatewayBoard:
             while len(self._airtimes) > 2 and self._airtimes[1][0] < now_s - WINDOW_S:
                 self._airtimes.popleft()
 
+    def note_alive(self, is_there: bool, now_s: float) -> None:
+        """Its session is on the network, or is not any more."""
+        self._is_there = is_there
+        self._note_gone(now_s)
+
+    def note_answer(self, answers: bool, now_s: float) -> None:
+        """It has answered when it was asked whether it lives, or has not."""
+        self._answers = answers
+        self._note_gone(now_s)
+
+    def _note_gone(self, now_s: float) -> None:
+        if self._is_there and self._answers:
+            self._gone_at_s = None
+        elif self._gone_at_s is None:
+            self._gone_at_s = now_s
+
     def view(self, unix_s: float) -> GatewayView:
         """Return what holds now."""
         there_s = unix_s - self._ahead_s
@@ -155,7 +191,8 @@ class _GatewayBoard:
             unix_s=round(unix_s, 3),
             address=self.address,
             name=node.name,
-            is_alive=self.is_alive,
+            is_alive=self._gone_at_s is None,
+            gone_s=_ago(self._gone_at_s, unix_s),
             version=node.version,
             uptime_s=_ago(node.started_at_unix_s, there_s),
             wire=node.wire,
@@ -163,6 +200,7 @@ class _GatewayBoard:
             link_state=link.state,
             link_detail=link.detail,
             is_silent=link.silent,
+            why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
             bit_rate_bps=capabilities.bit_rate_bps if capabilities else None,
             battery_v=modem.battery_v,
@@ -235,6 +273,8 @@ class _GatewayBoard:
             delivering=row.delivering,
             outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
+            expired=dropped.expired.get(row.name, 0) if row.delivering is None else row.expired,
+            refused=row.refused + sum(dropped.island.get(row.name, {}).values()),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
             airtime_share=round(own / total, 4) if total else 0.0,

@@ -28,6 +28,7 @@ class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
     state: str = "unknown"
     detail: str = ""
     silent: bool = False
+    why_silent: str = ""
     capabilities: Capabilities | None = None
     frames_transmitted: int = 0
     frames_received: int = 0

@@ -1,9 +1,10 @@
 """Charts and bars of the dashboard as SVG and HTML: nothing is loaded for them."""
 
 from collections.abc import Iterable, Sequence
-from html import escape
 from typing import Final
 
+from zacoustic.safetext import html_text
+from zacoustic.tools.truth import age_html
 from zacoustic.tools.watch.history import SPAN_S, Point
 from zacoustic.tools.watch.views import CauseView, EventView, TransferView
 from zacoustic.tools.watch.words import share_words, time_words, transfer_words
@@ -31,7 +32,8 @@ STYLE: Final = """
 .za-h { font-size: .8rem; font-weight: 600; letter-spacing: .04em; text-transform: uppercase;
         opacity: .6; }
 .za .q-table th { font-weight: 600; opacity: .7; }
-.za .q-table td, .za .q-table th { padding: 2px 10px; height: 28px; }
+.za .q-table td, .za .q-table th { padding: 2px 6px; height: 28px; }
+.za .q-table td span { white-space: nowrap; }
 .za .warn { color: #c77700; font-weight: 600; }
 .za .bad { color: #d64545; font-weight: 600; }
 """
@@ -78,7 +80,7 @@ def cause_bars(causes: Sequence[CauseView]) -> str:
     if not causes:
         return '<div class="za-dim">nothing transmitted</div>'
     rows = "".join(
-        f"<span>{escape(cause.cause)}</span>{_bar(cause.share)}"
+        f"<span>{html_text(cause.cause)}</span>{_bar(cause.share)}"
         f'<span class="za-num">{cause.airtime_s:.1f} s</span>'
         f'<span class="za-num">{share_words(cause.share)}</span>'
         for cause in causes
@@ -97,19 +99,29 @@ def transfer_bars(transfers: Sequence[TransferView]) -> str:
             share = min(transfer.done_bytes / transfer.total_bytes, 1.0)
         if transfer.outcome is not None:
             share, kind = float(transfer.outcome == "delivered"), "done"
-        rows.append(f"<div>{escape(transfer_words(transfer))}{_bar(share, kind)}</div>")
+        rows.append(f"<div>{html_text(transfer_words(transfer))}{_bar(share, kind)}</div>")
     return f'<div style="display:grid;gap:.4rem;font-size:.85rem">{"".join(rows)}</div>'
 
 
 def event_lines(events: Sequence[EventView]) -> str:
-    """Write the last events, the newest first."""
+    """Write the last events, the newest first; what was said several times is one line."""
     if not events:
         return '<div class="za-dim">none</div>'
-    rows = "".join(
-        f'<span class="t">{time_words(event.ago_s)} ago</span>'
-        f'<span class="{"bad" if event.is_trouble else ""}">{escape(event.text)}</span>'
-        for event in events
-    )
+    times: dict[tuple[str, str], int] = {}
+    for event in events:
+        times[event.event, event.text] = times.get((event.event, event.text), 0) + 1
+    rows = ""
+    for event in events:
+        number = times.pop((event.event, event.text), 0)
+        if not number:  # it stands above already, where it was said last
+            continue
+        again = f" ({number} times)" if number > 1 else ""
+        ago = age_html(event.ago_s, time_words(event.ago_s), form="short")
+        rows += (
+            f'<span class="t">{ago} ago</span>'
+            f'<span class="{"bad" if event.is_trouble else ""}">'
+            f"{html_text(event.text)}{again}</span>"
+        )
     return f'<div class="za-events">{rows}</div>'
 
 
@@ -122,9 +134,9 @@ def figure(name: str, value: str, *, note: str = "", kind: str = "") -> str:
         note: A few words below.
         kind: Class of the number: warn, bad, or none.
     """
-    below = f'<div class="k">{escape(note)}</div>' if note else ""
-    head = f'<div class="k">{escape(name)}</div>'
-    return f'<div class="za-kpi">{head}<div class="v {kind}">{escape(value)}</div>{below}</div>'
+    below = f'<div class="k">{html_text(note)}</div>' if note else ""
+    head = f'<div class="k">{html_text(name)}</div>'
+    return f'<div class="za-kpi">{head}<div class="v {kind}">{html_text(value)}</div>{below}</div>'
 
 
 def _bar(share: float, kind: str = "") -> str:

@@ -5,10 +5,12 @@ again.
 """
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 from typing import Final
 
 from zacoustic.errors import SessionError
+from zacoustic.island.session import WORDS
 from zacoustic.tools.watch.board import Board
 from zacoustic.tools.watch.history import STEP_S, History
 from zacoustic.tools.watch.watching import Watch
@@ -46,10 +48,14 @@ class Lookout:
         while True:
             try:
                 async with self._make() as watch:
-                    self.board, self.trouble = watch.board, ""
+                    self.board = watch.board
                     while True:
+                        self.trouble = "" if watch.is_connected else WORDS[False]
                         self.note()
-                        await asyncio.sleep(STEP_S)
+                        with contextlib.suppress(TimeoutError):
+                            async with asyncio.timeout(STEP_S):
+                                watch.changed.clear()
+                                await watch.changed.wait()
             except SessionError as error:
                 self.trouble = str(error)
             await asyncio.sleep(RETRY_S)

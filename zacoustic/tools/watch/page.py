@@ -21,6 +21,7 @@ from zacoustic.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.tools.watch.words import (
     LOSING,
     NOTHING,
+    alarm_of,
     error_words,
     frame_words,
     is_quiet,
@@ -36,16 +37,19 @@ from zacoustic.tools.watch.words import (
     time_words,
     title_words,
     trouble_words,
+    troubled_first,
 )
+from zacoustic.tools.webpage import Banner
 
-REFRESH_S: Final = 1.0
+REFRESH_S: Final = 0.5
 """Time between two looks, s."""
 
 _STREAM_COLUMNS: Final = (
     ("id", "id", False), ("name", "stream", True), ("kind", "kind", True),
     ("sent", "sent", False), ("sent_ago", "last", False), ("sent_rate", "rate", False),
     ("heard", "heard", False), ("heard_ago", "last", False), ("heard_rate", "rate", False),
-    ("age", "age", False), ("waiting", "waits", False), ("airtime", "airtime", False),
+    ("age", "age", False), ("waiting", "waits", False), ("refused", "refused", False),
+    ("expired", "expired", False), ("airtime", "airtime", False),
     ("trouble", "", True),
 )  # fmt: skip
 _PEER_COLUMNS: Final = (
@@ -58,7 +62,13 @@ _FRAME_COLUMNS: Final = (
 )  # fmt: skip
 FRAMES_SHOWN: Final = 8
 """The newest so many frames of each gateway."""
+_AGE_CELL: Final = """<q-td :props="props"><span v-if="props.value" data-form="short"
+  :data-age="props.row.%(name)s_s">{{ props.value }}</span>%(behind)s</q-td>"""
+_WARN_CELL: Final = '<q-td :props="props" class="warn">{{ props.value }}</q-td>'
 _BAD_CELL: Final = '<q-td :props="props" class="bad">{{ props.value }}</q-td>'
+
+
+_AGO: Final = '<span v-if="props.value !== &quot;never&quot;"> ago</span>'
 
 
 class Page:
@@ -72,6 +82,7 @@ class Page:
         self._lookout = lookout
         self._sections: dict[int, _Section] = {}
         ui.page_title("zacoustic")
+        self._banner = Banner("NOT CURRENT")
         ui.add_css(STYLE)
         ui.dark_mode(value=None)  # as the browser likes it
         ui.colors(primary="#155e7c")
@@ -80,7 +91,7 @@ class Page:
             self._where = ui.label().classes("opacity-80")
         with ui.column().classes("za w-full gap-6"):
             self._trouble = ui.label().classes("text-h6 bad").mark("trouble")
-            self._body = ui.column().classes("w-full gap-8")
+            self._body = ui.column().classes("w-full gap-8 za-live")
         ui.timer(REFRESH_S, self.refresh)
         self.refresh()
 
@@ -90,17 +101,19 @@ class Page:
         addresses = lookout.addresses()
         number = f"{len(addresses)} gateway{'' if len(addresses) == 1 else 's'}"
         self._where.set_text(f"{number} on {lookout.where}")
-        trouble = lookout.trouble or ("" if addresses else "no gateway has been heard yet")
+        views = [lookout.board.view(address) for address in addresses]
+        self._banner.beat(alarm_of(views, lookout.trouble))
+        # Above gateways the banner says it.
+        trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
         self._trouble.set_text(trouble)
         self._trouble.set_visibility(bool(trouble))
-        for address in addresses:
-            if address not in self._sections:
+        for view in views:
+            if view.address not in self._sections:
                 with self._body:
-                    self._sections[address] = _Section()
-            history = lookout.histories.get(address)
-            view = lookout.board.view(address)
+                    self._sections[view.address] = _Section()
+            history = lookout.histories.get(view.address)
             chart = load_chart(history.points if history else (), view.unix_s)
-            self._sections[address].show(view, chart)
+            self._sections[view.address].show(view, chart)
 
 
 class _Section:
@@ -114,14 +127,16 @@ class _Section:
                 self._modem = ui.label().classes("za-dim")
             self._figures = ui.html(sanitize=False).classes("w-full").mark("figures")
             with ui.row().classes("w-full items-start gap-6"):
-                with ui.column().classes("gap-3").style("flex: 3 1 38rem; min-width: 0"):
+                with ui.column().classes("gap-3").style("flex: 3 1 42rem; min-width: 0"):
                     _heading("streams")
-                    self._streams = _table(_STREAM_COLUMNS).mark("streams")
+                    self._streams = _table(_STREAM_COLUMNS, sent_ago="", heard_ago="", age="").mark(
+                        "streams"
+                    )
                     self._quiet = ui.checkbox("quiet streams as well").mark("quiet")
                     _heading("nodes")
-                    self._peers = _table(_PEER_COLUMNS).mark("peers")
+                    self._peers = _table(_PEER_COLUMNS, heard=_AGO).mark("peers")
                     _heading("last frames")
-                    self._frames = _table(_FRAME_COLUMNS).mark("frames")
+                    self._frames = _table(_FRAME_COLUMNS, ago=_AGO).mark("frames")
                 with ui.column().classes("gap-3").style("flex: 2 1 22rem; min-width: 0"):
                     _heading("on the air")
                     self._chart = ui.html(sanitize=False).classes("w-full").mark("chart")
@@ -139,7 +154,8 @@ class _Section:
         self._state.props(f"color={'positive' if is_well(view) else 'negative'}")
         self._modem.set_text(_modem_words(view))
         self._figures.set_content(_figures(view))
-        shown = [each for each in view.streams if self._quiet.value or not is_quiet(each)]
+        wanted = [each for each in view.streams if self._quiet.value or not is_quiet(each)]
+        shown = troubled_first(wanted)
         _fill(self._streams, [stream_row(each) for each in shown])
         _fill(self._peers, [peer_row(each) for each in view.peers])
         _fill(self._frames, frame_rows(view))
@@ -157,12 +173,17 @@ def stream_row(stream: StreamView) -> dict[str, Any]:
         "kind": stream.kind,
         "sent": stream.sent or "",
         "sent_ago": _unless_never(stream.sent_ago_s),
+        "sent_ago_s": stream.sent_ago_s,
         "sent_rate": _or_nothing(rate_words(stream.sent_rate_hz)),
         "heard": stream.heard or "",
         "heard_ago": _unless_never(stream.heard_ago_s),
+        "heard_ago_s": stream.heard_ago_s,
         "heard_rate": _or_nothing(rate_words(stream.heard_rate_hz)),
         "age": _unless_never(stream.age_s),
+        "age_s": stream.age_s,
         "waiting": stream.waiting or "",
+        "refused": stream.refused or "",
+        "expired": stream.expired or "",
         "airtime": share_words(stream.airtime_share) if stream.airtime_bytes else "",
         "trouble": stream_words(stream),
     }
@@ -170,11 +191,11 @@ def stream_row(stream: StreamView) -> dict[str, Any]:
 
 def peer_row(peer: PeerView) -> dict[str, Any]:
     """Return the row of a node."""
-    heard = "never" if peer.heard_ago_s is None else f"{time_words(peer.heard_ago_s)} ago"
     return {
         "id": peer.address,
         "node": f"{peer.address} {peer.name}".rstrip(),
-        "heard": heard,
+        "heard": _unless_never(peer.heard_ago_s) or "never",
+        "heard_s": peer.heard_ago_s,
         "range": range_words(peer),
         "signal": signal_words(peer),
         "lost": error_words(peer) + (" !" if (peer.per or 0) > LOSING else ""),
@@ -192,7 +213,8 @@ def frame_rows(view: GatewayView) -> list[dict[str, Any]]:
     return [
         {
             "id": number,
-            "ago": f"{time_words(frame.ago_s)} ago",
+            "ago": time_words(frame.ago_s),
+            "ago_s": frame.ago_s,
             "what": frame_words(frame),
             "bytes": frame.size_bytes,
             "airtime": f"{frame.airtime_s:.2f} s",
@@ -234,7 +256,8 @@ def _heading(text: str) -> None:
     ui.label(text).classes("za-h")
 
 
-def _table(columns: Sequence[tuple[str, str, bool]]) -> ui.table:
+def _table(columns: Sequence[tuple[str, str, bool]], **ages: str) -> ui.table:
+    """Make a table; `ages` names the columns that count on, and what stands behind them."""
     told = [
         {"name": name, "field": name, "label": label, "align": "left" if is_left else "right"}
         for name, label, is_left in columns
@@ -242,6 +265,10 @@ def _table(columns: Sequence[tuple[str, str, bool]]) -> ui.table:
     made = ui.table(columns=told, rows=[], row_key="id", pagination=0)
     made.props("dense flat hide-pagination wrap-cells").classes("w-full")
     made.add_slot("body-cell-trouble", _BAD_CELL)
+    for name in ("refused", "expired"):
+        made.add_slot(f"body-cell-{name}", _WARN_CELL)
+    for name, behind in ages.items():
+        made.add_slot(f"body-cell-{name}", _AGE_CELL % {"name": name, "behind": behind})
     return made
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+from collections.abc import Sequence
 
 from zacoustic.serving import cannot_listen
 from zacoustic.tools.watch.lookout import Lookout
@@ -9,13 +10,14 @@ from zacoustic.tools.watch.page import Page
 from zacoustic.tools.webpage import serve_page
 
 
-def serve(lookout: Lookout, host: str, port: int) -> None:
+def serve(lookout: Lookout, host: str, port: int, names: Sequence[str] = ()) -> None:
     """Serve the page until it is interrupted.
 
     Args:
         lookout: What is shown; runs as long as the server does.
         host: Where it listens.
         port: Where it listens.
+        names: Names under which browsers find it, besides this computer's own.
     """
     working: list[asyncio.Task[None]] = []
 
@@ -30,7 +32,7 @@ def serve(lookout: Lookout, host: str, port: int) -> None:
     def root() -> None:
         Page(lookout)
 
-    serve_page(root, host=host, port=port, start=start, stop=stop, title="zacoustic")
+    serve_page(root, host=host, port=port, start=start, stop=stop, names=names, title="zacoustic")
 
 
 def free_place(host: str, port: int) -> int:

@@ -1,4 +1,8 @@
-"""Views of gateways drawn on a terminal. Needs rich, the extra `terminal`."""
+"""Views of gateways drawn on a terminal. Needs rich, the extra `terminal`.
+
+A name in a view is data: it comes into a picture through `_cell`, never as a text of rich's, in
+which brackets are markup.
+"""
 
 from collections.abc import Sequence
 from types import TracebackType
@@ -13,6 +17,7 @@ from rich.rule import Rule
 from rich.table import Table
 from rich.text import Text
 
+from zacoustic.safetext import one_line
 from zacoustic.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.tools.watch.words import (
     LOSING,
@@ -88,7 +93,7 @@ class Terminal:
 
 def waiting_picture(where: str) -> RenderableType:
     """Draw that no gateway has been heard yet."""
-    return Text(f"no gateway has been heard on {where} yet; Ctrl-C ends", style=_WEAK)
+    return _cell(f"no gateway has been heard on {where} yet; Ctrl-C ends", _WEAK)
 
 
 def picture(views: Sequence[GatewayView], *, is_complete: bool = False) -> RenderableType:
@@ -103,7 +108,7 @@ def picture(views: Sequence[GatewayView], *, is_complete: bool = False) -> Rende
 
 def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
     return Group(
-        Rule(Text(f" {title_words(view)} ", style="bold"), align="left"),
+        Rule(_cell(f" {title_words(view)} ", "bold"), align="left"),
         _head(view),
         _streams(view, is_complete=is_complete),
         *([_peers(view)] if view.peers else []),
@@ -114,21 +119,26 @@ def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
 
 
 def _head(view: GatewayView) -> RenderableType:
-    state = Text(state_words(view), style=_GOOD if is_well(view) else _BAD)
+    state = _cell(state_words(view), _GOOD if is_well(view) else _BAD)
     modem = [view.link, view.wire, *([view.firmware] if view.firmware else [])]
     if view.mtu_bytes and view.bit_rate_bps:
         modem.append(f"{view.mtu_bytes} B at {view.bit_rate_bps:.0f} bit/s")
     if view.battery_v is not None:
         modem.append(f"{view.battery_v:.1f} V")
-    state.append(f"   {' · '.join(word for word in modem if word)}", style=_DIM)
+    state.append_text(_cell(f"   {' · '.join(word for word in modem if word)}", _DIM))
     line = Text("on the air ", style=_DIM)
     line.append(load_words(view), style=_WEAK if (view.utilisation or 0) > 0.5 else "")
     damaged = f", {view.frames_damaged} damaged" if view.frames_damaged else ""
     line.append(f"   frames {view.frames_sent} sent, {view.frames_heard} heard{damaged}")
     line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
-    line.append(f"   {now_words(view)}" if view.transmitting else "", style="cyan")
-    line.append(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", style=_DIM)
+    line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
+    line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
     return Group(state, line)
+
+
+def _cell(text: str, style: str = "") -> Text:
+    """Return words with a name in them as something that rich only shows."""
+    return Text(one_line(text), style=style)
 
 
 def _table(*left: str, right: Sequence[str] = ()) -> Table:
@@ -182,8 +192,8 @@ def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Tab
             Text(str(stream.waiting) if stream.waiting else "", style=_WEAK),
             share_words(stream.airtime_share) if stream.airtime_bytes else "",
         )
-        words = Text(stream_words(stream), style=_BAD)
-        table.add_row(str(stream.id), stream.name, *(cells[index] for index in kept), words)
+        words = _cell(stream_words(stream), _BAD)
+        table.add_row(str(stream.id), _cell(stream.name), *(cells[index] for index in kept), words)
     return table
 
 
@@ -198,12 +208,12 @@ def _peers(view: GatewayView) -> RenderableType:
     table.add_column("")
     for peer in view.peers:
         table.add_row(
-            f"{peer.address} {peer.name}".rstrip(),
+            _cell(f"{peer.address} {peer.name}".rstrip()),
             Text(_heard(peer), style=_WEAK if (peer.heard_ago_s or 0) > OLD_S else ""),
             range_words(peer),
             signal_words(peer),
             Text(error_words(peer), style=_WEAK if (peer.per or 0) > LOSING else ""),
-            Text(trouble_words(peer), style=_BAD),
+            _cell(trouble_words(peer), _BAD),
         )
     return table
 
@@ -220,7 +230,7 @@ def _causes(view: GatewayView) -> RenderableType:
     for cause in view.causes:
         cells = round(cause.share * _BAR_CELLS)
         bar = Text("█" * cells, style="cyan").append("·" * (_BAR_CELLS - cells), style=_DIM)
-        table.add_row(cause.cause, f"{cause.airtime_s:.1f}", share_words(cause.share), bar)
+        table.add_row(_cell(cause.cause), f"{cause.airtime_s:.1f}", share_words(cause.share), bar)
     return table
 
 
@@ -230,7 +240,7 @@ def _transfers(view: GatewayView) -> RenderableType:
     table = _table("large samples")
     for transfer in view.transfers:
         style = _DIM if transfer.outcome is not None else ""
-        words = Text(transfer_words(transfer), style=style)
+        words = _cell(transfer_words(transfer), style)
         if transfer.outcome is None and transfer.total_bytes:
             cells = round(min(transfer.done_bytes / transfer.total_bytes, 1) * _BAR_CELLS)
             words.append(f"  {'█' * cells}", style="cyan").append("·" * (_BAR_CELLS - cells))
@@ -244,11 +254,11 @@ def _frames(view: GatewayView) -> RenderableType:
     for frame in view.frames[:FRAMES_SHOWN]:
         is_lost = frame.outcome in LOST_OUTCOMES
         table.add_row(
-            Text(frame_words(frame), style="cyan" if frame.way == "out" else ""),
+            _cell(frame_words(frame), "cyan" if frame.way == "out" else ""),
             str(frame.size_bytes),
             f"{frame.airtime_s:.2f} s",
             time_words(frame.ago_s),
-            Text(frame.outcome.replace("_", " "), style=_WEAK if is_lost else _DIM),
+            _cell(frame.outcome.replace("_", " "), _WEAK if is_lost else _DIM),
         )
     return table
 
@@ -256,14 +266,14 @@ def _frames(view: GatewayView) -> RenderableType:
 def _events(view: GatewayView) -> RenderableType:
     older = [event for event in view.events[EVENTS_SHOWN:] if event.is_trouble][:TROUBLES_SHOWN]
     lines = [
-        Text(f"{time_words(event.ago_s):>8} ago  ", style=_DIM).append(
-            f"{event.text}", style=_BAD if event.is_trouble else ""
+        Text(f"{time_words(event.ago_s):>8} ago  ", style=_DIM).append_text(
+            _cell(event.text, _BAD if event.is_trouble else "")
         )
         for event in (*view.events[:EVENTS_SHOWN], *older)
     ]
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(view.dropped.items()))
     if dropped:
-        lines.append(Text(f"dropped off the water: {dropped}", style=_WEAK))
+        lines.append(_cell(f"dropped off the water: {dropped}", _WEAK))
     if view.bytes_sent:
         lines.append(
             Text(f"{size_words(view.bytes_sent)} in {view.airtime_s:.1f} s of airtime", style=_DIM)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.watch.views import GatewayView
 from zacoustic.tools.watch.words import (
@@ -21,7 +22,7 @@ _RIGHT = ("id", "sent", "last", "rate", "heard", "age", "waits", "airtime")
 def topics_text(view: GatewayView) -> str:
     """Return the table of one gateway, with a line about it on top."""
     rows = [_row(view, index) for index in range(len(view.streams))]
-    head = f"gateway {title_words(view)}: {state_words(view)}"
+    head = one_line(f"gateway {title_words(view)}: {state_words(view)}")
     return f"{head}\n{align(_HEADER, rows, right=_RIGHT)}"
 
 

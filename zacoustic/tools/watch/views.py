@@ -42,6 +42,10 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Reliable samples by how they ended; empty: it is not reliable."""
     useless: int
     """Samples that became too old, were superseded, or that nobody wanted."""
+    expired: int
+    """Those of them that became too old before they could go, or that did not arrive in time."""
+    refused: int
+    """What the gateway has not taken: too large, not of the type, no room."""
     deadline_missed: int | None
     """How often no sample came in time; None: it has no deadline."""
     airtime_bytes: int
@@ -159,7 +163,9 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Name in the table."""
     is_alive: bool
-    """It runs, and its network is reached."""
+    """It runs, its network is reached, and it answers."""
+    gone_s: float | None
+    """For how long it is not, s; None: it is."""
     version: str
     """Of its program."""
     uptime_s: float | None
@@ -174,6 +180,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """What it waits for."""
     is_silent: bool
     """Silence is kept."""
+    why_silent: str = ""
+    """Why, one line."""
     mtu_bytes: int | None
     """Largest frame, bytes."""
     bit_rate_bps: float | None

@@ -15,8 +15,12 @@ from zacoustic.island.doorbell import Doorbell, tell_loop
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.session import Island
 from zacoustic.node.session import session_config
-from zacoustic.tools.watch.board import Board
+from zacoustic.tools.watch.board import Board, addresses_in
 
+PULSE_S: Final = 0.5
+"""Time between two questions whether the gateways live, s: who hangs leaves no other trace."""
+PULSE_LIMIT_S: Final = 1.2
+"""A gateway that has not answered that within this time is gone until it does, s."""
 ASK_S: Final = 30.0
 """Everything is asked for again after so long, s: a put may be lost, and clocks drift."""
 _ANSWER_LIMIT_S: Final = 5.0
@@ -50,6 +54,9 @@ class Watch:
         self._guard = threading.Lock()
         self._news: dict[str, bytes] = {}
         self._alive: dict[int, bool] = {}
+        self.is_connected = True
+        """There is a router, or another peer."""
+        self._feeling: asyncio.Task[None] | None = None
         self._asking: asyncio.Task[None] | None = None
 
     async def __aenter__(self) -> Self:
@@ -66,6 +73,7 @@ class Watch:
             await self.island.close()
             raise
         self._asking = asyncio.create_task(self._ask_again())
+        self._feeling = asyncio.create_task(self._feel_pulses())
         return self
 
     async def __aexit__(
@@ -74,32 +82,45 @@ class Watch:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if self._asking is not None:
-            self._asking.cancel()
-            await asyncio.gather(self._asking, return_exceptions=True)
+        tasks = [task for task in (self._asking, self._feeling) if task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
         await self.island.close()
 
     async def ask(self) -> None:
         """Ask all gateways for everything, and wait until they have answered."""
+        await self._get("**", _ANSWER_LIMIT_S)
+
+    async def _get(self, what: str, limit_s: float) -> set[int]:
+        """Ask for documents, and wait for the answers; returns the addresses of who gave one."""
         ended = asyncio.Event()
+        answered: set[int] = set()
+
+        def take(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                answered.update(addresses_in(str(reply.ok.key_expr)))
+                self._take_sample(reply.ok)
 
         def get() -> None:
             self.island.session.get(
-                zenoh.KeyExpr(f"{PREFIX}/**"),
-                self.island.callback(self._take_reply, lambda: tell_loop(self._loop, ended.set)),
-                timeout=_ANSWER_LIMIT_S,
+                zenoh.KeyExpr(f"{PREFIX}/{what}"),
+                self.island.callback(take, lambda: tell_loop(self._loop, ended.set)),
+                timeout=limit_s,
                 consolidation=zenoh.ConsolidationMode.NONE,
             )
 
         await self.island.worker.run(get)
         await ended.wait()
         self._attend()
+        return answered
 
     def _declare(self) -> None:
         session = self.island.session
         session.declare_subscriber(
             zenoh.KeyExpr(f"{PREFIX}/**"), self.island.callback(self._take_sample)
         )
+        self.island.watch(lambda is_up: tell_loop(self._loop, lambda: self._note_router(is_up)))
         session.liveliness().declare_subscriber(
             zenoh.KeyExpr(f"{PREFIX}/*/gateway"), self.island.callback(self._see), history=True
         )
@@ -110,11 +131,23 @@ class Watch:
             with contextlib.suppress(zenoh.ZError):  # the router is gone; it may come back
                 await self.ask()
 
-    # On threads of Zenoh's
+    async def _feel_pulses(self) -> None:
+        """See who lives: a process that hangs keeps its session, and puts nothing any more."""
+        while True:
+            await asyncio.sleep(PULSE_S)
+            known = self.board.addresses()
+            answered: set[int] = set()
+            with contextlib.suppress(zenoh.ZError):
+                answered = await self._get("*/clock", PULSE_LIMIT_S)
+            for address in known:
+                self.board.note_answer(address, has_answered=address in answered)
+            self.changed.set()
 
-    def _take_reply(self, reply: zenoh.Reply) -> None:
-        if reply.ok is not None:
-            self._take_sample(reply.ok)
+    def _note_router(self, is_up: bool) -> None:
+        self.is_connected = is_up
+        self.changed.set()
+
+    # On threads of Zenoh's
 
     def _take_sample(self, sample: Any) -> None:  # noqa: ANN401 (Zenoh's stubs differ in it)
         key = str(sample.key_expr)

@@ -1,7 +1,9 @@
 """Numbers of a view as short words, the same on terminal and page."""
 
+from collections.abc import Sequence
 from typing import Final
 
+from zacoustic.tools.truth import Alarm
 from zacoustic.tools.watch.views import FrameView, GatewayView, PeerView, StreamView, TransferView
 
 NOTHING: Final = "–"
@@ -13,6 +15,7 @@ LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
 OLD_S: Final = 120.0
 """A node that was not heard for longer than this is worth a colour, s."""
 
+_SILENT: Final = "SILENT by order or by a quiet window"
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
 _DAY_S: Final = 86_400
@@ -76,15 +79,43 @@ def title_words(view: GatewayView) -> str:
 def state_words(view: GatewayView) -> str:
     """Return how it is, in a few words: what keeps frames from the water comes first."""
     if not view.is_alive:
-        return "gone: not on this network any more"
+        return "gone: it does not answer on this network"
     words = [f"link {view.link_state}"]
     if view.link_detail:
         words.append(view.link_detail)
     if view.is_silent:
-        words.append("SILENT by order or by a quiet window")
+        words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
     return ", ".join(words)
+
+
+def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
+    """Return what is dead of all that is shown; None: nothing.
+
+    Args:
+        views: The gateways.
+        trouble: Why none of them is reached; empty: they may be.
+    """
+    if trouble:
+        return Alarm(f"NOT CURRENT: {trouble}")
+    gone = [view for view in views if not view.is_alive]
+    down = [view for view in views if view.is_alive and view.link_state != "up"]
+    words = [f"gateway {title_words(view)} gone" for view in gone]
+    words += [f"link of gateway {title_words(view)} {view.link_state}" for view in down]
+    if not words:
+        return None
+    since_s = gone[0].gone_s if len(words) == 1 and gone else None
+    return Alarm(f"NOT CURRENT: {', '.join(words)}", since_s)
+
+
+def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
+    """Return streams with those on top that fail, then those that have lost something."""
+
+    def rank(stream: StreamView) -> tuple[bool, bool]:
+        return not stream_words(stream), not (stream.refused or stream.expired)
+
+    return sorted(streams, key=rank)
 
 
 def is_well(view: GatewayView) -> bool:

@@ -403,6 +403,10 @@ class Node:
         """What was counted; goes on counting while it is read."""
         return self._node.stats
 
+    def expired(self) -> dict[int, int]:
+        """Return what became too old before it could be sent, by stream id."""
+        return self._running().apply(self._node.expired)
+
     def ledger(self) -> list[LedgerEntry]:
         """Return every byte given to the link, by stream and cause."""
         return self._running().apply(self._node.ledger)

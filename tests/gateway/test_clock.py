@@ -1,0 +1,91 @@
+"""A gateway whose computer does not know the time: silent, and it says so; ages do not jump."""
+
+import json
+import time
+from typing import Any
+
+import zenoh
+
+from tests.gateway.islands import SECTION, Water, island, run, until
+from tests.gateway.islands import get as ask
+from zacoustic.gateway.notices import ClockChanged
+from zacoustic.hostclock import ClockState, HostClock
+from zacoustic.tools.watch.board import Board
+
+YEARS_NS = 50 * 365 * 86_400 * 10**9
+
+
+async def get(client: zenoh.Session, key: str) -> dict[str, Any]:
+    """Return a document."""
+    found: dict[str, Any] = json.loads((await ask(client, key)).payload(key))
+    return found
+
+
+class Computer:
+    """The clock of a computer, which a test sets."""
+
+    def __init__(self) -> None:
+        self.wrong_ns = 0
+        self.error_ns: int | None = 1_000_000
+        self.host = HostClock(
+            utc_ns=lambda: time.time_ns() + self.wrong_ns,
+            ask=lambda: ClockState(error_ns=self.error_ns),
+        )
+
+
+def scheduled() -> dict[str, Any]:
+    access = {
+        "method": "tdma", "slots": [1], "slot_s": 0.5, "clock_error_s": 0.005, "max_range_m": 30,
+    }  # fmt: skip
+    return SECTION | {"links": [{"locator": "sim/127.0.0.1:1", "access": access}]}
+
+
+def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() -> None:
+    async def scene() -> None:
+        water, computer = Water(), Computer()
+        computer.wrong_ns, computer.error_ns = -YEARS_NS, None
+        async with island(1, water, section=scheduled(), host=computer.host) as shore:
+            with shore.client() as client:
+                client.put("chat", b"early")
+                doubt = "UTC is not known: the clock of this computer is not set"
+                assert ClockChanged(doubt=doubt) in shore.notices
+                link = await get(client, "@acoustic/1/link")
+                assert (link["silent"], link["why_silent"]) == (True, doubt)
+                events = (await get(client, "@acoustic/1/events"))["events"]
+                assert any(each["trouble"] and doubt in each["text"] for each in events)
+                assert water.sent_by(1) == 0
+                computer.wrong_ns, computer.error_ns = 0, 1_000_000
+                client.put("chat", b"now")
+                await until(lambda: water.sent_by(1), water.changed)
+                assert ClockChanged(doubt="") in shore.notices
+                link = await get(client, "@acoustic/1/link")
+                assert (link["silent"], link["why_silent"]) == (False, "")
+
+    run(scene())
+
+
+def test_ages_go_on_when_the_clock_of_the_gateway_is_set_back() -> None:
+    async def scene() -> None:
+        water, computer = Water(), Computer()
+        async with island(1, water) as vehicle, island(2, water, host=computer.host) as shore:
+            with vehicle.client() as there, shore.client() as here:
+                board = Board()
+
+                async def look() -> float:
+                    for name in ("clock", "node", "link", "streams", "peers"):
+                        key = f"@acoustic/2/{name}"
+                        board.take(key, json.dumps(await get(here, key)).encode())
+                    found = [each.heard_ago_s for each in board.view(2).peers if each.address == 1]
+                    return found[0] if found and found[0] is not None else -1.0
+
+                there.put("chat", b"hello")
+                before_s = -1.0
+                while before_s < 0:
+                    before_s = await look()
+                for wrong_ns in (-2 * YEARS_NS, 7200 * 10**9, -7200 * 10**9):
+                    computer.wrong_ns = wrong_ns
+                    after_s = await look()
+                    assert before_s <= after_s < before_s + 20
+                    before_s = after_s
+
+    run(scene())

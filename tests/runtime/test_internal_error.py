@@ -1,0 +1,304 @@
+"""An engine that raises is replaced; nothing that was asked of it ends without a word."""
+
+import asyncio
+import logging
+import random
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Self
+
+import pytest
+
+from tests.runtime.loop_checks import run, until
+from zacoustic.core.actions.news import GoalAnswered, GoalFailed, GoalRecovered
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    EngineRestarted,
+    Event,
+)
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.qos import Forward, Qos, Reliability
+from zacoustic.core.ranging import RangeFailed
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.journal import MemoryJournal
+from zacoustic.link import Link, LinkConfig, LinkReceiver
+from zacoustic.replacement.faults import FREE, REPORT
+from zacoustic.runtime import LinkRunner
+
+RELIABLE = Qos(reliability=Reliability.RELIABLE, depth=8)
+SPECS = (
+    TopicSpec(stream_id=10, name="depth"),
+    TopicSpec(stream_id=11, name="kept", qos=RELIABLE, journal=True),
+    TopicSpec(stream_id=12, name="light", qos=RELIABLE, journal=False),
+    TopicSpec(stream_id=13, name="asked", qos=Qos(forward=Forward.ON_DEMAND)),
+    ServiceSpec(stream_id=20, name="arm", server=2),
+    ActionSpec(stream_id=30, name="goto", server=2),
+)
+POISON = b"\xbf\xff"
+
+
+class BrittleEngine(Engine):
+    """Has a bug: it raises at certain frames."""
+
+    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
+        super().handle_frame(frame, now)
+        if frame.frame_bytes.startswith(POISON):
+            raise KeyError("a bug")
+
+
+class QuietLink(Link):
+    """Is up at once; a transmission ends when the test says so."""
+
+    def __init__(self) -> None:
+        self.sent: list[Transmission] = []
+        self.changed = asyncio.Event()
+        self.under_way: list[Transmission] = []
+        self.receiver: LinkReceiver | None = None
+        self.finishes = True
+
+    @classmethod
+    def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
+        return cls()
+
+    async def open(self, receiver: LinkReceiver) -> None:
+        self.receiver = receiver
+        self.capabilities = LinkCapabilities(
+            mtu_bytes=64,
+            bit_rate_bps=1e6,
+            propagation_s=0.0,
+            acknowledges=True,
+            measures=frozenset({"range_m"}),
+            measures_range=True,
+        )
+        receiver.state_changed(LinkState.UP, "quiet")
+
+    async def close(self) -> None:
+        pass
+
+    def transmit(self, transmission: Transmission) -> None:
+        assert not self.under_way, "two frames at once"
+        self.sent.append(transmission)
+        self.changed.set()
+        self.under_way.append(transmission)
+        if self.finishes:
+            asyncio.get_running_loop().call_soon(self.finish)
+
+    def finish(self) -> None:
+        assert self.receiver is not None
+        now = time.monotonic_ns()
+        sent = self.under_way.pop()
+        self.receiver.transmit_finished(
+            TransmitReport(
+                transmission_id=sent.transmission_id,
+                outcome=TransmitOutcome.SENT,
+                started_at=now,
+                finished_at=now,
+            )
+        )
+
+    def hear(self, frame_bytes: bytes) -> None:
+        assert self.receiver is not None
+        self.receiver.frame_received(
+            ReceivedFrame(frame_bytes=frame_bytes, received_at=time.monotonic_ns(), source=2)
+        )
+
+
+class Bench:
+    """A runner with such an engine and link, and what it has told."""
+
+    def __init__(self) -> None:
+        self.events: list[Event] = []
+        self.changed = asyncio.Event()
+        self.link = QuietLink()
+        self.fails = False
+        journal = MemoryJournal()
+        table = StreamTable(SPECS, nodes={1: "a", 2: "b"})
+
+        def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            rng = random.Random(epoch)
+            return BrittleEngine(address=1, table=table, epoch=epoch, rng=rng, stored=stored)
+
+        state = journal.recover()
+        first = renew(state.boot_epoch, state.entries)
+        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=journal)
+
+    def _take(self, event: Event) -> None:
+        self.events.append(event)
+        self.changed.set()
+        if self.fails:
+            raise ValueError("a bug of the receiver")
+
+    def got(self, *kinds: type[Event]) -> list[Event]:
+        return [event for event in self.events if isinstance(event, kinds)]
+
+    async def restarted(self, times: int = 1) -> None:
+        await until(lambda: len(self.got(EngineRestarted)) >= times, self.changed)
+
+
+def on_a_bench(main: Callable[[Bench], Awaitable[None]]) -> None:
+    async def whole() -> None:
+        bench = Bench()
+        await bench.runner.start()
+        await main(bench)
+        assert bench.runner.failure is None
+        await bench.runner.close()
+
+    run(whole())
+
+
+def test_frame_that_raises_is_logged_in_hex_and_the_engine_goes_on(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def main(bench: Bench) -> None:
+        before = bench.runner.engine.epoch
+        bench.link.hear(POISON + b"\x01\x02")
+        await bench.restarted()
+        engine = bench.runner.engine
+        assert engine.epoch == (before + 1) % 65536
+        assert engine.stats.dropped["internal_error"] == 1
+        bench.runner.apply(lambda engine, now: engine.publish(10, b"\x2a", now))
+        await until(lambda: bench.link.sent, bench.link.changed)
+
+    caplog.set_level(logging.ERROR)
+    on_a_bench(main)
+    assert (POISON + b"\x01\x02").hex() in caplog.text
+    assert REPORT in caplog.text
+    assert "KeyError" in caplog.text
+
+
+def test_all_that_was_under_way_goes_on_or_is_told() -> None:
+    async def main(bench: Bench) -> None:
+        runner = bench.runner
+        ids: dict[str, int] = {}
+
+        def begin(engine: Engine, now: int) -> None:
+            ids["kept"] = engine.publish(11, b"kept", now)
+            ids["light"] = engine.publish(12, b"light", now)
+            ids["call"] = engine.call(20, b"?", now)
+            ids["range"] = engine.ranging.request(2, now, timeout_s=100)
+            engine.actions.send_goal(30, b"!", now, timeout_s=100, tag=b"mine")
+
+        runner.apply(begin)
+        await until(lambda: bench.got(DeliveryStored), bench.changed)
+        ids["late"] = runner.apply(lambda engine, now: engine.publish(12, b"late", now))
+        bench.link.hear(POISON)
+        await bench.restarted()
+        assert runner.engine.delivering(11) == 1
+        assert not bench.got(GoalRecovered, GoalFailed, GoalAnswered)  # it goes on, unremarked
+        (failed,) = bench.got(CallFailed)
+        assert isinstance(failed, CallFailed)
+        assert (failed.call_id, failed.failure) == (ids["call"], CallFailure.UNKNOWN)
+        (no_range,) = bench.got(RangeFailed)
+        assert isinstance(no_range, RangeFailed)
+        assert no_range.range_id == ids["range"]
+        ended = [event for event in bench.events if isinstance(event, DeliveryEnded)]
+        assert {event.delivery_id for event in ended} == {ids["light"], ids["late"]}
+        assert {event.outcome for event in ended} == {DeliveryOutcome.CANCELLED}
+        assert all(event.missing == (2,) and "unknown" in event.detail for event in ended)
+        # A second time nothing is told again, and what ends now is told once.
+        bench.link.hear(POISON + b"again")
+        await bench.restarted(2)
+        runner.apply(lambda engine, now: engine.cancel_delivery(ids["kept"], now))
+        bench.link.hear(POISON + b"once more")
+        await bench.restarted(3)
+        ended = [event for event in bench.events if isinstance(event, DeliveryEnded)]
+        assert sorted(event.delivery_id for event in ended) == sorted(
+            (ids["light"], ids["late"], ids["kept"])
+        )
+        assert len(bench.got(CallFailed)) == 1
+
+    on_a_bench(main)
+
+
+def test_what_was_not_written_down_is_told() -> None:
+    async def main(bench: Bench) -> None:
+        sent: list[object] = []
+
+        def lose(engine: Engine, now: int) -> None:
+            sent.append(engine.actions.send_goal(30, b"!", now, timeout_s=100))
+            sent.append(engine.publish(11, b"kept", now))
+            raise KeyError("a bug, before anything could be written")
+
+        bench.runner.submit(lose)
+        await bench.restarted()
+        (answered,) = bench.got(GoalAnswered, GoalFailed, GoalRecovered)
+        assert isinstance(answered, GoalAnswered)
+        assert (answered.goal, answered.accepted) == (sent[0], False)
+        (ended,) = bench.got(DeliveryEnded)
+        assert isinstance(ended, DeliveryEnded)
+        assert ended.delivery_id == sent[1]
+
+    on_a_bench(main)
+
+
+def test_what_is_wanted_is_asked_for_anew() -> None:
+    async def main(bench: Bench) -> None:
+        bench.runner.apply(lambda engine, now: engine.demand.want(13, now, {2}))
+        bench.link.hear(POISON)
+        await bench.restarted()
+        assert bench.runner.engine.demand.wanted(13) == {2}
+
+    on_a_bench(main)
+
+
+def test_nothing_is_sent_before_the_modem_has_ended_the_former_engines_frame() -> None:
+    async def main(bench: Bench) -> None:
+        bench.link.finishes = False
+        bench.runner.apply(lambda engine, now: engine.publish(10, b"one", now))
+        await until(lambda: bench.link.sent, bench.link.changed)
+        bench.link.hear(POISON)
+        await bench.restarted()
+        bench.runner.apply(lambda engine, now: engine.publish(10, b"two", now))
+        await asyncio.sleep(0.01)
+        assert len(bench.link.sent) == 1
+        bench.link.finishes = True
+        bench.link.finish()
+        await until(lambda: len(bench.link.sent) >= 2, bench.link.changed)
+        assert "stray_report" not in bench.runner.engine.stats.dropped
+
+    on_a_bench(main)
+
+
+def test_frames_that_raise_cause_no_storm_of_engines() -> None:
+    async def main(bench: Bench) -> None:
+        for _ in range(50):
+            bench.link.hear(POISON)
+            await bench.restarted()
+        assert len(bench.got(EngineRestarted)) == 1  # the same frame
+        for number in range(2_000):  # each another one
+            bench.link.hear(POISON + number.to_bytes(2, "big"))
+            await asyncio.sleep(0)
+        await bench.restarted(FREE + 1)
+        assert len(bench.got(EngineRestarted)) == FREE + 1  # and now it is deaf for a while
+        bench.runner.apply(lambda engine, now: engine.publish(10, b"still speaks", now))
+        await until(
+            lambda: any(b"still speaks" in each.frame_bytes for each in bench.link.sent),
+            bench.link.changed,
+        )
+
+    on_a_bench(main)
+
+
+def test_receiver_of_events_that_raises_is_counted_and_hears_the_next_ones() -> None:
+    async def main(bench: Bench) -> None:
+        bench.fails = True
+        bench.runner.apply(lambda engine, now: engine.publish(11, b"a", now))
+        await until(lambda: bench.got(DeliveryStored), bench.changed)
+        bench.runner.apply(lambda engine, now: engine.publish(11, b"b", now))
+        await until(lambda: len(bench.got(DeliveryStored)) == 2, bench.changed)
+        assert not bench.got(EngineRestarted)
+
+    on_a_bench(main)

@@ -1,0 +1,67 @@
+"""Standard input, output and error, as they may be: closed, full, or of another encoding.
+
+A closed one is replaced by the null device, also for libraries: otherwise the next file that is
+opened, a recording or a socket, would get its descriptor and whatever is printed. What an encoding
+lacks is written as its JSON escape.
+"""
+
+import codecs
+import contextlib
+import io
+import os
+import sys
+from typing import Final
+
+UNREAD: Final = "nobody reads the output"
+"""Why output goes nowhere that somebody has cut off, as `head` does: no fault of anybody."""
+_ESCAPES: Final = "zacoustic.escapes"
+_NAMES: Final = ("stdin", "stdout", "stderr")
+
+
+def prepare_streams() -> None:
+    """Make the three streams of the process usable, whatever they are."""
+    codecs.register_error(_ESCAPES, _escape)
+    for descriptor, name in enumerate(_NAMES):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest one that is free, which is this
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            # Of the process: nobody closes it.
+            setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace" if name == "stdin" else _ESCAPES)
+
+
+def flush_output() -> str:
+    """Write what was printed; returns why that is not possible, one line, or nothing.
+
+    After a failure the rest goes nowhere: the interpreter tries once more at its end.
+    """
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        silence_output()
+        return UNREAD
+    except (OSError, ValueError) as error:
+        silence_output()
+        return str(getattr(error, "strerror", None) or error)
+    return ""
+
+
+def silence_output() -> None:
+    """Point standard output to nowhere."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def _escape(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    units = text.encode("utf-16-be", "surrogatepass").hex(" ", 2).split()
+    return "".join(f"\\u{unit}" for unit in units), error.end

@@ -1,0 +1,108 @@
+"""The clock of this computer: what it shows, how wrong it may be, and which run of it this is.
+
+The kernel knows whether anything (an NTP client, a GPS receiver) keeps its clock right, and how
+wrong it may be at most: `adjtimex` tells, on Linux, and `ntp_adjtime` on BSD and macOS. After a
+start, and when somebody has set the clock by hand, it is unknown, until a client has set it right.
+Some clients tell the kernel only if they are asked to (chrony: `rtcsync`).
+
+A system that cannot be asked is believed to be as exact as the configuration says.
+"""
+
+import ctypes
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.journal import BOOT_KEY
+
+_BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
+_STA_UNSYNC: Final = 0x40
+_REST_BYTES: Final = 256
+_NS_PER_US: Final = 1000
+_CALLS: Final = ("adjtimex", "ntp_adjtime")
+
+
+class ClockState(msgspec.Struct, frozen=True, kw_only=True):
+    """What the kernel says of its clock."""
+
+    error_ns: int | None
+    """How wrong it may be at most, ns; None: nothing keeps it right."""
+
+
+AskClock = Callable[[], ClockState | None]
+"""Asks the kernel; None: this system does not tell."""
+
+
+class _Timex(ctypes.Structure):
+    """The beginning of `struct timex`, which is the same everywhere; only read here."""
+
+    _fields_ = (
+        ("modes", ctypes.c_uint),
+        ("offset", ctypes.c_long),
+        ("freq", ctypes.c_long),
+        ("maxerror", ctypes.c_long),
+        ("esterror", ctypes.c_long),
+        ("status", ctypes.c_int),
+        ("rest", ctypes.c_char * _REST_BYTES),
+    )
+
+
+def ask_kernel() -> ClockState | None:
+    """Return what the kernel says of its clock; None: it cannot be asked."""
+    if sys.platform == "win32":
+        return None
+    timex = _Timex()
+    for name in _CALLS:
+        try:
+            state = getattr(ctypes.CDLL(None), name)(ctypes.byref(timex))
+        except (OSError, AttributeError):
+            continue
+        if state < 0:
+            continue
+        if timex.status & _STA_UNSYNC:
+            return ClockState(error_ns=None)
+        return ClockState(error_ns=max(0, timex.maxerror, timex.esterror) * _NS_PER_US)
+    return None
+
+
+def error_asked(ask: AskClock | None, stated_s: float) -> Callable[[], int | None]:
+    """Return what tells how wrong the clock may be now, ns; None: nothing keeps it right.
+
+    Args:
+        ask: Asks the kernel, or None.
+        stated_s: What the configuration says, s, where nobody can be asked.
+    """
+
+    def error_ns() -> int | None:
+        state = None if ask is None else ask()
+        return seconds_to_ns(stated_s) if state is None else state.error_ns
+
+    return error_ns
+
+
+def boot_name() -> bytes:
+    """Return the name of the present run of the monotonic clock; empty: this system has none."""
+    try:
+        return _BOOT_ID.read_bytes().strip()
+    except OSError:
+        return b""
+
+
+class HostClock(msgspec.Struct, frozen=True, kw_only=True):
+    """What a runner asks of the computer that it runs on."""
+
+    utc_ns: Callable[[], int] = time.time_ns
+    """Tells UTC, ns since 1970."""
+    ask: AskClock = ask_kernel
+    """Tells how wrong that may be."""
+    boot: bytes = msgspec.field(default_factory=boot_name)
+    """Name of the present run of the monotonic clock; empty: it has none."""
+
+    def named(self, stored: Mapping[str, bytes]) -> dict[str, bytes]:
+        """Return what a journal has kept, with the name of this run for the next engine."""
+        return {**stored, BOOT_KEY: self.boot}

@@ -1,0 +1,200 @@
+"""`Outstanding`: what an application waits for from an engine, told when that engine is lost.
+
+An engine that has raised is replaced by one that goes on from the journal, as after a crash; but
+the application has not crashed with it and still waits for what it had asked for. So whoever drives
+the engine keeps the ids of all that is under way, outside of it:
+
+- A sample that was in the journal goes on. Of any other one a `DeliveryEnded` is told.
+- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Of any other
+  one, and of each call and range, a failure is told. Whether it was executed is unknown.
+- What is wanted of on-demand topics, and ranges that are measured again and again, are asked for
+  anew.
+- What the new engine finds in the journal and the old one had told of already is not told twice.
+"""
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from zacoustic.core.actions.news import (
+    CancelAnswered,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalFailure,
+    GoalKey,
+    GoalRecovered,
+    ResultReceived,
+)
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    CallFailure,
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    Event,
+    ResponseReceived,
+)
+from zacoustic.core.orders.words import ORDERS_STREAM_ID
+from zacoustic.core.ranging import RangeFailed, RangeFailure, RangeMeasured
+from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.tap import EngineCall, Tap, call_engine
+
+MOST_ENDED: Final = 1024
+"""Ends that are remembered, of samples and of goals: the journal may still have them then."""
+_CALLS: Final = (
+    "publish", "call", "cancel", "orders.send", "actions.send_goal",
+    "ranging.request", "ranging.cancel", "ranging.repeat", "demand.want",
+)  # fmt: skip
+_TEXT: Final = "an internal error has ended the engine of this node"
+_UNKNOWN_TEXT: Final = f"{_TEXT}: whether it was executed is unknown"
+
+
+class Outstanding:
+    """What is under way at the engines of one node."""
+
+    def __init__(self) -> None:
+        self._samples: dict[int, tuple[int, bool]] = {}
+        self._calls: dict[int, int] = {}
+        self._goals: dict[GoalKey, bool] = {}
+        self._ranges: dict[int, int] = {}
+        self._wishes: dict[int, dict[str, Any]] = {}
+        self._schedules: dict[int, dict[str, Any]] = {}
+        self._ended_samples: dict[int, None] = {}
+        self._ended_goals: dict[GoalKey, None] = {}
+
+    def watch(self, engine: Engine) -> None:
+        """Take note of what is asked of an engine from now on."""
+        Tap(engine, self._note, _CALLS)
+
+    def passes(self, event: Event) -> bool:
+        """Take note of an event; False: it was told before."""
+        match event:
+            case DeliveryStored():
+                if event.delivery_id in self._samples:
+                    self._samples[event.delivery_id] = event.stream_id, True
+            case DeliveryEnded():
+                self._samples.pop(event.delivery_id, None)
+                return _is_first(self._ended_samples, event.delivery_id)
+            case ResponseReceived() | CallFailed():
+                self._calls.pop(event.call_id, None)
+            case RangeMeasured() | RangeFailed():
+                if event.range_id is not None:
+                    self._ranges.pop(event.range_id, None)
+            case GoalRecovered():
+                is_known = event.goal in self._goals or event.goal in self._ended_goals
+                if not is_known:
+                    self._goals[event.goal] = True
+                return not is_known
+            case GoalAnswered(accepted=True):
+                if event.goal in self._goals:
+                    self._goals[event.goal] = True
+                return event.goal not in self._ended_goals
+            case FeedbackReceived() | CancelAnswered():
+                return event.goal not in self._ended_goals
+            case GoalAnswered() | ResultReceived() | GoalFailed():
+                self._goals.pop(event.goal, None)
+                return _is_first(self._ended_goals, event.goal)
+            case _:
+                pass
+        return True
+
+    def renew(self, engine: Engine, now: int) -> list[Event]:
+        """Go on with a new engine, which is watched from now on.
+
+        Args:
+            engine: Made of what the journal has, and not yet polled.
+            now: The instant, ns.
+
+        Returns:
+            What the application is to be told, in its order, as far as each event `passes`.
+        """
+        events: list[Event] = []
+        while (event := engine.poll_event()) is not None:
+            events.append(event)
+        recovered = {event.goal for event in events if isinstance(event, GoalRecovered)}
+        lost = [*self._lost(engine, recovered, now)]
+        for name, kept in (("demand.want", self._wishes), ("ranging.repeat", self._schedules)):
+            for arguments in kept.values():
+                call_engine(engine, name, arguments | {"now": now})
+        self.watch(engine)
+        return lost + events
+
+    def _lost(self, engine: Engine, recovered: set[GoalKey], now: int) -> Iterator[Event]:
+        """Say how each thing ends that nothing is left of."""
+        for delivery_id, (stream_id, is_stored) in self._samples.items():
+            if not is_stored:
+                yield DeliveryEnded(
+                    delivery_id=delivery_id,
+                    stream_id=stream_id,
+                    outcome=DeliveryOutcome.CANCELLED,
+                    missing=_receivers(engine, stream_id),
+                    ended_at=now,
+                    detail=f"{_TEXT}: whether it has arrived is unknown",
+                )
+        for call_id, stream_id in self._calls.items():
+            yield CallFailed(
+                call_id=call_id,
+                stream_id=stream_id,
+                failure=CallFailure.UNKNOWN,
+                text=_UNKNOWN_TEXT,
+            )
+        for goal, is_accepted in self._goals.items():
+            if goal in recovered:
+                continue
+            if is_accepted:
+                yield GoalFailed(goal=goal, failure=GoalFailure.UNKNOWN, text=_UNKNOWN_TEXT)
+            else:
+                yield GoalAnswered(
+                    goal=goal, accepted=False, failure=GoalFailure.UNKNOWN, text=_UNKNOWN_TEXT
+                )
+        for range_id, address in self._ranges.items():
+            yield RangeFailed(
+                range_id=range_id, address=address, failure=RangeFailure.TIMED_OUT, text=_TEXT
+            )
+
+    def _note(self, call: EngineCall) -> None:
+        """Take note of a command."""
+        if call.error is not None:
+            return
+        arguments, result = call.arguments, call.result
+        match call.name:
+            case "publish" if result:
+                self._samples[result] = arguments["stream_id"], False
+                self._ended_samples.pop(result, None)
+            case "call":
+                self._calls[result] = arguments["stream_id"]
+            case "orders.send":
+                self._calls[result] = ORDERS_STREAM_ID
+            case "cancel":
+                self._calls.pop(arguments["call_id"], None)
+            case "actions.send_goal":
+                self._goals[result] = False
+                self._ended_goals.pop(result, None)
+            case "ranging.request":
+                self._ranges[result] = arguments["address"]
+            case "ranging.cancel":
+                self._ranges.pop(arguments["range_id"], None)
+            case "ranging.repeat":
+                self._schedules[arguments["address"]] = arguments
+            case "demand.want":
+                self._wishes[arguments["stream_id"]] = arguments
+            case _:
+                pass
+
+
+def _is_first(ended: dict[Any, None], name: object) -> bool:
+    """Remember an end; False: it is remembered already."""
+    if name in ended:
+        return False
+    ended[name] = None
+    while len(ended) > MOST_ENDED:
+        del ended[next(iter(ended))]
+    return True
+
+
+def _receivers(engine: Engine, stream_id: int) -> tuple[int, ...]:
+    """Return who may lack a sample."""
+    spec = engine.table.by_id(stream_id).spec
+    listed = spec.subscribers if isinstance(spec, TopicSpec) else None
+    return tuple(sorted(set(engine.table.nodes if listed is None else listed) - {engine.address}))

@@ -1,0 +1,105 @@
+"""`Replacement`: the next engine of a node, in place of one that has raised.
+
+It is made as after a crash of the process: of what the journal has committed, in a new boot epoch.
+What waited for a commit is forgotten with the engine that wanted it; what was committed is known
+here, so the store is not read again.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterator, Mapping
+from typing import TypeAlias
+
+from zacoustic.core.clock import Clock
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import EngineRestarted, Event
+from zacoustic.core.journal import JournalWrite
+from zacoustic.journal import EPOCHS
+from zacoustic.journal.thread import JournalThread
+from zacoustic.replacement.faults import Faults
+from zacoustic.replacement.outstanding import Outstanding
+
+Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]
+"""``(epoch, stored)``: makes an engine like the one before, of what the journal has."""
+
+
+class Replacement:
+    """Knows what the next engine of a node needs.
+
+    Args:
+        engine: The first engine.
+        renew: Makes the others.
+    """
+
+    def __init__(self, engine: Engine, renew: Renew) -> None:
+        self.faults = Faults(engine.address)
+        self._renew = renew
+        self._entries = dict(engine.stored)
+        self._outstanding = Outstanding()
+        self._outstanding.watch(engine)
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def is_under_way(self) -> bool:
+        """The former engine is lost, and the next one is not there yet."""
+        return self._task is not None
+
+    def hand_on(self, deliver: Callable[[Event], None], instant: Clock, event: Event) -> None:
+        """Hand an event on, unless the application was told before; what it raises is a fault."""
+        if self._outstanding.passes(event):
+            try:
+                deliver(event)
+            except Exception as error:
+                self.faults.note(error, instant(), event=event)
+
+    def committed(self, write: JournalWrite) -> None:
+        """Take note of a write that is safe."""
+        if write.value is None:
+            self._entries.pop(write.key, None)
+        else:
+            self._entries[write.key] = write.value
+
+    def begin(
+        self,
+        lost: Engine,
+        pause_s: float,
+        journal: JournalThread | None,
+        ready: Callable[[Engine], None],
+        fail: Callable[[Exception], None],
+    ) -> None:
+        """Make the next engine; on the loop.
+
+        Args:
+            lost: The engine that has raised.
+            pause_s: Time to wait before, s.
+            journal: Whose commits are waited for.
+            ready: Takes the engine, not yet polled.
+            fail: Takes what the making has raised.
+        """
+
+        async def replace() -> None:
+            try:
+                if journal is not None:
+                    await journal.settle()
+                await asyncio.sleep(pause_s)
+                engine = self._renew((lost.epoch + 1) % EPOCHS, dict(self._entries))
+                engine.stats.dropped["internal_error"] = self.faults.count
+            except Exception as error:
+                fail(error)
+                return
+            self._task = None
+            ready(engine)
+
+        self._task = asyncio.get_running_loop().create_task(replace(), name="next engine")
+
+    def news(self, engine: Engine, error: Exception, now: int) -> Iterator[Event]:
+        """Say what has happened, and how all ends that was under way."""
+        yield EngineRestarted(
+            faults=self.faults.count, cause=str(error) or repr(error), changed_at=now
+        )
+        yield from self._outstanding.renew(engine, now)
+
+    async def stop(self) -> None:
+        """Make no engine any more."""
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.wait([self._task])

@@ -1,0 +1,21 @@
+"""What can cross at all: the largest record of a frame, and what crosses in parts."""
+
+from typing import Final
+
+from zacoustic.core.frame import TAG_BYTES
+from zacoustic.core.qos import Reliability
+from zacoustic.core.streams import Stream
+from zacoustic.core.streamspecs import TopicSpec
+
+IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
+"""What makes a sample cross that fits no frame."""
+
+
+def room_bytes(mtu_bytes: int) -> int:
+    """Return the largest record that an engine takes, bytes: it may have to go beside a TAG."""
+    return mtu_bytes - TAG_BYTES
+
+
+def crosses_in_parts(stream: Stream) -> bool:
+    """Tell whether what fits no frame crosses as an object."""
+    return isinstance(stream.spec, TopicSpec) and stream.qos.reliability is Reliability.RELIABLE

@@ -1,0 +1,124 @@
+"""Who may talk to a page of ours: browsers that show it, and nobody through them.
+
+A page on the network of a vessel has no password, so another one that somebody has open must not
+reach it through his browser. Two checks keep it out. `Host` says under which name the browser found
+us: a name that was turned to this address behind its back is none of ours. `Origin` says which page
+speaks: only one that we have served. And no page may show ours inside of it, under a false button.
+"""
+
+import ipaddress
+import socket
+from collections.abc import Awaitable, Callable, Collection, MutableMapping
+from typing import Any, Final
+
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+Application = Callable[[Message, Receive, Send], Awaitable[None]]
+
+_FORBIDDEN: Final = 403
+_POLICY_VIOLATION: Final = 1008
+
+
+def own_names(*others: str) -> frozenset[str]:
+    """Return under which names this computer is found, `others` with them."""
+    name = socket.gethostname()
+    return frozenset(each.lower() for each in ("localhost", name, f"{name}.local", *others))
+
+
+class Gatekeeper:
+    """Around an application of ASGI: refuses what no page of ours has asked.
+
+    Args:
+        application: Answers the others.
+        names: Names of this computer, lower case; addresses are always good.
+    """
+
+    def __init__(self, application: Application, names: Collection[str]) -> None:
+        self._application = application
+        self._names = names
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Answer one request, or refuse it."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._application(scope, receive, send)
+            return
+        refusal = self._refusal(dict(scope["headers"]))
+        if not refusal:
+            await self._application(scope, receive, _unframed(send))
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": refusal})
+        else:
+            head = [(b"content-type", b"text/plain; charset=utf-8")]
+            await send({"type": "http.response.start", "status": _FORBIDDEN, "headers": head})
+            await send({"type": "http.response.body", "body": f"{refusal}\n".encode()})
+
+    def _refusal(self, headers: dict[bytes, bytes]) -> str:
+        """Say why it is refused; empty: it is not."""
+        host = headers.get(b"host", b"").decode("latin-1").lower()
+        if not self._is_ours(host):
+            return "refused: this page has no such name; use its address, or --name"
+        origin = headers.get(b"origin")
+        if origin is not None and origin.decode("latin-1").lower().partition("://")[2] != host:
+            return "refused: another page has asked"
+        return ""
+
+    def _is_ours(self, host: str) -> bool:
+        name, colon, port = host.rpartition(":")
+        if not (colon and port.isascii() and port.isdigit()):
+            name = host
+        if name in self._names:
+            return True
+        try:
+            ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+        except ValueError:
+            return False
+        return True
+
+
+class Visitors:
+    """Around an application of ASGI: those who leave before they are answered are let go.
+
+    Args:
+        application: Answers.
+    """
+
+    def __init__(self, application: Application) -> None:
+        self._application = application
+
+    async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
+        """Answer one request.
+
+        What goes wrong in the answer shows itself with those who stay for it.
+        """
+        has_left = has_begun = False
+
+        async def hear() -> Message:
+            nonlocal has_left
+            message = await receive()
+            has_left = has_left or message["type"] == "http.disconnect"
+            return message
+
+        async def say(message: Message) -> None:
+            nonlocal has_begun
+            has_begun = True
+            await send(message)
+
+        try:
+            await self._application(scope, hear, say)
+        except Exception:
+            if has_begun or not has_left:
+                raise
+
+
+def _unframed(send: Send) -> Send:
+    """Have every answer say that it may not stand inside of another page."""
+
+    async def say(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            denied = (b"x-frame-options", b"DENY")
+            message = {**message, "headers": [*message.get("headers", ()), denied]}
+        await send(message)
+
+    return say
