@@ -11,11 +11,16 @@ syntax error are those of the user's file, and so that no text can close the wra
 the rest of the config. The parser checks the grammar of everything before it looks at a single
 field: complaints of the first pass about fields mean only that the text is no Zenoh config, and are
 ignored.
+
+Where Zenoh is not installed, a parser in Python reads the same, slower, and nobody looks at the
+fields that are Zenoh's own.
 """
 
 import json
+import math
 import re
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.errors import ConfigError
@@ -43,6 +48,7 @@ _FIELD: Final = re.compile(
     r"(?:None|Some\(Location \{ line: (\d+), column: (\d+) \}\))",
     re.DOTALL,
 )
+_PLAIN: Final = re.compile(r"<string>:(\d+) (.*) at column (\d+)", re.DOTALL)
 _WHERE_IN_ZENOH: Final = re.compile(r" at \S+\.rs:\d+\.?")
 _OS_ERROR: Final = re.compile(r" \(os error \d+\)")
 
@@ -60,9 +66,10 @@ def parse_json5(text: str, *, source: str) -> object:
     Raises:
         ConfigError: The text is not JSON5: names source, line, column and what was expected.
     """
-    import zenoh
-
     _check_depth(text, source)
+    zenoh = _zenoh()
+    if zenoh is None:
+        return _parse_without_zenoh(text, source)
     try:
         zenoh.Config.from_json5(text)
     except zenoh.ZError as error:
@@ -85,22 +92,24 @@ def read_json5(path: str | Path) -> object:
     return parse_json5(_read_text(path), source=str(path))
 
 
-def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config, object]":
+def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config | None, object]":
     """Read a Zenoh config file that has a section `plugins.acoustic`.
 
     Args:
         path: A `.json5`, `.json` or `.yaml` file.
 
     Returns:
-        The config for `zenoh.open`, and the section as plain objects with sorted keys.
+        The config for `zenoh.open`, None where Zenoh is not installed; and the section as plain
+        objects with sorted keys.
 
     Raises:
         ConfigError: The file is missing, not readable, no Zenoh config, or has no such section.
     """
-    import zenoh
-
     text = _read_text(path)
     _check_depth(text, str(path))
+    zenoh = _zenoh()
+    if zenoh is None:
+        return None, _section_without_zenoh(text, path)
     try:
         config = zenoh.Config.from_file(str(path))
     except zenoh.ZError as error:
@@ -113,6 +122,60 @@ def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config, object]":
         return config, json.loads(config.get_json(ACOUSTIC_SECTION))
     except zenoh.ZError as error:
         raise ConfigError(f"{path}: no section plugins.acoustic", hint=_SECTION_HINT) from error
+
+
+def _zenoh() -> ModuleType | None:
+    """Return Zenoh; None: it is not installed."""
+    try:
+        import zenoh
+    except ModuleNotFoundError:
+        return None
+    return zenoh
+
+
+def _section_without_zenoh(text: str, path: str | Path) -> object:
+    """Find the section in a file that Zenoh cannot read.
+
+    Raises:
+        ConfigError: It is no JSON5, or has no such section.
+    """
+    if Path(path).suffix in (".yaml", ".yml"):
+        raise ConfigError(f"{path}: YAML is read by Zenoh", hint="pip install eclipse-zenoh")
+    whole = _parse_without_zenoh(text, str(path))
+    plugins = whole.get("plugins") if isinstance(whole, dict) else None
+    if not isinstance(plugins, dict) or "acoustic" not in plugins:
+        hint = _SCENARIO_HINT if _is_scenario(text) else _SECTION_HINT
+        raise ConfigError(f"{path}: no section plugins.acoustic", hint=hint)
+    return plugins["acoustic"]
+
+
+def _parse_without_zenoh(text: str, source: str) -> object:
+    import json5
+
+    try:
+        return _as_zenoh_has_it(json5.loads(text))
+    except ValueError as error:
+        found = _PLAIN.fullmatch(str(error))
+        place = f":{found[1]}:{found[3]}" if found else ""
+        raise ConfigError(f"{source}{place}: {found[2] if found else error}") from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deep to be read without Zenoh") from None
+
+
+def _as_zenoh_has_it(value: object) -> object:
+    """Sort keys, and leave out what JSON lacks."""
+    if isinstance(value, dict):
+        return {_text(key): _as_zenoh_has_it(value[key]) for key in sorted(value)}
+    if isinstance(value, list):
+        return [_as_zenoh_has_it(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return _text(value) if isinstance(value, str) else value
+
+
+def _text(text: str) -> str:
+    """Join what was written as two escapes; half of such a pair is no character."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def _is_scenario(text: str) -> bool:

@@ -15,6 +15,7 @@ from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
 from zacoustic.command import EXIT_INTERRUPTED
 from zacoustic.errors import ZacousticError
+from zacoustic.safetext import one_line
 from zacoustic.serving import stopped_by_signals, until_stopped
 
 _PAUSE_S = 0.2
@@ -35,7 +36,7 @@ async def _dive(*, loss: float, ros: bool) -> int:
     begun = time.monotonic()
 
     def note(line: str) -> None:
-        sys.stdout.write(f"{time.monotonic() - begun:7.1f} s  {line}\n")
+        sys.stdout.write(f"{time.monotonic() - begun:7.1f} s  {one_line(line)}\n")
         sys.stdout.flush()
 
     def told(name: str, said: dict[str, Any]) -> None:

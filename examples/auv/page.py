@@ -245,7 +245,7 @@ class Page:
             self._button("cancel", desk.cancel_goal)
 
     def _button(self, text: str, act: Callable[[], object]) -> None:
-        made = ui.button(text, on_click=act, color="blue-grey-9")
+        made = ui.button(text, on_click=lambda: self._do(act), color="blue-grey-9")
         self._hands_off.append(made.props("dense unelevated no-caps"))
 
     # What is shown
@@ -293,16 +293,26 @@ class Page:
 
     # What is done
 
+    def _do(self, act: Callable[[], object]) -> None:
+        """Do it, unless it was pressed long ago and comes only now. A stop is never too late."""
+        if self._banner.is_current():
+            act()
+        else:
+            ui.notify("not done: it was pressed before the connection was lost", type="warning")
+
     def _moved(self, joint: Joint, value: float) -> None:
         told = value * joint.factor
         setpoints = self._desk.setpoints
         # A slider that follows what others have done has nothing to say.
-        if abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH:
+        if (
+            self._banner.is_current()
+            and abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH
+        ):
             setpoints.set(joint.topic, told)
 
     def _key(self, event: GenericEventArguments) -> None:
         key = event.args
-        if readout.why_disabled(self._desk):
+        if readout.why_disabled(self._desk) or not self._banner.is_current():
             return
         if key == "0":
             for slider in self._sliders.values():

@@ -92,6 +92,8 @@ def test_a_page_server_that_is_gone(how: signal.Signals) -> None:
         page = visitor.page
         picture(visitor, "well-390")
         running.harm(running.pid, how)
+        # Nobody knows yet that it is gone: this waits in the connection.
+        page.get_by_role("button", name="arm", exact=True).click()
         took_s = see_banner(visitor, r"^NOT SENT: page server gone since \d+ s")
         print(f"page server {how.name}: said after {took_s:.1f} s")
         age = page.locator(".chip [data-age]").first

@@ -100,6 +100,7 @@ def test_zenoh_config_gives_itself_and_our_section(tmp_path: Path) -> None:
         "{ mode: 'router', plugins: { acoustic: { address: 2, streams: [{id: 1}] } } }",
     )
     config, section = read_zenoh_config(path)
+    assert config is not None
     assert json.loads(config.get_json("mode")) == "router"
     assert section == {"address": 2, "streams": [{"id": 1}]}
 

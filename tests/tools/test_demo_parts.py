@@ -3,6 +3,7 @@
 import asyncio
 import io
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -211,6 +212,30 @@ def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook) -> None:
     picture = drawn.getvalue().decode()
     assert picture.startswith("<svg")
     assert "url(http" not in picture.replace('"', "")
+
+
+def test_the_live_view_shows_its_table_on_a_terminal_of_80_by_24(logbook: Logbook) -> None:
+    rich_console = pytest.importorskip("rich.console")
+    from zacoustic.tools.demo.live import LiveView
+
+    screen = io.StringIO()
+    console = rich_console.Console(
+        width=80, height=24, force_terminal=True, file=screen, color_system=None
+    )
+    view = LiveView(console=console, title="the title, which is longer than it ought to be " * 2)
+    view.begin(logbook)
+    for _ in range(3):
+        everything(logbook)
+    view.tick()
+    view.stop()
+    drawn = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()))
+    last = max(index for index, line in enumerate(drawn) if line.startswith("the title"))
+    shown = drawn[last:]
+    assert max(map(len, shown)) <= 80
+    assert len(shown) <= 24
+    for part in ("in the water now", "what it carried", "crossed", "mean delay"):
+        assert any(part in line for line in shown)
+    assert any(line.strip().startswith("auv1/nav  ") for line in shown)
 
 
 def test_each_island_has_the_same_streams_and_a_port_of_its_own(tmp_path: Path) -> None:

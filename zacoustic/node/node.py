@@ -14,7 +14,7 @@ from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.stats import EngineStats, LedgerEntry
 from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.errors import ConfigError, LocalError
+from zacoustic.errors import ConfigError, LocalError, SessionError
 from zacoustic.journal import Journal, MemoryJournal, journal_in
 from zacoustic.journal.thread import recover, release
 from zacoustic.link import Link
@@ -263,8 +263,13 @@ class Node(EndpointMaker):
                 raise ConfigError("journal is given without link; allowed: with it", hint=_ITS_OWN)
             if self._record is not None:
                 raise ConfigError("record is given without link; allowed: with it", hint=_RECORDS)
-            from zacoustic.node.onzenoh import ZenohCarrier
-
+            try:
+                from zacoustic.node.onzenoh import ZenohCarrier
+            except ModuleNotFoundError as error:
+                raise SessionError(
+                    f"a node without link needs {error.name}, which is not installed",
+                    hint="pip install eclipse-zenoh",
+                ) from error
             return ZenohCarrier(config, self._connect, report=self._events.add)
         from zacoustic import registry
         from zacoustic.node.onlink import LinkCarrier

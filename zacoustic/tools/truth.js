@@ -41,7 +41,11 @@ if (!window.zaTruth) {
   const look = () => {
     const now = performance.now();
     const beat = document.getElementById('za-beat');
-    if (beat && beat.dataset.beat !== number) { number = beat.dataset.beat; at = now; }
+    if (beat && beat.dataset.beat !== number) {
+      number = beat.dataset.beat;
+      at = now;
+      emitEvent('za-echo', Number(number)); // so the server knows how old what comes behind it is
+    }
     gone = now - at > LIMIT_MS;
     document.body.classList.toggle('za-gone', gone);
     const lines = [];
@@ -69,4 +73,5 @@ if (!window.zaTruth) {
   // `check` gives lines of the banner, `own` tells whose events pass also while the server is gone.
   window.zaTruth = { isGone: () => gone, check: (take) => checks.push(take), own: (isOwn) => owners.push(isOwn) };
   setInterval(look, TICK_MS);
+  document.addEventListener('visibilitychange', look); // timers sleep in a window that nobody sees
 }

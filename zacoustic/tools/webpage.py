@@ -11,15 +11,22 @@ screen on the bridge run for days, and what they say on standard error is read:
   nothing. Uvicorn would raise the signal once more when all is over, and not wait at a second one.
 """
 
+import math
 import signal
+import time
 from collections.abc import Awaitable, Callable, Collection
 from types import FrameType
 from typing import Any, Final
 
 from nicegui import app, ui
+from nicegui.events import GenericEventArguments
 
 from zacoustic.tools.truth import SCRIPT, STYLE, Alarm, beat_html
 from zacoustic.tools.visitors import Gatekeeper, Visitors, own_names
+
+CURRENT_S: Final = 4.0
+"""What was pressed longer ago than this is not done any more, s."""
+_BEATS_KEPT: Final = 64
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -82,6 +89,9 @@ class Banner:
         ui.add_body_html(f"<script>{SCRIPT}</script>")
         self._what = what
         self._number = 0
+        self._sent_at_s: dict[int, float] = {}
+        self._echoed: int | None = None
+        ui.on("za-echo", self._hear)
         self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
     def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
@@ -92,7 +102,24 @@ class Banner:
             taken: Number of the last order of this page that was taken.
         """
         self._number += 1
+        self._sent_at_s[self._number] = time.monotonic()
+        self._sent_at_s.pop(self._number - _BEATS_KEPT, None)
         self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
+
+    def is_current(self) -> bool:
+        """Tell whether what the browser says now was meant for now.
+
+        What was pressed while the connection hung comes when it is back, perhaps minutes later.
+        The browser echoes each beat, so what comes behind an old echo is old.
+        """
+        if self._echoed is None:
+            return True
+        sent_at_s = self._sent_at_s.get(self._echoed, -math.inf)
+        return time.monotonic() - sent_at_s < CURRENT_S
+
+    def _hear(self, event: GenericEventArguments) -> None:
+        if isinstance(event.args, int):
+            self._echoed = event.args
 
 
 def _interrupted(number: int, _: FrameType | None) -> None:

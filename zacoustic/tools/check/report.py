@@ -266,6 +266,8 @@ def _notes(
                 f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
                 f"sizes and airtimes here is for up to {profile.mtu_bytes}"
             )
+    if config.zenoh_config is None:
+        yield "no Zenoh here (pip install eclipse-zenoh): its own keys are not checked"
     if not links:
         yield "no link: give one in the file (links: [ { locator } ]) or by --link"
     if not rows:

@@ -6,7 +6,7 @@ Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws
 import io
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import IO, Final
 
 from rich import box
@@ -29,6 +29,9 @@ FRAMES_SHOWN: Final = 7
 # The picture takes the reader's own font: it is to load nothing from elsewhere.
 _FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
 _WATER_CELLS: Final = 92
+_BESIDE_WATER: Final = 15  # names of the islands, and the frame around it
+_CURSOR_LINES: Final = 1
+_PAPER_LINES: Final = 60
 _COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
 
 
@@ -46,6 +49,9 @@ class LiveView(View):
     ) -> None:
         self._console = console or Console()
         self._screenshot = screenshot
+        self._paper = Console(
+            record=True, width=WIDTH, height=_PAPER_LINES, file=io.StringIO(), force_terminal=True
+        )
         self._title = title
         self._logbook: Logbook | None = None
         self._live: Live | None = None
@@ -64,10 +70,10 @@ class LiveView(View):
         """Draw."""
         if self._live is None:
             return
-        picture = self._picture()
+        picture = self._picture(self._console)
         self._live.update(picture, refresh=True)
         if self._logbook is not None and _is_under_way(self._logbook):
-            self._picture_with_sound = picture
+            self._picture_with_sound = self._picture(self._paper)
 
     def stop(self) -> None:
         """Give the terminal back."""
@@ -80,21 +86,39 @@ class LiveView(View):
         closing = Text(f"\n{as_text(summary)}")
         self._console.print(closing)
         if self._screenshot is not None:
-            paper = Console(record=True, width=WIDTH, file=io.StringIO(), force_terminal=True)
-            paper.print(self._picture_with_sound or self._picture())
+            paper = self._paper
+            paper.print(self._picture_with_sound or self._picture(paper))
             paper.print(closing)
             drawn = _FONT.sub("", paper.export_svg(title="make demo"))
             self._screenshot.write(drawn.encode())
 
-    def _picture(self) -> RenderableType:
-        assert self._logbook is not None
-        head = Text(f"{self._title}   {self._logbook.elapsed_s:5.1f} s", style="bold")
-        return Group(
-            head,
-            Panel(_water(self._logbook), title="in the water now", title_align="left"),
-            _frames(self._logbook),
-            _lanes(self._logbook),
+    def _picture(self, console: Console) -> RenderableType:
+        """Return what there is to see; of the frames as many as leave room for the rest."""
+        logbook = self._logbook
+        assert logbook is not None
+        width = min(WIDTH, console.width)
+        head = _line(f"{self._title}   {logbook.elapsed_s:5.1f} s", style="bold")
+        water = Panel(
+            _water(logbook, width), title="in the water now", title_align="left", width=width
         )
+        lanes = _lanes(logbook, width)
+        around: list[RenderableType] = [head, water, _frames([], logbook, width), lanes]
+        taken = len(console.render_lines(Group(*around), pad=False))
+        frames = _newest(logbook.frames[-FRAMES_SHOWN:], console.height - taken - _CURSOR_LINES)
+        return Group(head, water, _frames(frames, logbook, width), lanes)
+
+
+def _line(text: str, *, style: str = "") -> Text:
+    """A line that is cut where the terminal ends."""
+    return Text(text, style=style, no_wrap=True, overflow="ellipsis")
+
+
+def _newest(frames: Sequence[Frame], lines: int) -> Sequence[Frame]:
+    """Return the last frames that so many lines hold."""
+    first = len(frames)
+    while first and (lines := lines - max(1, len(frames[first - 1].carried))) >= 0:
+        first -= 1
+    return frames[first:]
 
 
 def _is_under_way(logbook: Logbook) -> bool:
@@ -106,15 +130,16 @@ def _is_under_way(logbook: Logbook) -> bool:
     )
 
 
-def _water(logbook: Logbook) -> RenderableType:
+def _water(logbook: Logbook, width: int) -> RenderableType:
     """The two islands, and the sound between them where it is at this moment."""
     now = time.monotonic()
-    cells = ["·"] * _WATER_CELLS
-    styles = ["dim"] * _WATER_CELLS
+    count = max(10, min(_WATER_CELLS, width - _BESIDE_WATER))
+    cells = ["·"] * count
+    styles = ["dim"] * count
     sounding = logbook.in_the_water()
     for frame in sounding:
-        for far in _cells_of(frame, now, logbook.propagation_s):
-            position = far if frame.source == SHORE else _WATER_CELLS - 1 - far
+        for far in _cells_of(frame, now, logbook.propagation_s, count):
+            position = far if frame.source == SHORE else count - 1 - far
             cells[position] = ")" if frame.source == SHORE else "("
             styles[position] = f"bold {_COLOURS[frame.source]}"
     line = Text("shore ", style=f"bold {_COLOURS[SHORE]}")
@@ -128,7 +153,7 @@ def _water(logbook: Logbook) -> RenderableType:
     ) or _waiting(logbook)
     if logbook.began_at is None:
         said = f"starting; ready: {', '.join(sorted(logbook.ready)) or 'nothing yet'}"
-    return Group(line, Text(said or "silence", style="" if said else "dim"))
+    return Group(line, _line(said or "silence", style="" if said else "dim"))
 
 
 def _waiting(logbook: Logbook) -> str:
@@ -140,21 +165,21 @@ def _waiting(logbook: Logbook) -> str:
     )
 
 
-def _cells_of(frame: Frame, now: float, propagation_s: float) -> range:
+def _cells_of(frame: Frame, now: float, propagation_s: float, count: int) -> range:
     """Cells between which a frame sounds, counted from its sender."""
     first_s, last_s = now - frame.began_at, now - frame.began_at - frame.sound_s
-    far = round(min(1.0, first_s / propagation_s) * _WATER_CELLS)
-    near = round(min(1.0, max(0.0, last_s / propagation_s)) * _WATER_CELLS)
+    far = round(min(1.0, first_s / propagation_s) * count)
+    near = round(min(1.0, max(0.0, last_s / propagation_s)) * count)
     return range(near, far)
 
 
-def _frames(logbook: Logbook) -> Table:
-    table = Table(width=WIDTH - 2, box=box.SIMPLE_HEAD, pad_edge=False)
+def _frames(frames: Sequence[Frame], logbook: Logbook, width: int) -> Table:
+    table = Table(width=width - 2, box=box.SIMPLE_HEAD, pad_edge=False)
     for name in ("at", "frame", "bytes", "airtime", "delay"):
         table.add_column(name, justify="left" if name == "frame" else "right", no_wrap=True)
     table.add_column("what it carried", ratio=1)
     began_at = logbook.began_at or 0.0
-    for frame in logbook.frames[-FRAMES_SHOWN:]:
+    for frame in frames:
         table.add_row(
             f"{frame.began_at - began_at:.1f} s",
             Text(
@@ -180,8 +205,8 @@ def _carried(frame: Frame) -> Iterator[str]:
         yield f"{note.stream}: {shown(note.value)}"
 
 
-def _lanes(logbook: Logbook) -> Table:
-    table = Table(width=WIDTH - 2, box=box.SIMPLE_HEAD, pad_edge=False)
+def _lanes(logbook: Logbook, width: int) -> Table:
+    table = Table(width=width - 2, box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("stream", ratio=1)
     for name in ("from", "sent", "crossed", "mean delay", "bytes"):
         table.add_column(name, justify="left" if name == "from" else "right")
