@@ -41,6 +41,7 @@ MOST_OBJECTS: Final = 60_000
 MOST_ENTRIES: Final = 400
 """Entries in the journal of a node that has nothing to do."""
 SILENCE_S: Final = 150.0
+_ORDERED_S: Final = 20.0
 _SILENT: Final = 2
 _LAST_WORD_S: Final = 30.0
 _STRANGERS: Final = range(50, 250)
@@ -98,7 +99,7 @@ class Drive:
             self._let_strangers_speak()
         if hostile.kind == "silent":
             network.at(
-                20.0,
+                _ORDERED_S,
                 functools.partial(self._order, 1, Order(kind=OrderKind.SILENCE, for_s=SILENCE_S)),
             )
             network.at(
@@ -284,7 +285,7 @@ class Drive:
         since = self._silent_from
         if record.node != _SILENT or since is None:
             return
-        if since + _LAST_WORD_S < now_s < since + 0.95 * SILENCE_S:
+        if since + _LAST_WORD_S < now_s < _ORDERED_S + 0.95 * SILENCE_S:
             self.oracle.complain(
                 f"{now_s:.1f} s: node {_SILENT} transmits; it was silenced at {since:.1f} s for "
                 f"{SILENCE_S:g} s"
