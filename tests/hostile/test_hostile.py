@@ -1,4 +1,4 @@
-"""Random scenarios over every kind of link, with an oracle that knows only what applications know."""
+"""Random scenarios over every kind of link; the oracle knows only what applications know."""
 
 from collections.abc import Callable
 
