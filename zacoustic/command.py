@@ -36,6 +36,9 @@ class Command(ABC):
     summary: ClassVar[str]
     """One line for the list of verbs, without a full stop."""
 
+    prints_late: ClassVar[bool] = False
+    """It prints when its work is done: until then the terminal says how long it is at work."""
+
     @abstractmethod
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments of this verb on its own parser."""

@@ -18,6 +18,7 @@ from typing import Final
 import pytest
 
 from zacoustic.cli import complete_parser, main
+from zacoustic.cli.newfile import new_file
 from zacoustic.core.journal import JournalWrite
 from zacoustic.journal import journal_in
 
@@ -349,3 +350,20 @@ def test_a_journal_that_is_a_link_is_that_of_the_file(tmp_path: Path) -> None:
         journal.close()
     assert epochs[1] != epochs[0]
     assert journal_in(links, 1).path == kept
+
+
+@pytest.mark.parametrize(("written", "stays"), [(b"", False), (b"the trace of hours\n", True)])
+def test_an_interrupt_keeps_what_was_written_and_no_empty_file(
+    written: bytes, stays: bool, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.jsonl"
+
+    def work() -> None:
+        with new_file("--trace", path) as file:
+            assert file is not None
+            file.write(written)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert path.exists() == stays

@@ -25,6 +25,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NoReturn
 
+from zacoustic.cli.atwork import AT_WORK
 from zacoustic.cli.printing import print_note, print_text
 from zacoustic.cli.streams import UNREAD, flush_output
 from zacoustic.command import (
@@ -89,7 +90,10 @@ def _run(program: str, arguments: Sequence[str]) -> int:
     try:
         verb, parsed = parse(arguments)
         _start_logging(verbose=parsed.verbose)
-        return verb.run(parsed)
+        if not verb.prints_late:
+            return verb.run(parsed)
+        with AT_WORK.begin(program):
+            return verb.run(parsed)
     except SystemExit as end:  # argparse, after it has printed help, version or complaint
         return end.code if isinstance(end.code, int) else EXIT_USAGE
     except ModuleNotFoundError as error:

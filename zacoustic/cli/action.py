@@ -34,6 +34,7 @@ class ActionCommand(Command):
 
     name = "action"
     summary = "send_goal: send a goal, on Zenoh or straight on a link, and wait for its end"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare what is to be done, action, goal, where to, how long to wait."""

@@ -12,6 +12,8 @@ _DEFAULT_SEED = 1
 class BenchCommand(CommandGroup):
     """Measures."""
 
+    prints_late = True
+
     def __init__(self) -> None:
         super().__init__("bench", {"telemetry": TelemetryBench()}, ("telemetry",))
         self.summary = "measure: the bytes of recorded telemetry in every codec"  # type: ignore[misc]

@@ -23,6 +23,7 @@ class CallCommand(Command):
 
     name = "call"
     summary = "call a service, on Zenoh or straight on a link"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare service, request, where to, how long to wait."""

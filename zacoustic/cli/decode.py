@@ -25,6 +25,7 @@ class DecodeCommand(Command):
 
     name = "decode"
     summary = "say in words what is in a frame"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare frames, table and source."""

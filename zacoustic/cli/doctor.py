@@ -13,6 +13,7 @@ class DoctorCommand(Command):
 
     name = "doctor"
     summary = "look for what goes wrong at sea, and name it with the cure"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, node, where to look and form of the output."""

@@ -15,6 +15,7 @@ class FitCommand(Command):
 
     name = "fit"
     summary = "fit a model of the dense topics to recordings, and say whether it helps"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, configuration, model and form of the output."""

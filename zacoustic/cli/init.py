@@ -17,6 +17,7 @@ class InitCommand(Command):
 
     name = "init"
     summary = "write a first configuration from the topics and types of a live Zenoh network"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare endpoint, time, file and form of the output."""

@@ -11,6 +11,7 @@ class LinksCommand(Command):
 
     name = "links"
     summary = "list the installed links, their settings, and whether they can be used"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the form of the output."""

@@ -36,7 +36,9 @@ def new_file(option: str, path: Path | None) -> Iterator[IO[bytes] | None]:
     try:
         with file:
             yield file
-    except Exception:
-        if not is_device:
+    except BaseException as error:
+        # What an interrupt leaves may be of use: the trace of hours.
+        is_of_use = isinstance(error, KeyboardInterrupt) and path.stat().st_size > 0
+        if not (is_device or is_of_use):
             path.unlink(missing_ok=True)
         raise

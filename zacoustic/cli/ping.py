@@ -41,6 +41,7 @@ class PingCommand(Command):
 
     name = "ping"
     summary = "ask a node beyond the water whether it is there: round trip, range, signal"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare whom, through what, how often, how long."""

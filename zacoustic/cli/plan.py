@@ -14,6 +14,7 @@ class PlanCommand(Command):
 
     name = "plan"
     summary = "airtime, latency and energy of what is to be said; what would make it fit"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare file, recordings, water and form of the output."""

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from zacoustic.cli.atwork import AT_WORK
 from zacoustic.safetext import json_line, one_line, some_lines, without_secrets
 
 T = TypeVar("T")
@@ -15,6 +16,7 @@ T = TypeVar("T")
 
 def print_text(text: str, *, flush: bool = False) -> None:
     """Print lines for people; what is in a line of them must have been made safe as one."""
+    AT_WORK.end()
     print(some_lines(text), flush=flush)
 
 
@@ -27,6 +29,7 @@ def print_json(value: object, *, flush: bool = False) -> None:
     """
     import msgspec
 
+    AT_WORK.end()
     print(json_line(msgspec.to_builtins(value, str_keys=True)), flush=flush)
 
 
@@ -43,9 +46,11 @@ def print_line(record: dict[str, Any], text: str, *, as_json: bool) -> None:
     if as_json:
         print_json(record, flush=True)
     else:
+        AT_WORK.end()
         print(one_line(text), flush=True)
 
 
 def print_note(text: str) -> None:
     """Print one line on standard error, without the passwords of endpoints in it."""
+    AT_WORK.end()
     print(one_line(without_secrets(text)), file=sys.stderr, flush=True)

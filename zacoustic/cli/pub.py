@@ -97,6 +97,9 @@ async def _publish(arguments: argparse.Namespace) -> int:
                 async with asyncio.timeout(arguments.timeout), followed(delivery, line.show):
                     await node.flush()
                     end = await _end(delivery, follower, line) if arguments.wait else None
+                    if end is None and (unsent := _unsent(node, stream, delivery)):
+                        print_note(f"zacoustic pub: {publisher.key}: {unsent}")
+                        return EXIT_FAILED
         except TimeoutError:
             what = "arrived" if arguments.wait else "sent"
             text = f"not {what} within {arguments.timeout:g} s"
@@ -111,6 +114,15 @@ async def _publish(arguments: argparse.Namespace) -> int:
     text = f"{publisher.key}: {end.outcome}{missing}{detail}"
     print_line(record, text, as_json=arguments.json)
     return EXIT_OK if end.outcome == "delivered" else EXIT_FAILED
+
+
+def _unsent(node: "Node", stream: "Stream | None", delivery: "Delivery | None") -> str:
+    """Return why a sample that waits no more has not left; empty: it has."""
+    if delivery is not None and delivery.outcome is not None:
+        outcome = delivery.outcome.value
+        return "" if outcome == "delivered" else f"not delivered: {outcome}"
+    expired = 0 if stream is None else node.expired().get(stream.stream_id, 0)
+    return f"{expired} became too old before they could be sent" if expired else ""
 
 
 def _read_value(arguments: argparse.Namespace, stream: "Stream | None") -> tuple[Any, str | None]:

@@ -20,6 +20,7 @@ class ReplayCommand(Command):
 
     name = "replay"
     summary = "play a recording back: onto Zenoh, or into engines, byte for byte"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recording, what to do with it, and how."""

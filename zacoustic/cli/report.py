@@ -14,6 +14,7 @@ class ReportCommand(Command):
 
     name = "report"
     summary = "delivery, latency, airtime and link quality of a recording, also as a page"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare recordings, page and form of the output."""

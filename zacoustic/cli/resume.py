@@ -19,6 +19,7 @@ class ResumeCommand(Command):
 
     name = "resume"
     summary = "transmit again, before a silence that was ordered ends by itself"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare which node, and where to ask."""

@@ -40,6 +40,7 @@ class SilenceCommand(Command):
 
     name = "silence"
     summary = "transmit nothing for a while: divers, other sonars"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare the order, how long, which node, where to ask."""

@@ -20,6 +20,7 @@ class SimCommand(Command):
 
     name = "sim"
     summary = "run a scenario with its traffic in virtual time: hours in seconds"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare scenario or story, seed, length, trace and form of the output."""

@@ -25,6 +25,7 @@ class StreamCommand(Command):
 
     name = "stream"
     summary = "switch a topic of a node off or on, set its rate and priority"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare which topic of which node, what is to hold, where to ask."""

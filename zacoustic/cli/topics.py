@@ -29,6 +29,7 @@ class TopicsCommand(Command):
 
     name = "topics"
     summary = "list what crosses the water: how often, how old, what waits"
+    prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare which gateways, where they are, the form of the output."""

@@ -30,7 +30,7 @@ from zacoustic.core.handshake import Handshake
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.queue import Waiting
-from zacoustic.core.streams import AGE_FIELD, StreamTable
+from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 
 # A string may be so much larger than the records: what refers to it later gains.
@@ -122,8 +122,8 @@ class DenseStreams:
             assert codec is not None  # whoever has samples of dense streams publishes some
             self._speaker = Speaker(codec)
         samples = [self._sample(item, now) for item in items]
-        audience = self._audience(items, destination)
-        encoded = self._speaker.encode(samples, room_bytes, audience)
+        hearers = {destination} if destination != BROADCAST else self._hearers()
+        encoded = self._speaker.encode(samples, room_bytes, hearers)
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
     def sent(self, encoded: Encoded) -> None:
@@ -142,6 +142,24 @@ class DenseStreams:
 
     # What this node hears
 
+    def concerns_us(self, source: int, destination: int) -> bool:
+        """Tell whether the strings of a source to `destination` refer to what is held here.
+
+        A node that subscribes to nothing of what may be in them is not waited for, and would take
+        one reference for another.
+        """
+        streams = self._streams_of(source)
+        return (
+            destination != BROADCAST
+            or not streams
+            or any(
+                source in self._demand.wanted(stream.stream_id)
+                if stream.is_on_demand
+                else stream.may_subscribe(self._address)
+                for stream in streams
+            )
+        )
+
     def receive(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
         """Read the string of a source that holds the same table; returns stream ids and values.
 
@@ -154,7 +172,8 @@ class DenseStreams:
             if codec is None:
                 raise PayloadError("a source without dense streams")
             heard = self._heard[source] = _Heard(codec)
-        decoded = heard.listener.decode(string)
+        # Whoever has acknowledged nothing is not waited for: nothing refers to what it holds.
+        decoded = heard.listener.decode(string, alone=heard.said_mark is None)
         is_unsaid = heard.listener.mark != heard.said_mark
         heard.unsaid_bytes += len(string) if is_unsaid else _REPEATED_BYTES
         # What comes twice is read once, and an application may change what it is given.
@@ -195,11 +214,18 @@ class DenseStreams:
 
     # Below the methods above
 
+    def _streams_of(self, source: int) -> list[Stream]:
+        return [
+            stream
+            for stream in self._table
+            if stream.dense_type is not None and stream.may_publish(source)
+        ]
+
     def _codec_of(self, source: int) -> DenseCodec | None:
         types = {
             stream.stream_id: stream.dense_type
-            for stream in self._table
-            if stream.dense_type is not None and stream.may_publish(source)
+            for stream in self._streams_of(source)
+            if stream.dense_type is not None
         }
         if not types:
             return None
@@ -217,13 +243,22 @@ class DenseStreams:
         """Return who is to know what these payloads say."""
         if destination != BROADCAST:
             return {destination}
-        audience: set[int] = set()
-        for stream in map(self._table.by_id, {item.stream_id for item in items}):
+        streams = map(self._table.by_id, {item.stream_id for item in items})
+        return self._subscribers(streams)
+
+    def _hearers(self) -> set[int]:
+        """Return who reads the strings that are broadcast, whatever is in them."""
+        subscribers = self._subscribers(self._streams_of(self._address))
+        return {each for each in subscribers if not self._handshake.knows_difference(each)}
+
+    def _subscribers(self, streams: Iterable[Stream]) -> set[int]:
+        found: set[int] = set()
+        for stream in streams:
             assert isinstance(stream.spec, TopicSpec)
             listed: Collection[int] | None = self._demand.audience(stream)
             if listed is None:
                 listed = stream.spec.subscribers
             if listed is None:
                 listed = tuple(self._table.nodes) or tuple(self._handshake.peers())
-            audience.update(listed)
-        return audience - {self._address}
+            found.update(listed)
+        return found - {self._address}

@@ -208,6 +208,9 @@ class Receiver:
         if reason is not None:
             self._stats.drop(reason)
             return []
+        if not self._dense.concerns_us(source, received.destination):
+            self._stats.drop("not_subscriber")
+            return []
         try:
             samples = self._dense.receive(source, item.string)
         except PayloadError:

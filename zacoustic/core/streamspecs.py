@@ -34,7 +34,7 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
 DENSE: Final = "dense"
 """The codec of dense streams."""
 
-DENSE_CODING: Final = 2
+DENSE_CODING: Final = 3
 """How dense strings are coded, in the digests of dense streams: what was coded in another way might
 be read, and look right."""
 

@@ -232,6 +232,7 @@ def test_damaged_frames_are_refused_or_within_bounds(
         held = listener.decode(encoded.frame).snapshot
         speaker.acknowledged(1, held.mark)
     snapshots = [listener.decode(frame).snapshot for frame in frames[-4:]]
+    held_by_name = {each.name: each for each in snapshots if each.name is not None}
     refused, total = 0, count(10_000_000)
     for place in range(total):
         if place % 2:
@@ -241,7 +242,7 @@ def test_damaged_frames_are_refused_or_within_bounds(
             damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
             frame = bytes(damaged)
         try:
-            decoded = codec.decode(frame, snapshots)
+            decoded = codec.decode(frame, held_by_name)
         except PayloadError:
             refused += 1
             continue
@@ -265,6 +266,7 @@ def test_damaged_frames_of_a_whole_vehicle_are_refused_or_within_bounds(
         frames.append(encoded.frame)
         speaker.acknowledged(1, listener.decode(encoded.frame).snapshot.mark)
     snapshots = [listener.decode(frame).snapshot for frame in frames[-8:]]
+    held_by_name = {each.name: each for each in snapshots if each.name is not None}
     refused, total = 0, count(200_000)
     for place in range(total):
         damaged = bytearray(frames[-1 - place % 8])
@@ -275,7 +277,7 @@ def test_damaged_frames_of_a_whole_vehicle_are_refused_or_within_bounds(
         else:
             damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
         try:
-            decoded = codec.decode(bytes(damaged), snapshots)
+            decoded = codec.decode(bytes(damaged), held_by_name)
         except PayloadError:
             refused += 1
             continue

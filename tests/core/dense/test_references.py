@@ -11,6 +11,7 @@ from tests.telemetry.mission import Mission
 from tests.telemetry.streams import by_id
 from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Snapshot, Speaker
 from zacoustic.core.dense.references import KEPT
+from zacoustic.core.dense.snapshot import NAMES
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.types import TypeSpec
 
@@ -127,10 +128,11 @@ def test_a_reference_to_something_else_is_an_error_and_not_plausible_garbage(
     codec = DenseCodec({7: nav_type})
     accepted = total = 0
     for seed in range(8):
-        speaker, other, held = Speaker(codec), Speaker(codec), []
+        speaker, other, held = Speaker(codec), Speaker(codec), {}
         for tick in range(2):
-            held.append(say(other, values[(tick * 7 + seed) % 80], tick, HERE).snapshot)
-            other.acknowledged(HERE, held[-1].mark)
+            snapshot = say(other, values[(tick * 7 + seed) % 80], tick, HERE).snapshot
+            held[snapshot.name or 0] = snapshot
+            other.acknowledged(HERE, snapshot.mark)
         for tick in range(60):
             encoded = say(speaker, values[tick], tick, HERE)
             speaker.acknowledged(HERE, encoded.snapshot.mark)
@@ -143,17 +145,19 @@ def test_a_reference_to_something_else_is_an_error_and_not_plausible_garbage(
                 continue
             accepted += 1
     assert total > 400
-    assert accepted / total < 0.08  # two frames of 31 names, and then the check
+    assert accepted / total < 0.08  # two frames of 44 names, and then the check
 
 
 def test_memory_is_bounded(nav_type: TypeSpec, values: list[dict[str, object]]) -> None:
     codec = DenseCodec({7: nav_type})
     speaker, listener = Speaker(codec), Listener(codec)
     others = snapshots()
-    for tick in range(200):
+    for tick in range(400):
         encoded = say(speaker, values[tick % 80], tick, HERE)
         listener.decode(encoded.frame)
-    # Each end's, and what the oldest of them refers to.
-    assert snapshots() - others <= 2 * (KEPT + 1)
+        if tick % 3 == 0:
+            answer(speaker, listener)
+    # What a source sent, what that refers to, and of each name what a receiver holds.
+    assert snapshots() - others <= 2 * KEPT + NAMES + 2
     assert answer(speaker, listener)
-    assert say(speaker, values[0], 200, HERE).reference is encoded.snapshot
+    assert say(speaker, values[0], 400, HERE).reference is encoded.snapshot

@@ -9,12 +9,12 @@ itself. All prediction, and all learning, runs along these references only.
 A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
 
 1. kind: with a reference; for itself; or a single sample for itself;
-2. the name of the reference, 5 bits, or 7 more where another frame has the same one;
+2. the name of the reference;
 3. which streams there are; of each stream, by id, the samples: each with the steps from the one
    that it is coded against and, behind it, whether another one follows. A single sample has neither
    steps nor a successor, and its stream is any with the same chance: the frame that costs least
    more than the sample itself, whatever the habits are;
-4. a flag without meaning, for a sender who wants the frame to have another name (see `references`);
+4. how the frame comes to its own name (see `snapshot` and `references`);
 5. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
    to bytes leaves over.
 
@@ -28,24 +28,20 @@ Nothing here remembers: which snapshots there are, and who has acknowledged whic
 `references`.
 """
 
-from collections.abc import Callable, Mapping, Reversible, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 import msgspec
 
 from zacoustic.core.dense.adaptation import LONGEST_STEPS
+from zacoustic.core.dense.arithmetic import Coder
 from zacoustic.core.dense.habits import MOST_SAMPLES, Presence, new_habits
 from zacoustic.core.dense.layout import Row
 from zacoustic.core.dense.prior import Model
 from zacoustic.core.dense.reader import Reader
 from zacoustic.core.dense.shares import ends_of
-from zacoustic.core.dense.snapshot import (
-    LONG_NAME_BITS,
-    NAME_BITS,
-    SHORT_NAMES,
-    Known,
-    Snapshot,
-)
+from zacoustic.core.dense.snapshot import FORMS, NAMES, SHORT_NAMES, Known, Snapshot
 from zacoustic.core.dense.streamcodec import Beside, StreamCodec
 from zacoustic.core.dense.writer import Writer
 from zacoustic.core.payload import PayloadError
@@ -54,21 +50,31 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = ends_of(28, 3, 1)
-_OTHER: Final = 1 << 11  # how often a frame is in its other form: 1/32
+_FORMS_ALONE: Final = ends_of(155, 1, 1, 1, 1, 1)  # how often a frame for itself is in each form
+_NOTHING: Final[Mapping[int, Snapshot]] = MappingProxyType({})
+_NAME_BITS: Final = 5  # of a short name; of a long one, all but the last
 _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
 
 _FIRST_TRY: Final = 16  # samples; how many fit is found by trying
 
 
+def _code_name(coder: Coder, name: int) -> int:
+    """Write or read the name of a reference."""
+    found = coder.raw(_NAME_BITS, name if name < SHORT_NAMES else name + SHORT_NAMES >> 1)
+    if found < SHORT_NAMES:
+        return found
+    return SHORT_NAMES + 2 * (found - SHORT_NAMES) + coder.raw(1, name - SHORT_NAMES & 1)
+
+
 def _opening(name: int) -> tuple[int, int, int]:
     writer = Writer()
     writer.pick(_KINDS, _REFERRING)
-    writer.raw(NAME_BITS, name)
+    _code_name(writer, name)
     return writer.mark()
 
 
 # Where a writer stands that has written which frame is referred to: so it need not be done again.
-_OPENINGS: Final = [_opening(name) for name in range(SHORT_NAMES + 1)]
+_OPENINGS: Final = [_opening(name) for name in range(NAMES)]
 
 _Piece = tuple[int, int | None, tuple[Row, list[Any]]]
 """A sample to be written: the place of its stream, when it was taken, and its parts."""
@@ -97,10 +103,6 @@ class Encoded(msgspec.Struct, frozen=True):
     """What who receives it will know."""
     reference: Snapshot | None
     """What it refers to; None: it stands for itself."""
-    long_name: bool = False
-    """Whether by the long name."""
-    is_mistaken: bool = False
-    """Whether it has another frame's name in either form."""
 
 
 class Decoded(msgspec.Struct, frozen=True):
@@ -146,8 +148,7 @@ class DenseCodec:
         room: int,
         reference: Snapshot | None = None,
         *,
-        long_name: bool = False,
-        is_mistaken: Callable[["Encoded"], bool] | None = None,
+        refuses: Callable[["Encoded"], bool] | None = None,
     ) -> Encoded | None:
         """Write a frame.
 
@@ -155,9 +156,8 @@ class DenseCodec:
             samples: The most important first; as many as fit are taken, without leaving one out.
             room: Greatest size of the frame, bytes.
             reference: A frame that every receiver holds.
-            long_name: The reference's short name would be ambiguous.
-            is_mistaken: Tells of a frame whether its name is another one's too: then it is written
-                in its other form, which has another name.
+            refuses: Tells of a frame whether it must not have its name: then it is written in
+                another form.
 
         Returns:
             None where not even the first sample fits, or there is none.
@@ -165,7 +165,7 @@ class DenseCodec:
         Raises:
             PayloadInvalidError: A value is not of its stream's type.
         """
-        aim = _Aim(reference, long_name, is_mistaken)
+        aim = _Aim(reference, refuses)
         pieces: list[_Piece] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
@@ -185,12 +185,12 @@ class DenseCodec:
             count = min(max(count * room // max(size, 1), low + 1), high)
         return fits
 
-    def decode(self, frame: bytes, held: Reversible[Snapshot] = ()) -> Decoded:
+    def decode(self, frame: bytes, held: Mapping[int, Snapshot] = _NOTHING) -> Decoded:
         """Read a frame off the water.
 
         Args:
             frame: From the marker on, all of it.
-            held: Snapshots of the source's frames that were received, the newest last.
+            held: Snapshots of the source's frames that may be referred to, by name.
 
         Raises:
             PayloadError: It is damaged, or its reference is not held.
@@ -199,10 +199,16 @@ class DenseCodec:
             raise PayloadError("an empty frame")
         reader = Reader(frame)
         kind = reader.pick(_KINDS)
-        known = _named(reader, held) if kind == _REFERRING else self._root
+        reference: Snapshot | None = None
+        if kind == _REFERRING:
+            reference = held.get(_code_name(reader, 0))
+            if reference is None:
+                raise PayloadError("a reference to a frame that is not held")
+        known = reference or self._root
         streams = known.streams[:]
         beside: Beside = {}
         samples: list[tuple[int, dict[str, Any]]] = []
+        distance = 1
         if kind == _SINGLE:
             place = reader.uniform(len(streams))
             codec, presence = self._codecs[place], known.presence.after(place)
@@ -213,7 +219,7 @@ class DenseCodec:
             places, presence = known.presence.code(reader, ())
             for place in places:
                 codec, (last, tick, habit) = self._codecs[place], streams[place]
-                nth, is_more = 0, True
+                nth, is_more, behind = 0, True, 1
                 while is_more:
                     nth += 1
                     steps = 1
@@ -221,17 +227,20 @@ class DenseCodec:
                         steps, habit = habit.code_steps_in_frame(reader, 1)
                     elif last is not None:
                         steps, habit = habit.code_steps(reader, 1)
+                        behind = steps
                     value, last = codec.read(reader, last, steps, beside)
                     tick = (tick or 0) + steps
                     beside[codec.stream_id] = last.row
                     samples.append((codec.stream_id, value))
                     is_more, habit = habit.code_more(reader, nth, False)
                 streams[place] = last, tick, habit
+                distance = max(distance, -(-behind // nth))
         if not samples:
             raise PayloadError("a frame of no samples")
-        reader.flag(_OTHER)
+        form, presence = _code_form(reader, presence, reference is not None, 0)
         reader.check(1, known.check)
-        return Decoded(tuple(samples), Snapshot(streams, presence, known.digest + frame))
+        snapshot = Snapshot(streams, presence, frame, known, form, distance)
+        return Decoded(tuple(samples), snapshot)
 
     def _best(self, pieces: Sequence[_Piece], aim: "_Aim") -> Encoded | None:
         """Write a frame of these samples; None: a stream has too many of them."""
@@ -248,12 +257,12 @@ class DenseCodec:
             best = self._several(lanes, aim)
             if 8 * len(best.frame) <= plain + _SPARE_BITS:
                 return best
-        alone = _Aim(None, False, aim.is_mistaken)
+        alone = _Aim(None, aim.refuses)
         others = [self._several(lanes, alone)]
         if len(pieces) == 1:
             others.append(self._single(pieces[0], alone))
         for other in others:
-            if best is None or len(other.frame) < len(best.frame):
+            if best is None or len(other.frame) + _invested_bytes(best, plain) < len(best.frame):
                 best = other
         return best
 
@@ -264,13 +273,12 @@ class DenseCodec:
             known, writer = self._root, Writer()
             writer.pick(_KINDS, _ALONE)
         else:
-            writer = Writer(_OPENINGS[SHORT_NAMES if aim.long_name else known.short_name])
-            if aim.long_name:
-                writer.raw(LONG_NAME_BITS, known.long_name)
+            assert known.name is not None
+            writer = Writer(_OPENINGS[known.name])
         streams = known.streams[:]
         beside: Beside = {}
         places, presence = known.presence.code(writer, sorted(lanes))
-        taken = 0
+        taken, distance = 0, 1
         for place in places:
             codec, (last, tick, habit) = self._codecs[place], streams[place]
             count = len(lanes[place])
@@ -283,12 +291,13 @@ class DenseCodec:
                         # What stood still stands still however long it was: the cheapest will do.
                         steps = habit.likeliest_steps
                     _, habit = habit.code_steps(writer, steps)
+                    distance = max(distance, -(-steps // count))
                 last = codec.write(writer, parts, last, steps, beside)
                 beside[codec.stream_id] = last.row
                 _, habit = habit.code_more(writer, nth, nth < count)
             streams[place] = last, tick, habit
             taken += count
-        return aim.finish(writer, known, streams, presence, taken)
+        return aim.finish(writer, known, streams, presence, taken, distance)
 
     def _single(self, piece: _Piece, aim: "_Aim") -> Encoded:
         """Write a frame of one sample in the form that knows no habits."""
@@ -306,21 +315,16 @@ class _Aim:
 
     Args:
         reference: A frame that every receiver holds.
-        long_name: It is named by its long name.
-        is_mistaken: Tells whether a frame has a name that it must not have.
+        refuses: Tells whether a frame must not have its name.
     """
 
-    __slots__ = ("is_mistaken", "long_name", "reference")
+    __slots__ = ("reference", "refuses")
 
     def __init__(
-        self,
-        reference: Snapshot | None,
-        long_name: bool,
-        is_mistaken: Callable[[Encoded], bool] | None,
+        self, reference: Snapshot | None, refuses: Callable[[Encoded], bool] | None
     ) -> None:
         self.reference = reference
-        self.long_name = long_name
-        self.is_mistaken = is_mistaken
+        self.refuses = refuses
 
     def finish(
         self,
@@ -329,33 +333,32 @@ class _Aim:
         streams: list[Known],
         presence: Presence,
         taken: int,
+        distance: int = 1,
     ) -> Encoded:
-        """End a frame in the one or the other form."""
-        mark = writer.mark()
-        for is_other in (False, True):
-            writer.flag(_OTHER, is_other)
-            frame = writer.finish(1, known.check)
-            snapshot = Snapshot(streams, presence, known.digest + frame)
-            encoded = Encoded(frame, taken, snapshot, self.reference, self.long_name)
-            if self.is_mistaken is None or not self.is_mistaken(encoded):
-                return encoded
+        """End a frame, in the cheapest form that is not refused."""
+        mark, refers = writer.mark(), self.reference is not None
+        for form in range(FORMS):
             writer.rewind(mark)
-        return msgspec.structs.replace(encoded, is_mistaken=True)
+            _, after = _code_form(writer, presence, refers, form)
+            frame = writer.finish(1, known.check)
+            snapshot = Snapshot(streams, after, frame, known, form, distance)
+            encoded = Encoded(frame, taken, snapshot, self.reference)
+            if snapshot.name is None or self.refuses is None or not self.refuses(encoded):
+                break
+        return encoded
 
 
-def _named(reader: Reader, held: Reversible[Snapshot]) -> Snapshot:
-    """The newest frame of the name that is read."""
-    name = reader.raw(NAME_BITS)
-    if name != SHORT_NAMES:
-        for each in reversed(held):
-            if each.short_name == name:
-                return each
-    else:
-        name = reader.raw(LONG_NAME_BITS)
-        for each in reversed(held):
-            if each.long_name == name:
-                return each
-    raise PayloadError("a reference to a frame that is not held")
+def _code_form(coder: Coder, presence: Presence, refers: bool, form: int) -> tuple[int, Presence]:
+    """Write or read the form of a frame; also gives what is usual after that."""
+    if refers:
+        return presence.code_form(coder, form)
+    return coder.pick(_FORMS_ALONE, form), presence
+
+
+def _invested_bytes(encoded: Encoded, plain_bits: int) -> int:
+    """How many bytes a frame may have more than one without a reference, which learns nothing."""
+    is_dear = 8 * len(encoded.frame) > plain_bits + 2 * _SPARE_BITS
+    return 0 if encoded.reference is None or is_dear else 1
 
 
 def _steps(tick: int | None, last: int | None) -> tuple[int, int]:

@@ -29,6 +29,8 @@ _MOST: Final = (1 << 16) - _LEAST
 _EVEN: Final = 1 << 15
 _REMEMBERED: Final = 512  # lists of chances of one kind
 _OFTEN: Final = 7 << 13
+# How often a frame is in each form from the second on.
+_FORMS: Final = ends_of(16, 8, 4, 2, 2)
 
 Shares = tuple[tuple[int, ...], tuple[int, ...]]
 """Relative shares of things of which there is one, and the `ends_of` them."""
@@ -105,13 +107,15 @@ class Presence:
     Attributes:
         single: How often a frame is of one stream alone, 2**-16.
         chances: How often there is something of a stream, 2**-16.
+        in_turn: How often a frame has the name whose turn it is, 2**-16.
     """
 
-    __slots__ = ("_ends", "chances", "single")
+    __slots__ = ("_ends", "chances", "in_turn", "single")
 
-    def __init__(self, single: int, chances: tuple[int, ...]) -> None:
+    def __init__(self, single: int, chances: tuple[int, ...], in_turn: int = _OFTEN) -> None:
         self.single = single
         self.chances = chances
+        self.in_turn = in_turn
         self._ends: tuple[int, ...] = ()  # of the chances, from their first use on
 
     def code(self, coder: Coder, places: Sequence[int]) -> tuple[tuple[int, ...], "Presence"]:
@@ -125,11 +129,18 @@ class Presence:
             found = tuple(
                 place for place, chance in enumerate(chances) if flag(chance, place in places)
             )
-        return found, _presence_after(single, chances, found)
+        return found, _presence_after(self, found)
 
     def after(self, place: int) -> "Presence":
         """What is usual after a frame of one stream."""
-        return _presence_after(self.single, self.chances, (place,))
+        return _presence_after(self, (place,))
+
+    def code_form(self, coder: Coder, form: int) -> tuple[int, "Presence"]:
+        """Write or read how a frame that refers to another comes to its name (`snapshot.FORMS`)."""
+        is_first = coder.flag(self.in_turn, form == 0)
+        found = 0 if is_first else 1 + coder.pick(_FORMS, form - 1)
+        after = _followed(self.in_turn, is_first)
+        return found, self if after == self.in_turn else Presence(self.single, self.chances, after)
 
 
 def new_habits(model: Model | None, streams: Mapping[int, object]) -> tuple[Presence, list[Habit]]:
@@ -176,9 +187,15 @@ def _steps_after(shares: tuple[int, ...], found: int) -> Shares:
     return _shares(*after)
 
 
+def _presence_after(before: Presence, places: tuple[int, ...]) -> Presence:
+    single, chances = _chances_after(before.single, before.chances, places)
+    return Presence(single, chances, before.in_turn)
+
+
 @lru_cache(maxsize=_REMEMBERED)
-def _presence_after(single: int, chances: tuple[int, ...], places: tuple[int, ...]) -> Presence:
-    return Presence(
-        _followed(single, len(places) == 1),
-        tuple(_followed(chance, place in places) for place, chance in enumerate(chances)),
+def _chances_after(
+    single: int, chances: tuple[int, ...], places: tuple[int, ...]
+) -> tuple[int, tuple[int, ...]]:
+    return _followed(single, len(places) == 1), tuple(
+        _followed(chance, place in places) for place, chance in enumerate(chances)
     )

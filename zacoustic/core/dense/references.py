@@ -6,39 +6,44 @@ acknowledges the newest frame that it has read, by its `mark`, whenever there is
 what goes anyway; nothing has to be answered at once, and a lost acknowledgement is made up for by
 the next.
 
-Both ends keep the same number of frames: the last `KEPT` that were sent are more than the last
-`KEPT` that were received, so what the source may refer to is always still held. Nothing is numbered
-and no order is relied upon, so frames may be lost, doubled and late. A receiver takes the newest
-frame of a name; so a name must not mean a newer frame too. Before it refers to a frame the source
-compares its name with those of all that were sent since, and of a few before it, which may be late;
-where two agree it gives the long name, and where these agree too it takes an older reference. And
-a new frame must not have the name by which a frame that may still be on its way, or it itself
-when it comes again, means another one: then it is written in another form.
+Frames may be lost, doubled and late, and nothing is numbered. A receiver holds, of each name, the
+frame that came with it last, unless that `is_outdated_by` the one that it holds. The source makes
+sure that this is the one that is meant, as long as not more than `REACH` of its frames come between
+a frame and a copy of it that is late:
+
+1. a name by which a frame was referred to is given to no other one while the last `REACH` frames
+   include one that says it;
+2. a frame is referred to only if no other one of its name was sent since, or among the `REACH`
+   frames before it, but such as it outdates.
+
+To have names for that, it gives a new frame one that is free, if it has a choice. Names that are
+given in turn are more than `REACH`, so as long as frames and samples go on in step, all is free.
+
+An acknowledgement may be late too: within `REMEMBERED` frames, no two have the same mark.
 
 A stream that stands still may have the same bytes again, against the same reference. That is the
-same frame once more; the receiver has it at the place where it came last, which may be any of those
-at which it was sent.
+same frame once more.
 """
 
-from bisect import bisect_left
-from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
-from operator import attrgetter
+from collections import OrderedDict
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 from zacoustic.core.dense.frame import Decoded, DenseCodec, DenseSample, Encoded
-from zacoustic.core.dense.snapshot import SHORT_NAMES, Snapshot
+from zacoustic.core.dense.snapshot import Snapshot
 
-KEPT: Final = 32
-"""How many frames each end remembers."""
-
-LATEST: Final = 2
+REACH: Final = 31
 """A frame may arrive behind so many of its successors, and still no name is ambiguous."""
 
-_OVERLAP: Final = 3  # frames before the newest acknowledged one that can still be acknowledged
-_MARKED: Final = 8  # as many of the last frames have marks of their own
-_LONG_NAMES: Final = SHORT_NAMES  # long names are counted from here on
-_last = attrgetter("last")
+KEPT: Final = 2 * REACH
+"""How many frames the source may tell apart. So it refers back by at most `REACH` of them, and
+knows of all that may outdate what it refers to."""
+
+ANSWERS: Final = 4 * REACH
+"""For how many frames after an acknowledgement another one is expected."""
+
+REMEMBERED: Final = 256
+"""Of how many frames the source does not use the marks again."""
 
 
 class _Sent:
@@ -69,11 +74,12 @@ class Speaker:
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
         self._count = 0
-        self._sent: list[_Sent] = []  # by when they were sent last
-        self._by_digest: dict[bytes, _Sent] = {}
-        self._forgotten = -LATEST  # when a frame was sent last that is no longer among them
-        self._marks: list[int] = []  # of `_sent`
-        self._late: deque[int] = deque(maxlen=LATEST)  # what the last frames call their references
+        self._sent: OrderedDict[bytes, _Sent] = OrderedDict()  # by digest; sent last is last
+        self._named: dict[int, list[_Sent]] = {}  # those of each name
+        self._forgotten = -REACH  # when a frame was sent last that is no longer among them
+        self._referred: dict[int, tuple[int, bytes]] = {}  # by name: when last, and to what
+        self._answered = -ANSWERS  # when somebody acknowledged something
+        self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
 
     def encode(
         self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
@@ -85,37 +91,32 @@ class Speaker:
             room: Greatest size of the frame, bytes.
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
         """
-        wanted = set(listeners)
-        if not wanted:
-            return self._codec.encode(samples, room)
-        first: Encoded | None = None
-        for reference, long_name in self._references(wanted):
-            encoded = self._codec.encode(
-                samples, room, reference, long_name=long_name, is_mistaken=self._is_mistaken
-            )
-            if encoded is None or not encoded.is_mistaken:
-                return encoded
-            first = first or encoded
-        return first
+        reference = self._reference(set(listeners))
+        return self._codec.encode(samples, room, reference, refuses=self._refuses)
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
         self._count += 1
-        self._late.append(_said(encoded))
-        snapshot = encoded.snapshot
-        sent = self._by_digest.get(snapshot.digest)
-        if sent is None:
-            sent = self._by_digest[snapshot.digest] = _Sent(encoded, self._count)
-        else:
+        snapshot, reference = encoded.snapshot, encoded.reference
+        digest = snapshot.digest
+        if reference is not None and reference.name is not None:
+            self._referred[reference.name] = self._count, reference.digest
+        sent = self._sent.get(digest)
+        if sent is not None:
             sent.last = self._count
-            place = self._sent.index(sent)
-            del self._sent[place], self._marks[place]
-        self._sent.append(sent)
-        self._marks.append(snapshot.mark)
+            self._sent.move_to_end(digest)
+            return
+        sent = self._sent[digest] = _Sent(encoded, self._count)
+        if snapshot.name is not None:
+            self._named.setdefault(snapshot.name, []).append(sent)
         if len(self._sent) > KEPT:
-            oldest = self._sent.pop(0)
-            del self._marks[0], self._by_digest[oldest.snapshot.digest]
+            _, oldest = self._sent.popitem(last=False)
             self._forgotten = oldest.last
+            if oldest.snapshot.name is not None:
+                self._named[oldest.snapshot.name].remove(oldest)
+        self._marks[snapshot.mark] = digest
+        if len(self._marks) > REMEMBERED:
+            del self._marks[next(iter(self._marks))]
 
     def acknowledged(self, listener: int, mark: int) -> bool:
         """Take note that a listener holds a frame.
@@ -127,66 +128,74 @@ class Speaker:
         Returns:
             Whether it is known which frame that is.
         """
-        # What is much older than the newest that is known to be held is of no use; a little older
-        # is what a late frame leads to.
-        recent = _OVERLAP
-        for each in reversed(self._sent):
-            recent += 1
-            if listener in each.holders:
-                break
-        marks = self._marks[-recent:]
-        if marks.count(mark) != 1:
+        sent = self._sent.get(self._marks.get(mark, b""))
+        if sent is None or sent.snapshot.name is None:
             return False
-        place = marks.index(mark) - len(marks)
-        held: Snapshot | None = self._sent[place].snapshot
-        for each in self._sent[place::-1]:
-            if each.snapshot is held:
-                if listener in each.holders:
-                    break
-                each.holders.add(listener)
-                held = each.reference
+        self._answered = self._count
+        while sent is not None and listener not in sent.holders:
+            sent.holders.add(listener)
+            sent = self._sent.get(sent.reference.digest) if sent.reference is not None else None
         return True
 
     def forget(self, listener: int) -> None:
         """Take note that a listener holds nothing any more: it has restarted."""
-        for each in self._sent:
+        for each in self._sent.values():
             each.holders.discard(listener)
 
-    def _is_mistaken(self, new: Encoded) -> bool:
-        """Whether a frame, or its acknowledgement, would be taken for another one.
-
-        For what a late frame refers to, or what it refers to itself, when it comes again.
-        """
+    def _refuses(self, new: Encoded) -> bool:
+        """Whether a frame would be taken for another one, or make another one be taken for it."""
         snapshot = new.snapshot
-        if snapshot.mark in self._marks[-_MARKED:]:
-            for each in self._sent[-_MARKED:]:
-                is_same = each.snapshot.digest == snapshot.digest
-                if each.snapshot.mark == snapshot.mark and not is_same:
-                    return True
-        said = (*self._late, _said(new))
-        return snapshot.short_name in said or _LONG_NAMES + snapshot.long_name in said
+        name, digest = snapshot.name, snapshot.digest
+        assert name is not None
+        if self._marks.get(snapshot.mark, digest) != digest:
+            return True
+        if new.reference is not None and new.reference.name == name:
+            return True
+        last, meant = self._referred.get(name, (0, digest))
+        if meant != digest and last + REACH > self._count:
+            return True
+        same = self._sent.get(digest)
+        # Nobody who has never acknowledged anything will be told names; all are as good then.
+        is_choosy = self._answered + ANSWERS > self._count
+        for other in self._named.get(name, ()):
+            if same is not None and other is not same and other.last > same.first:
+                return True  # who missed it before would hold it now, and all others the other one
+            if same is None and (
+                snapshot.is_outdated_by(other.snapshot)
+                or (
+                    is_choosy
+                    and other.last + REACH > self._count
+                    and not other.snapshot.is_outdated_by(snapshot)
+                )
+            ):
+                return True
+        return False
 
-    def _references(self, listeners: set[int]) -> Iterator[tuple[Snapshot | None, bool]]:
-        """The newest frame that all hold and that can be named, and whether by its long name.
+    def _reference(self, listeners: set[int]) -> Snapshot | None:
+        """The newest frame that all hold and that can be named; None: there is none."""
+        if listeners:
+            for each in reversed(self._sent.values()):
+                if (
+                    listeners <= each.holders
+                    and each.first - REACH > self._forgotten
+                    and self._is_clear(each)
+                ):
+                    return each.snapshot
+        return None
 
-        More than one way only for who must not take the first; the last is to refer to none.
-        """
-        for each in reversed(self._sent):
-            # Only what came after a frame can push it out at a receiver, or be taken for it.
-            earliest = each.first - LATEST
-            if earliest <= self._forgotten or not listeners <= each.holders:
+    def _is_clear(self, meant: _Sent) -> bool:
+        """Whether every receiver that has got a frame holds it as the one of its name."""
+        snapshot = meant.snapshot
+        assert snapshot.name is not None
+        for other in self._named[snapshot.name]:
+            if other is meant:
                 continue
-            meant = each.snapshot
-            since = self._sent[bisect_left(self._sent, earliest, key=_last) :]
-            is_short = [one.snapshot.short_name for one in since].count(meant.short_name) == 1
-            if is_short:
-                yield meant, False
-            is_long = [one.snapshot.long_name for one in since].count(meant.long_name) == 1
-            if is_long:
-                yield meant, True
-            if is_short or is_long:
-                break
-        yield None, False
+            if other.last >= meant.first - REACH:
+                if not other.snapshot.is_outdated_by(snapshot):
+                    return False
+            elif snapshot.is_outdated_by(other.snapshot):
+                return False
+        return True
 
 
 class Listener:
@@ -198,35 +207,30 @@ class Listener:
 
     def __init__(self, codec: DenseCodec) -> None:
         self._codec = codec
-        self._held: dict[bytes, Snapshot] = {}  # by digest; the newest last
+        self._held: dict[int, Snapshot] = {}  # by name
         self.mark: int | None = None
         """What to acknowledge: the mark of the newest frame; None: none was read."""
 
-    def decode(self, frame: bytes) -> Decoded:
+    def decode(self, frame: bytes, *, alone: bool = False) -> Decoded:
         """Read a frame off the water.
+
+        Args:
+            frame: From the marker on, all of it.
+            alone: What refers to another frame is for others.
 
         Raises:
             PayloadError: It is damaged, or its reference is not held.
         """
-        held = self._held
-        decoded = self._codec.decode(frame, held.values())
+        decoded = self._codec.decode(frame, {} if alone else self._held)
         snapshot = decoded.snapshot
-        held.pop(snapshot.digest, None)
-        held[snapshot.digest] = snapshot
-        if len(held) > KEPT:
-            del held[next(iter(held))]
-        self.mark = snapshot.mark
+        if snapshot.name is not None:
+            held = self._held.get(snapshot.name)
+            if held is None or not snapshot.is_outdated_by(held):
+                self._held[snapshot.name] = snapshot
+                self.mark = snapshot.mark
         return decoded
 
     def forget(self) -> None:
         """Take note that the source has restarted."""
         self._held.clear()
         self.mark = None
-
-
-def _said(encoded: Encoded) -> int:
-    """What a frame calls its reference: a short name, or a long one behind all short ones."""
-    reference = encoded.reference
-    if reference is None:
-        return -1
-    return _LONG_NAMES + reference.long_name if encoded.long_name else reference.short_name

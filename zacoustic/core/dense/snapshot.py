@@ -5,11 +5,10 @@ reference or theirs had. So one reference serves all streams of a frame, whether
 them or not.
 
 A snapshot's digest covers the bytes of its frame and the digest of its reference's snapshot, hence
-all that was ever said along the chain. Frames have no numbers: a frame that refers to another says
-a part of that one's digest, its *name*. That tells the receiver which one is meant, and at the same
-time checks that it holds the very same state: a number would cost as much and tell only the first.
-Names are short, so two frames may have the same one; `Speaker` sees to it that it is not ambiguous,
-by the long name where it must.
+all that was ever said along the chain. A frame that refers to another says that one's *name*, one
+of `NAMES`. Frames have no numbers, and need none: which name a frame takes follows from its
+reference or from its digest, and of these the source chooses (`Form`), so that a name never means
+another frame as long as one that says it may be under way (`references`).
 """
 
 import struct
@@ -19,22 +18,28 @@ from typing import Final
 from zacoustic.core.dense.adaptation import StreamState
 from zacoustic.core.dense.habits import Habit, Presence
 
-NAME_BITS: Final = 5
-"""Bits of a short name."""
+SHORT_NAMES: Final = 20
+"""How many names have five bits: the first. The others have six."""
 
-SHORT_NAMES: Final = (1 << NAME_BITS) - 1
-"""How many short names there are; what is left announces a long one."""
+TURNS: Final = 38
+"""How many names are given in turn: the first."""
 
-LONG_NAME_BITS: Final = 7
-"""Bits of a long name."""
+NAMES: Final = 44
+"""How many there are."""
+
+FORMS: Final = 6
+"""In how many forms a frame may be. In the first it has the name whose turn it is, in the last it
+has none; in the others it has one of those behind the turns, by its digest, which is another one in
+each form."""
 
 MARK_BITS: Final = 14
 """Bits of a mark."""
 
 _DIGEST_BYTES: Final = 12
-_LONG_NAME_SHIFT: Final = 16 - LONG_NAME_BITS
+_GENERATIONS: Final = 16
 _MARK_SHIFT: Final = 16 - MARK_BITS
-_parts_of = struct.Struct(">IHHH2x").unpack  # of a digest: check, names and mark
+_parts_of = struct.Struct(">IH2xH2x").unpack  # of a digest: check, name and mark
+
 
 Known = tuple[StreamState | None, int | None, Habit]
 """What is known of a stream:
@@ -52,38 +57,61 @@ class Snapshot:
     Args:
         streams: See below.
         presence: See below.
-        said: The digest of the reference's snapshot, and the frame.
+        said: The frame; of the root, what both ends agree on.
+        reference: What the frame refers to, or the root; None: this is the root.
+        form: How the frame comes to its name, see `FORMS`.
+        distance: How many frames it seems to be behind its reference.
 
     Attributes:
         streams: What is known of each stream, in the order of their ids.
         presence: Of which streams the source's frames usually are.
         digest: Of all frames up to this one.
+        ancestors: Digests of the reference, of its reference …, as many as are remembered.
         check: What frames that refer to this one are checked against.
-        short_name: Says which frame is meant, 0…30.
-        long_name: Says it with more certainty, 0…127.
+        turn: Its name, if it is given in turn; None: this is the root.
+        name: Says which frame is meant, 0…`NAMES` - 1; None: it has none.
         mark: Says in an acknowledgement which frame is meant, 0…16383.
     """
 
     check: int
-    short_name: int
-    long_name: int
-    mark: int
 
-    __slots__ = (
-        "check",
-        "digest",
-        "long_name",
-        "mark",
-        "presence",
-        "short_name",
-        "streams",
-    )
+    __slots__ = ("ancestors", "check", "digest", "mark", "name", "presence", "streams", "turn")
 
-    def __init__(self, streams: list[Known], presence: Presence, said: bytes) -> None:
+    def __init__(
+        self,
+        streams: list[Known],
+        presence: Presence,
+        said: bytes,
+        reference: "Snapshot | None" = None,
+        form: int = FORMS - 1,
+        distance: int = 1,
+    ) -> None:
         self.streams = streams
         self.presence = presence
-        self.digest = digest = blake2s(said, digest_size=_DIGEST_BYTES).digest()
-        self.check, short, long, mark = _parts_of(digest)
-        self.short_name = short % SHORT_NAMES
-        self.long_name = long >> _LONG_NAME_SHIFT
-        self.mark = mark >> _MARK_SHIFT
+        self.ancestors: tuple[bytes, ...] = ()
+        self.turn: int | None = None
+        self.name: int | None = None
+        if reference is not None:
+            said = reference.digest + said
+        self.digest: bytes = blake2s(said, digest_size=_DIGEST_BYTES).digest()
+        self.check, place, mark = _parts_of(self.digest)
+        self.mark: int = mark >> _MARK_SHIFT
+        if reference is None:
+            return
+        if reference.turn is None:
+            self.turn = place % TURNS
+        else:
+            self.turn = (reference.turn + distance) % TURNS
+            self.ancestors = (reference.digest, *reference.ancestors[: _GENERATIONS - 1])
+        if form == 0:
+            self.name = self.turn
+        elif form < FORMS - 1:
+            self.name = TURNS + place % (NAMES - TURNS)
+
+    def is_outdated_by(self, other: "Snapshot") -> bool:
+        """Whether this frame refers to one that the other's reference descends from.
+
+        Both ends know that alike, whenever the frames come. So where both have the same name, it
+        is the other's.
+        """
+        return bool(self.ancestors) and self.ancestors[0] in other.ancestors[1:]

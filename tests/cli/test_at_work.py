@@ -1,0 +1,61 @@
+"""Who waits for a verb sees that it is at work, on a terminal and nowhere else."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.node.fleet import WaterServer
+from zacoustic.cli import main
+
+SLOW = (sys.executable, "-m", "zacoustic", "topics", "--connect", "tcp/127.0.0.1:1")
+"""It looks for a router for three seconds."""
+
+
+def test_a_verb_of_more_than_two_seconds_says_that_it_is_at_work() -> None:
+    ours, theirs = pty.openpty()
+    try:
+        process = subprocess.Popen(SLOW, stdout=subprocess.PIPE, stderr=theirs, text=True)
+        os.close(theirs)
+        told = b""
+        while True:
+            try:
+                piece = os.read(ours, 4096)
+            except OSError:  # the other end has gone
+                break
+            if not piece:
+                break
+            told += piece
+        assert process.communicate(timeout=60)[0] == ""
+    finally:
+        os.close(ours)
+    shown = told.decode().split("\r\x1b[K")
+    assert any(part.startswith("zacoustic topics: at work for ") for part in shown)
+    # The last of it is taken away before what it ends with.
+    assert shown[-1].startswith("zacoustic topics: no Zenoh router")
+
+
+def test_what_is_no_terminal_gets_the_result_only() -> None:
+    process = subprocess.run(SLOW, capture_output=True, text=True, check=False, timeout=60)
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr.startswith("zacoustic topics: no Zenoh router")
+
+
+@pytest.mark.parametrize("reliability", ["best_effort", "reliable"])
+def test_pub_ends_and_says_so_when_its_sample_became_too_old(
+    reliability: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream = {"id": 1, "topic": "note", "publishers": [1], "subscribers": [2], "linger_s": 30,
+              "lifespan_s": 0.2, "reliability": reliability}  # fmt: skip
+    nodes = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
+    section = {"address": 1, "nodes": nodes, "streams": [stream]}
+    path = tmp_path / "fleet.json5"
+    path.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+    with WaterServer() as locator:
+        assert main(["pub", "note", "x", "--config", str(path), "--link", locator]) == 1
+    told = "1 became too old" if reliability == "best_effort" else "not delivered: expired"
+    assert told in capsys.readouterr().err
