@@ -251,7 +251,8 @@ class LinkRunner:
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
         """Tell the engine, and people."""
-        level = logging.WARNING if state is LinkState.DOWN else logging.INFO
+        is_known = (state, detail) == (self.link_state, self.link_detail)
+        level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
         _logger.log(level, "node %d: link %s: %s", self.engine.address, state.value, detail)
         self.link_state, self.link_detail = state, detail
         self._is_busy = False

@@ -21,7 +21,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final, Self
 
-from zacoustic.bytestream import ByteStream
+from zacoustic.bytestream import ByteStream, holders
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.linktypes import (
     BROADCAST,
@@ -181,7 +181,19 @@ class DesertLink(Link):
         return readings
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """See whether DESERT listens; nothing is written. More it does not tell of itself."""
+        """See whether DESERT listens, and for whom; nothing is written. More it does not tell."""
+        others = holders(self._stream.address)
+        if others:
+            return [
+                Finding(
+                    what=f"another program is connected to DESERT at {self._address}: "
+                    f"{', '.join(others)}",
+                    why="DESERT serves one program per port: the gateway is accepted and hears "
+                    "nothing, and what it sends goes when the other one leaves",
+                    cure="stop the other program; if it is the gateway, name its router by "
+                    "--connect",
+                )
+            ]
         found = await super().examine(patience_s)
         if not found:
             return []
@@ -195,7 +207,10 @@ class DesertLink(Link):
         ]
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """See whether frames come in pieces, and answers much later than the settings say."""
+        """See whether frames come, whole, and answers not much later than the settings say."""
+        unheard = health.get("link", {}).get("diagnostics", {}).get("frames_unheard", 0)
+        if unheard >= SUSPECT_FRAMES:
+            return [self._deaf(unheard)]
         return [*self._assess_pieces(health), *self._assess_answers(health)]
 
     def _assess_answers(self, health: Mapping[str, Any]) -> list[Finding]:
@@ -241,6 +256,17 @@ class DesertLink(Link):
             )
         ]
 
+    def _deaf(self, frames: int) -> Finding:
+        """Say what may be wrong when nothing is heard on this connection."""
+        return Finding(
+            what=f"DESERT at {self._address} has taken {frames} frames on this connection, and has "
+            "handed over nothing",
+            why="it looks like a silent sea; nothing of the others will ever come",
+            cure="see that no other program holds its port, since it serves one at a time; give "
+            "its script drop_out_of_order_ 0, or the LL header (Module/UW/LL): with 1 and without "
+            "it all packets are dropped; see that the other end runs",
+        )
+
     def stream_opened(self) -> None:
         """DESERT, or its kernel, has accepted; called by the stream."""
         self._unheard = 0
@@ -254,25 +280,27 @@ class DesertLink(Link):
     def bytes_received(self, data: bytes, received_at: int) -> None:
         """Pass on what has arrived; called by the stream."""
         self._is_heard = True
-        self._count_piece(data)
         if self._state is LinkState.UP:
             self._change_state(LinkState.UP, self._connected())
         if self._decoder is None:
+            # The core's delimiters show where a frame begins and ends.
+            self._count_piece(data, data[:1] == DELIMITER, data[-1:] == DELIMITER)
             self._hear(data, received_at)
             return
+        is_begun = self._decoder.is_waiting
         for payload in self._decoder.feed(data):
             self._hear(payload, received_at)
+        self._count_piece(data, not is_begun, not self._decoder.is_waiting)
         # Each piece grants the packet in the decoder new patience.
         self._flush_at = received_at + self._patience_ns if self._decoder.is_waiting else None
         self._arm()
 
-    def _count_piece(self, data: bytes) -> None:
+    def _count_piece(self, data: bytes, begins: bool, ends: bool) -> None:
         """Count what came at once, and whether it was less than a frame."""
         self._pieces += 1
-        # The core's delimiters show where a frame begins and ends; others have none.
-        if self._decoder is None and (data[:1] == DELIMITER) != (data[-1:] == DELIMITER):
+        if begins != ends:
             self._cut_pieces += 1
-            if data[:1] == DELIMITER:
+            if begins:
                 # Pieces may come together: the shortest beginning is what is read at once.
                 self._cut_after_bytes = min(self._cut_after_bytes or len(data), len(data))
 

@@ -10,7 +10,7 @@ import time
 from collections.abc import AsyncIterator, Iterator, Mapping
 from typing import Any, Final
 
-from zacoustic.bytestream import ByteStream
+from zacoustic.bytestream import ByteStream, holders
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.link import Finding
 from zacoustic_evologics.at.commands import Act, Action, Command, Query
@@ -171,6 +171,8 @@ async def examine(
         node_address: Acoustic address of the node.
         patience_s: How long to wait for a connection, s.
     """
+    if address.startswith("serial:") and (others := holders(address)):
+        return [_unreachable(address, f"in use by another program: {', '.join(others)}")]
     examination = Examination(address, config.baudrate, config.reply_s)
     try:
         if await examination.open(patience_s):

@@ -178,6 +178,28 @@ def test_access_that_cannot_work_with_the_modem_is_noted(
     assert "access." not in capsys.readouterr().out
 
 
+def test_airtimes_are_those_of_the_link_that_is_given(
+    fleet: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def told(*arguments: str) -> Any:
+        assert main(["check", str(fleet), "--json", *arguments]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    slow = "desert/127.0.0.1:4000#bit_rate_bps=100"
+    report = told("--link", slow)
+    assert (report["profile"], report["unsaid"]) == (slow, "")
+    (row, *_) = report["streams"]
+    largest = min(row["largest_bytes"] or 64, report["mtu_bytes"])
+    assert row["airtime_s"] >= largest * 8 / 100
+    named = told("--link", slow, "--profile", "evologics_s2c_18_34")
+    assert (named["profile"], named["unsaid"]) == ("evologics_s2c_18_34", "")
+    unknown = told("--link", "sim/127.0.0.1:7000")
+    assert unknown["profile"] == "evologics_s2c_18_34"
+    assert unknown["unsaid"] == "sim/127.0.0.1:7000 tells its bit rate when it is open"
+    assert main(["check", str(fleet), "--link", "sim/127.0.0.1:7000"]) == 0
+    assert "tells its bit rate when it is open; --profile names" in capsys.readouterr().out
+
+
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     fleet = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
     for address in ("1", "2"):

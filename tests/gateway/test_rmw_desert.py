@@ -82,7 +82,7 @@ def on_desert(
         await vehicle.open(server.addresses[1])
         link = DesertLink(server.addresses[0], desert())
         async with Gateway(config, link=link, notify=found.notify):
-            up = LinkChanged(state="up")
+            up = LinkChanged(state="up", detail=f"connected to DESERT at {server.addresses[0]}")
             await until(lambda: up in found.notices, found.changed)
             with found.client() as client:
                 await body(found, client, vehicle)

@@ -1,9 +1,9 @@
 """Random scenarios in which several nodes begin to speak at once, and have to come to an end.
 
-Two to four nodes, near or far, with or without carrier sense, with losses that last. Within a few
-seconds, mostly in the same instant, they publish reliable samples, large ones among them, make
-calls, send goals and ask for orders. Nothing else happens. `Outcome.settled_s` tells how long it
-took until the last of them had an outcome.
+Two to four nodes, near or far, with or without carrier sense, with losses that last; in some one of
+them is out of reach for up to half an hour. Within a few seconds, mostly in the same instant, they
+publish reliable samples, large ones among them, make calls, send goals and ask for orders. Nothing
+else happens. `Outcome.settled_s` tells how long it took until the last of them had an outcome.
 """
 
 import random
@@ -46,6 +46,8 @@ _LARGE: Final = 9
 _SERVICE: Final = 20
 _ACTION: Final = 40
 _PATIENCE_S: Final = 7200.0
+_UNREACHABLE: Final = 0.2
+"""Share of the scenarios in which a node is out of reach for a while."""
 _PLANS: Final = ("sample", "sample", "sample", "call", "call", "goal", "object", "order")
 
 
@@ -53,7 +55,8 @@ class Outcome(msgspec.Struct, frozen=True):
     """What came of a scenario."""
 
     settled_s: float
-    """From the instant at which the nodes began to the last outcome, s."""
+    """To the last outcome, from the instant at which the nodes began, or the last of them was back
+    in reach, s."""
     unended: tuple[str, ...]
     """What had none within `LIMIT_S`."""
     failed: tuple[str, ...]
@@ -88,6 +91,11 @@ class Settling:
         self._waits: dict[tuple[str, int, object], str] = {}
         self._failed: list[str] = []
         self._settled_at = 0
+        self._begin_s = BEGIN_S
+        if rng.random() < _UNREACHABLE:
+            self._begin_s += rng.uniform(60, 1800)
+            out = {"node": rng.choice(addresses), "from_s": BEGIN_S, "to_s": self._begin_s}
+            water["faults"] = {"blackouts": [out]}
         self.network = VirtualNetwork(
             scenario_from_mapping(water, source=f"settling {seed}"),
             _table(addresses),
@@ -109,11 +117,11 @@ class Settling:
         """Let it happen, until nothing waits for an outcome, or far too long."""
         until_s = BEGIN_S + 20.0
         self.network.run(until_s=until_s)
-        while self._waits and until_s < BEGIN_S + LIMIT_S:
+        while self._waits and until_s < self._begin_s + LIMIT_S:
             until_s += 60.0
             self.network.run(until_s=until_s)
         return Outcome(
-            settled_s=ns_to_seconds(self._settled_at) - BEGIN_S,
+            settled_s=max(0.0, ns_to_seconds(self._settled_at) - self._begin_s),
             unended=tuple(self._waits.values()),
             failed=tuple(self._failed),
             frames=sum(each.frames_transmitted for each in self.network.stats()),
@@ -124,6 +132,8 @@ class Settling:
     def _plan(self, source: int, target: int) -> partial[None]:
         rng = self._rng
         kind = rng.choice(_PLANS)
+        if kind == "order" and self._begin_s > BEGIN_S:
+            kind = "call"  # an order is given up after ten minutes
         if kind == "sample":
             number = rng.randrange(len(_SMALL))
             return partial(self._publish, source, 1 + number, rng.choice((2, 8, 16, 24)))

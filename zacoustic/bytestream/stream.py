@@ -100,7 +100,7 @@ class ByteStream:
         self.bytes_read = 0
         self.bytes_written = 0
         self.connections = 0
-        self._target = _parse_address(address)
+        self._target = parse_address(address)
         self._baudrate = baudrate
         self._clock = clock
         self._delays_s = (first_delay_s, last_delay_s)
@@ -220,7 +220,7 @@ class ByteStream:
             self._receiver.bytes_received(data, self._last_at)
 
 
-def _parse_address(address: str) -> tuple[str, int] | str:
+def parse_address(address: str) -> tuple[str, int] | str:
     """Host and port of a TCP address, or the path of a serial port."""
     kind, _, rest = address.partition(":")
     if kind == "serial" and rest:

@@ -31,12 +31,12 @@ class CheckCommand(Command):
         Raises:
             ConfigError: The file or an argument is wrong.
         """
-        from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+        from zacoustic.channel.profiles import profile_named
         from zacoustic.config import read_config
         from zacoustic.tools.check.report import report_of
         from zacoustic.tools.check.text import as_text
 
-        profile = profile_named(arguments.profile or DEFAULT_PROFILE)
+        profile = profile_named(arguments.profile) if arguments.profile else None
         config = read_config(arguments.file, address=arguments.address, locator=arguments.link)
         report = report_of(config, profile)
         print_result(report, as_text, as_json=arguments.json)

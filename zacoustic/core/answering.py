@@ -23,7 +23,7 @@ from zacoustic.core.calls import (
     encode_error,
     encode_name,
 )
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, split_age
 from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
@@ -93,7 +93,7 @@ class Answering:
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time all of a request has arrived."""
-        self._linger_s = times.ack_linger_ns / NS_PER_S
+        self._linger_s = times.confirm_linger_s
         self._settling_ns = settling_ns
 
     def link_up(self, now: int) -> None:

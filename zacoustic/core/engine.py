@@ -134,8 +134,9 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         self._transmitter = Transmitter(
-            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements
-        )
+            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements,
+            emit,
+        )  # fmt: skip
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -193,7 +194,7 @@ class Engine:
         if capabilities is not None and capabilities != self.capabilities:
             self._transmitter.use_link(capabilities, now)
         if state is not self._transmitter.link_state:
-            self._transmitter.link_state = state
+            self._transmitter.change_state(state, now)
             if state is LinkState.UP:
                 self.silence.wake(now)
                 self._protocols.link_up(now)
@@ -234,11 +235,9 @@ class Engine:
     def handle_timeout(self, now: int) -> None:
         """The instant that `poll_timeout` named has come."""
         self._now = now
-        self.clock.expire(now)
         self.silence.expire(now)
         self._protocols.expire(now)
-        if self._transmitter.port is not None:
-            self._transmitter.port.access.handle_timeout(now)
+        self._transmitter.expire(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         """A journal write is safe."""
@@ -380,7 +379,7 @@ class Engine:
 
     def poll_event(self) -> Event | None:
         """Return the next event for the application."""
-        self.clock.review(self._transmitter.clock_doubt(self._now), self._now)
+        self._transmitter.review(self._now)
         return self._events.popleft() if self._events else None
 
     def poll_timeout(self) -> int | None:

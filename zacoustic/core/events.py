@@ -291,6 +291,17 @@ class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
     """Instant, ns."""
 
 
+class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+
+    frames: int
+    """How many were sent."""
+    up_at: int
+    """Instant from which on the link is up, ns."""
+    changed_at: int
+    """Instant, ns."""
+
+
 class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
     """A node told its epoch for the first time, or it restarted."""
 
@@ -323,6 +334,7 @@ Event = (
     | StreamTuned
     | JournalStateChanged
     | ClockStateChanged
+    | NothingHeard
     | EngineRestarted
     | PeerSeen
     | PeerLost

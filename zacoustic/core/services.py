@@ -22,7 +22,7 @@ from zacoustic.core.calls import (
     decode_name,
     encode_call_byte,
 )
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, server_of, split_age
 from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import SETTLING_UNITS, Handshake
@@ -95,7 +95,7 @@ class Services:
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
-        self._linger_s = times.ack_linger_ns / NS_PER_S
+        self._linger_s = times.confirm_linger_s
         # A unit until the last frame has arrived, and four within which it may be repeated.
         settling_ns += settling_ns // SETTLING_UNITS
         self._clients.settling_ns = settling_ns

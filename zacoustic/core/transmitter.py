@@ -1,9 +1,12 @@
 """When a frame goes, and what is booked for it: the link, its access, silence and airtime caps."""
 
 import random
+from collections.abc import Callable
+from typing import Final
 
 from zacoustic.core.access import Wanted
 from zacoustic.core.airtime import AirtimeCaps
+from zacoustic.core.events import NothingHeard
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
 from zacoustic.core.measurements import Measurements
@@ -18,6 +21,10 @@ _GIVE_WAY_PERIODS = 2
 """For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
 
 
+UNHEARD_FRAMES: Final = 20
+"""So many frames that are sent without hearing anything are worth a word."""
+
+
 class Transmitter:
     """Makes the transmissions of one engine.
 
@@ -30,6 +37,7 @@ class Transmitter:
         stats: Counts.
         rng: For the back-off of the medium access.
         measurements: What was measured of the others; only read.
+        emit: Takes `NothingHeard`.
     """
 
     def __init__(
@@ -42,6 +50,7 @@ class Transmitter:
         stats: EngineStats,
         rng: random.Random,
         measurements: Measurements,
+        emit: Callable[[NothingHeard], None],
     ) -> None:
         self.port: LinkPort | None = None
         """The link; None before it was up."""
@@ -58,6 +67,11 @@ class Transmitter:
         self._measurements = measurements
         self._host = host
         self._offset_ns: int | None = None
+        self._emit = emit
+        self._up_at = 0
+        self._frames_at_up: tuple[int, int] | None = None
+        """Frames sent and heard when the link came up; None: it is not up, or something was
+        heard, or `NothingHeard` was told."""
         self._next_transmission_id = 1
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
@@ -80,11 +94,29 @@ class Transmitter:
         if self.port is not None:
             self.port.access.handle_clock(offset_ns, error_ns, now)
 
-    def clock_doubt(self, now: int) -> str:
-        """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
-        if self.port is None:
-            return self._silence.clock_doubt
-        return self._silence.clock_doubt or self.port.access.clock_doubt(now)
+    def change_state(self, state: LinkState, now: int) -> None:
+        """The link is in another state."""
+        self.link_state, self._up_at, self._frames_at_up = state, now, None
+        if state is LinkState.UP:
+            self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
+
+    def expire(self, now: int) -> None:
+        """An instant has come that something here has named."""
+        self._host.expire(now)
+        if self.port is not None:
+            self.port.access.handle_timeout(now)
+
+    def review(self, now: int) -> None:
+        """Tell the application what keeps frames from the channel, or from the others."""
+        self._host.review(self._clock_doubt(now), now)
+        if self._frames_at_up is None:
+            return
+        sent = self._stats.frames_transmitted - self._frames_at_up[0]
+        if self._stats.frames_received > self._frames_at_up[1]:
+            self._frames_at_up = None
+        elif sent >= UNHEARD_FRAMES:
+            self._frames_at_up = None
+            self._emit(NothingHeard(frames=sent, up_at=self._up_at, changed_at=now))
 
     def make(self, now: int) -> tuple[Transmission, tuple[int, ...]] | None:
         """Make the transmission that is worth most now, if one may begin.
@@ -145,6 +177,12 @@ class Transmitter:
         return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
+
+    def _clock_doubt(self, now: int) -> str:
+        """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
+        if self.port is None:
+            return self._silence.clock_doubt
+        return self._silence.clock_doubt or self.port.access.clock_doubt(now)
 
     def _tell_access(self, port: LinkPort, now: int) -> None:
         """Tell a new policy what is known of UTC, and what the host says if that is nothing."""

@@ -1,5 +1,6 @@
 """The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
 
+from collections.abc import Callable
 from typing import assert_never
 
 from zacoustic.core.actions.news import ActionEvent
@@ -14,6 +15,7 @@ from zacoustic.core.events import (
     Event,
     JournalStateChanged,
     LinkStateChanged,
+    NothingHeard,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -38,6 +40,7 @@ from zacoustic.gateway.notices import (
     EntityHeard,
     JournalChanged,
     LinkChanged,
+    LinkUnheard,
     Notify,
     PeerBack,
     PeerHeard,
@@ -68,6 +71,7 @@ class Exchange:
         health: Takes note of the rest.
         orders: Answers orders.
         pings: Takes answers to pings.
+        detail: Tells what the link says of its state.
         notify: Told what people want to know.
     """
 
@@ -82,6 +86,7 @@ class Exchange:
         health: Health,
         orders: OrderDesk,
         pings: PingDesk,
+        detail: Callable[[], str],
         notify: Notify,
     ) -> None:
         self._table = table
@@ -92,6 +97,7 @@ class Exchange:
         self._health = health
         self._orders = orders
         self._pings = pings
+        self._detail = detail
         self._notify = notify
 
     def deliver(self, event: Event) -> None:
@@ -119,7 +125,7 @@ class Exchange:
             case CallFailed():
                 self._services.fail(event)
             case LinkStateChanged():
-                self._notify(LinkChanged(state=event.state.value))
+                self._notify(LinkChanged(state=event.state.value, detail=self._detail()))
             case SilenceChanged():
                 state = self._orders.silence(event)
                 self._notify(
@@ -142,6 +148,8 @@ class Exchange:
                 self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
+            case NothingHeard():
+                self._notify(LinkUnheard(frames=event.frames))
             case ClockStateChanged():
                 self._notify(ClockChanged(doubt=event.doubt))
             case PeerSeen():

@@ -213,6 +213,7 @@ class Junction:
             health=self._health,
             orders=self._orders,
             pings=self._pings,
+            detail=lambda: self.runner.link_detail,
             notify=self._tell,
         )
 

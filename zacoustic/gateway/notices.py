@@ -191,6 +191,22 @@ class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
         return [f"internal  error {self.faults}, please report the log; it goes on: {self.cause}"]
 
 
+class LinkUnheard(Notice, frozen=True, kw_only=True, tag="unheard"):
+    """Frames were sent since the link is up, and nothing at all was heard."""
+
+    frames: int
+    """How many were sent."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"unheard   {self.frames} frames sent and none heard; ask zacoustic doctor"]
+
+
 class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     """A node was heard for the first time, or has restarted."""
 

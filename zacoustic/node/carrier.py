@@ -18,6 +18,7 @@ from zacoustic.core.events import (
     EngineRestarted,
     JournalStateChanged,
     LinkStateChanged,
+    NothingHeard,
     PeerFound,
     PeerLost,
     PeerSeen,
@@ -51,6 +52,7 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | ClockStateChanged
+    | NothingHeard
     | EngineRestarted
     | PeerSeen
     | PeerLost

@@ -209,8 +209,12 @@ class Port:
                 return self._set(name, value)
             case Act(Action.COMMAND_MODE | Action.DATA_MODE as action):
                 return self._switch(action)
-        if isinstance(message, PayloadCommand) and message.pid is not None and message.pid > 7:
-            return Refused(RefusalKind.ERROR, "PROTOCOL ID")
+        if isinstance(message, PayloadCommand) and message.pid is not None:
+            if message.pid > 7:
+                return Refused(RefusalKind.ERROR, "PROTOCOL ID")
+            if not self._options["ZF"]:
+                # A host that says a protocol ID looks for one in what it hears, in vain.
+                return WRONG_FORMAT
         return message
 
     def wants(self, message: Spoken) -> bool:

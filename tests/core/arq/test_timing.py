@@ -118,6 +118,15 @@ def test_guess_about_a_device_that_controls_access_is_doubted_until_it_is_measur
     assert timing.pause_ns(DELEGATED, 0, rng, Priority.DATA) < 12 * guess_ns
 
 
+def test_round_trip_that_took_long_makes_repetitions_no_rarer_than_a_silent_node_does() -> None:
+    timing = PeerTiming()
+    timing.measured(20 * TIMES.first_round_trip_ns, TIMES)
+    usual_s = pause_s(timing)
+    for number in range(40):
+        timing.unanswered(number * TIMES.first_round_trip_ns, TIMES)
+    assert pause_s(timing) == pytest.approx(0.75 * 4 * usual_s, rel=1e-2)
+
+
 def test_what_is_due_together_counts_once() -> None:
     timing = PeerTiming()
     for _ in range(40):

@@ -137,7 +137,11 @@ def test_deaf_connection_is_suspected_and_served_when_the_other_client_leaves() 
             await near.send(b"hello")
         assert near.is_up
         assert "DESERT serves one program per port" in detail(near)
-        assert near.link.diagnostics()["frames_unheard"] == SUSPECT_FRAMES
+        readings = near.link.diagnostics()
+        assert readings["frames_unheard"] == SUSPECT_FRAMES
+        (finding,) = near.link.assess({"link": {"diagnostics": readings}})
+        assert f"has taken {SUSPECT_FRAMES} frames" in finding.what
+        assert "drop_out_of_order_ 0" in finding.cure
         assert behind.counts["read"] == 0
         await gone(other)
         await far.hears(b"hello" * SUSPECT_FRAMES)

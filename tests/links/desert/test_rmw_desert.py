@@ -137,6 +137,20 @@ def test_a_packet_longer_than_a_read_of_desert_crosses_both_ways() -> None:
     both(body)
 
 
+@pytest.mark.parametrize("framing", FRAMINGS)
+def test_reads_that_are_shorter_than_its_packets_are_found(framing: str) -> None:
+    link = DesertLink("127.0.0.1:4000", config(framing=framing))
+    whole = packet(SAMPLE, NOTE, "x" * 40) if framing == "rmw_desert" else b"\0" + b"x" * 42 + b"\0"
+    link.stream_opened()
+    for number in range(5):
+        for piece in (whole[:24], whole[24:]) if number else (whole,):
+            link.bytes_received(piece, number * 10**9)
+    readings = link.diagnostics()
+    assert (readings["pieces"], readings["pieces_cut"]) == (9, 8)
+    (finding,) = link.assess({"link": {"diagnostics": readings}})
+    assert "they are cut after 24 bytes" in finding.what
+
+
 def test_a_burst_that_desert_merges_and_cuts_arrives_whole() -> None:
     async def body(shore: Shore, vehicle: Vehicle) -> None:
         vehicle.say(b"".join(packet(SAMPLE, NOTE, f"number {number}") for number in range(30)))

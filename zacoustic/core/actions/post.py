@@ -17,7 +17,6 @@ from zacoustic.core.actions.wire import (
     encode_head,
 )
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.payload import PayloadCodec
 from zacoustic.core.qos import Priority, Qos
@@ -89,7 +88,7 @@ class GoalPost:
 
     def use_link(self, times: LinkTimes) -> None:
         """Take the airtimes of a link."""
-        self._linger_s = times.ack_linger_ns / NS_PER_S
+        self._linger_s = times.confirm_linger_s
 
     def say(
         self,

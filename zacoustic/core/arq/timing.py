@@ -25,7 +25,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.access.listening import Listening
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority
 
@@ -92,6 +92,9 @@ class LinkTimes:
         """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
+        self.confirm_linger_s: float = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        """How long a confirm waits: what is repeated with its request would fall under it, again
+        and again."""
         self.doubt_ns = short_ns
         self.longest_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
         """The longest frame that may be under way at the other end, ns."""
@@ -112,9 +115,11 @@ class LinkTimes:
         """Return within which time that many receivers acknowledge a repetition, each at random.
 
         Most have acknowledged before and say it again, and one that is not known yet says more. A
-        single one may collide as well, with the answer to a repetition of another topic.
+        single one may collide as well, with the answer to a repetition of another topic; or it
+        falls under what its publisher repeats next, where that does not hear it begin.
         """
-        return self.doubt_ns if receivers < 2 else 2 * receivers * self.ack_slot_ns
+        least_ns = self.doubt_ns if self.senses_carrier else self.longest_ns
+        return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
 
 
 class PeerTiming:
@@ -228,7 +233,10 @@ class PeerTiming:
         """
         round_trip_ns = self._round_trip_ns(times, rank)
         factor = self._factor(priority)
-        pause_ns = round(round_trip_ns * factor)
+        # A round trip that took long once is no reason to be silent for hours.
+        rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
+        pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
+        pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
         range_ns = least_range_ns = self._least_range_ns(times, frames)
         if factor > 1:
             range_ns = max(range_ns, pause_ns // 2)

@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from zacoustic import registry
-from zacoustic.channel.profiles import ModemProfile
+from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
 from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
 from zacoustic.core.linktypes import LinkCapabilities
@@ -92,6 +92,14 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
     """Largest frame that it takes, where that is known before it is open."""
 
 
+class _Built(msgspec.Struct, frozen=True):
+    """A link that was made, and not opened."""
+
+    row: LinkRow
+    capabilities: LinkCapabilities | None
+    """Where they are known before it is open."""
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What `check` found in a valid configuration."""
 
@@ -108,7 +116,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     wire: str
     """Wire profile: what is spoken on the link."""
     profile: str
-    """Name of the modem profile of the airtimes."""
+    """Whose airtimes they are: name of a modem profile, or locator of the link."""
+    unsaid: str
+    """Why the airtimes are not those of the link; empty: they are, or a profile was asked for."""
     mtu_bytes: int
     """Largest frame of that modem."""
     streams: tuple[StreamRow, ...]
@@ -125,13 +135,26 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What can never cross, with what would make it: the file does not do what it says."""
 
 
-def report_of(config: Config, profile: ModemProfile) -> Report:
-    """Make the report of a configuration."""
+def report_of(config: Config, profile: ModemProfile | None) -> Report:
+    """Make the report of a configuration.
+
+    Args:
+        config: The configuration.
+        profile: Modem of the airtimes; None: the link's, or the default where it does not tell.
+    """
     on_desert = config.table.wire is WireProfile.RMW_DESERT
+    built = [_build(entry.locator, config.address) for entry in config.links]
+    links = tuple(each.row for each in built)
+    unsaid = ""
+    if profile is None:
+        profile = profile_named(DEFAULT_PROFILE)
+        if built and built[0].capabilities is not None:
+            profile = _like(profile, built[0])
+        elif built and not links[0].error:
+            unsaid = f"{links[0].locator} tells its bit rate when it is open"
     rows = tuple(
         row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
     )
-    links = tuple(_link_row(entry.locator, config.address) for entry in config.links)
     return Report(
         file=config.source,
         address=config.address,
@@ -148,6 +171,7 @@ def report_of(config: Config, profile: ModemProfile) -> Report:
         ),
         journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
         forgotten="" if config.journal else forgotten(config.table, config.address),
+        unsaid=unsaid,
         notes=tuple(_notes(config, links, rows, profile)),
         misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
     )
@@ -241,16 +265,31 @@ def _type_row(codec: TypedCodec) -> TypeRow:
     )
 
 
-def _link_row(locator: str, address: int) -> LinkRow:
+def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
+    """Return a profile with the rate and the frames of a link."""
+    capabilities = built.capabilities
+    assert capabilities is not None
+    return msgspec.structs.replace(
+        profile,
+        name=built.row.locator,
+        mtu_bytes=capabilities.mtu_bytes,
+        preamble_s=capabilities.preamble_s,
+        per_byte_s=8 / capabilities.bit_rate_bps,
+        gap_s=capabilities.gap_s,
+    )
+
+
+def _build(locator: str, address: int) -> _Built:
     """Build the link, without opening it: that tells whether its package and settings are right."""
     shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)
     except ZacousticError as error:
-        return LinkRow(locator=shown, error=without_secrets(error))
-    capabilities = getattr(link, "capabilities", None)
-    mtu_bytes = capabilities.mtu_bytes if isinstance(capabilities, LinkCapabilities) else None
-    return LinkRow(locator=shown, error="", mtu_bytes=mtu_bytes)
+        return _Built(LinkRow(locator=shown, error=without_secrets(error)), None)
+    told = getattr(link, "capabilities", None)
+    capabilities = told if isinstance(told, LinkCapabilities) else None
+    mtu_bytes = None if capabilities is None else capabilities.mtu_bytes
+    return _Built(LinkRow(locator=shown, error="", mtu_bytes=mtu_bytes), capabilities)
 
 
 def _notes(

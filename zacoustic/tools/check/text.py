@@ -39,9 +39,10 @@ def _paragraphs(report: Report) -> Iterator[str]:
         rows = [_stream_cells(row, report.nodes) for row in report.streams]
         yield ""
         yield align(_STREAMS, rows, right=_RIGHT)
+        why = f" ({report.unsaid}; --profile names a modem like it)" if report.unsaid else ""
         yield (
             "bytes: smallest–largest record, stream id included; airtime: of the largest one "
-            f"alone in a frame, {report.profile}, at most {report.mtu_bytes} bytes"
+            f"alone in a frame, {report.profile}{why}, at most {report.mtu_bytes} bytes"
         )
     bits = [_bits_cells(row, row.bits) for row in report.streams if row.bits is not None]
     if bits:

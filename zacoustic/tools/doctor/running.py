@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.config import Config
+from zacoustic.core.transmitter import UNHEARD_FRAMES
 from zacoustic.link import Finding
 from zacoustic.tools.doctor.network import Running
 
@@ -20,6 +21,14 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
             what=f"the link of the running gateway is {link['state']}: {link.get('detail', '')}",
             why="nothing crosses while it is",
             cure="what the link waits for is said there; the gateway goes on by itself then",
+        )
+    sent, heard = link.get("frames_transmitted"), link.get("frames_received")
+    if heard == 0 and isinstance(sent, int) and sent >= UNHEARD_FRAMES:
+        yield Finding(
+            what=f"the running gateway has sent {sent} frames and heard none",
+            why="either nobody else is there, or this node is deaf, or nobody hears it",
+            cure="see that another gateway runs in the same water, that both transducers are in "
+            "it, and that both links have the same settings",
         )
     why_silent = link.get("why_silent")
     if why_silent:

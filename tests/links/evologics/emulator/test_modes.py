@@ -40,6 +40,9 @@ def test_data_mode_wraps_replies_and_notifications() -> None:
     assert near.say(b"+++AT!L3\n") == ["+++AT!L:2:OK"]
     assert near.say(b"+++ATZ1\n") == ["+++ATZ:2:OK"]
     assert near.say(b"+++AT*SENDIM,4,2,ack,test!\n") == ["+++AT*SENDIM:18:ERROR WRONG FORMAT"]
+    refused = ["+++AT*SENDIM:18:ERROR WRONG FORMAT"]
+    assert near.say(b"+++AT*SENDIM,p0,4,2,ack,test\n") == refused  # not without ZF
+    assert near.say(b"+++AT@ZF1\n") == ["+++AT@ZF:2:OK"]
     assert near.say(b"+++AT*SENDIM,p0,4,2,ack,test\n") == ["+++AT*SENDIM:2:OK"]
     sea.run()
     assert near.lines() == ["+++AT:13:DELIVEREDIM,2"]

@@ -1,0 +1,45 @@
+"""A link on which everything is sent and nothing is heard says so, once."""
+
+from tests.virtual.fleet import line
+from zacoustic.core.events import NothingHeard
+from zacoustic.core.qos import Qos
+from zacoustic.core.streams import StreamTable
+from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.testing.virtual import VirtualNetwork
+
+TABLE = StreamTable(
+    [TopicSpec(stream_id=1, name="t", qos=Qos(depth=50))], nodes={1: "shore", 2: "auv"}
+)
+
+
+def told(*, alone: bool) -> list[NothingHeard]:
+    """Let node 1 talk for a while; return what it was told."""
+    water = VirtualNetwork(line(0, 500, channel="none"), TABLE)
+    if alone:
+        water.crash(2)
+    water.every(10, lambda: water.publish(1, 1, b"hello"))
+    water.run(until_s=900)
+    heard = [event for node, event in water.events if node == 1]
+    return [event for event in heard if isinstance(event, NothingHeard)]
+
+
+def test_who_is_alone_is_told_once() -> None:
+    (event,) = told(alone=True)
+    assert event.frames == 20
+    assert event.changed_at > event.up_at
+
+
+def test_who_is_answered_is_told_nothing() -> None:
+    assert told(alone=False) == []
+
+
+def test_link_that_comes_up_again_counts_anew() -> None:
+    water = VirtualNetwork(line(0, 500, channel="none"), TABLE)
+    water.crash(2)
+    water.every(10, lambda: water.publish(1, 1, b"hello"))
+    water.at(150, lambda: water.set_link(1, up=False))
+    water.at(155, lambda: water.set_link(1, up=True))
+    water.run(until_s=300)
+    assert not any(isinstance(event, NothingHeard) for _, event in water.events)
+    water.run(until_s=600)
+    assert sum(isinstance(event, NothingHeard) for _, event in water.events) == 1
