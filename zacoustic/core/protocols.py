@@ -16,6 +16,7 @@ from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
 from zacoustic.core.contact import Contact
+from zacoustic.core.copied import CopiedSamples
 from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
@@ -125,10 +126,12 @@ class Protocols:
             rng=rng,
             emit=emit,
         )
+        self.copied = CopiedSamples(queue, handshake)
         self.topics = Topics(
             address,
             table,
             queue=queue,
+            copied=self.copied,
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
@@ -303,6 +306,7 @@ class Protocols:
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
         settling_ns = self.handshake.settling_ns
+        self.copied.use_link(times)
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
@@ -328,6 +332,7 @@ class Protocols:
 
     def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
         """A transmission begins."""
+        self.copied.transmitted(composed.records)
         self.sending.transmitted(composed.records, now)
         self.repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
@@ -335,6 +340,7 @@ class Protocols:
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """A transmission has ended."""
+        self.copied.handle_report(report)
         self.sending.handle_report(report)
         self.repeater.handle_report(report)
         self.large.objects.transmitted(report.finished_at)
@@ -344,6 +350,7 @@ class Protocols:
         """The instant that `next_deadline_at` named has come."""
         self.services.expire(now)
         self.actions.expire(now)
+        self.copied.expire(now)
         self.sending.expire(now)
         self.receiving.expire(now)
         self.repeater.expire(now)
@@ -357,6 +364,7 @@ class Protocols:
         instants = (
             self.services.next_deadline_at(),
             self.actions.next_due_at(),
+            self.copied.next_deadline_at(),
             self.sending.next_deadline_at(),
             self.receiving.next_deadline_at(),
             self.repeater.next_due_at(),
