@@ -28,6 +28,7 @@ from zacoustic.core.actions.wire import (
     shorten_result,
 )
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
@@ -59,6 +60,7 @@ class GoalServer:
         post: Takes what is to be said.
         journal: Keeps the goals.
         handshake: Knows the present epoch of each client.
+        doubt: Whether goals of former lives are forgotten.
         stats: Counts.
         emit: Takes the events.
     """
@@ -70,6 +72,7 @@ class GoalServer:
         post: GoalPost,
         journal: JournalPort,
         handshake: Handshake,
+        doubt: Doubt,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -77,6 +80,7 @@ class GoalServer:
         self._post = post
         self._journal = journal
         self._handshake = handshake
+        self._doubt = doubt
         self._stats = stats
         self._emit = emit
         self._goals = TakenGoals()
@@ -254,10 +258,9 @@ class GoalServer:
         nodes = self._table.nodes
         if (nodes and key.client not in nodes) or not self._goals.has_room(key):
             return None
-        spec = self._table.by_id(key.stream_id).spec
-        assert isinstance(spec, ActionSpec)
-        deadline_at = now + seconds_to_ns(spec.timeout_s)
-        goal = ServedGoal(key, stage, deadline_at, deadline_at + self.settling_ns)
+        goal = ServedGoal(key, stage, 0, 0)
+        goal.deadline_at = now + seconds_to_ns(self._spec(goal).timeout_s)
+        goal.forget_at = goal.deadline_at + self.settling_ns
         present = self._handshake.peer(key.client).present_epoch
         goal.claimed_in = None if present == key.epoch else present
         self._goals.add(goal)
@@ -272,6 +275,9 @@ class GoalServer:
         except PayloadError:
             self._refuse(goal, GoalFailure.BAD_GOAL, "the goal does not decode", now)
             return "payload"
+        if stream.spec.journal and self._doubt.covers(self._spec(goal).timeout_s, now):
+            self._refuse(goal, GoalFailure.UNKNOWN, self._doubt.reason, now)
+            return None
         count(self._stats.received, stream.stream_id)
 
         def kept(at: int) -> None:
