@@ -143,6 +143,9 @@ def test_topic_is_tuned_from_beyond_the_water() -> None:
         ("@acoustic/2/stream/20?on=true", "HANDLER: stream 20 is no topic"),
         ("@acoustic/2/stream/11?on=true", "HANDLER: node 2 does not publish stream 11"),
         ("@acoustic/1/stream/10?on=true", "BAD_REQUEST: node 1 does not publish stream 10"),
+        ("@acoustic/1/silence?order=stop", "order is stop; allowed: begin, "),
+        ("@acoustic/2/ping?within_s=soon", "within_s is soon; allowed: seconds above 0"),
+        ("@acoustic/2/ping?within_s=١", "within_s is ١; allowed: seconds above 0"),
         ("@acoustic/2/silence?within_s=soon", "within_s is soon; allowed: seconds above 0"),
         ("@acoustic/2/silence?within_s=601", "within_s is 601; allowed: seconds above 0, at most"),
     ],
@@ -153,13 +156,25 @@ def test_order_that_is_wrong_is_refused_with_the_reason(query: str, complaint: s
             replies = await get(found.shore, query)
             assert not replies.good
             assert complaint in replies.errors[0]
+            assert len(replies.errors) == 1, replies.errors
 
     run(scene())
 
 
 @pytest.mark.parametrize(
     "key",
-    ["@acoustic/9/silence", "@acoustic/0/silence", "@acoustic/2/stream/x", "@acoustic/2/quiet"],
+    [
+        "@acoustic/9/silence",
+        "@acoustic/0/silence",
+        "@acoustic/2/stream/x",
+        "@acoustic/2/quiet",
+        # Digits, but not those of a number: the first are an Arabic 2 and 1.
+        "@acoustic/٢/silence",
+        "@acoustic/2/stream/١",
+        "@acoustic/2/stream/²",
+        "@acoustic/²/ping",
+        "@acoustic/2/stream/" + 5000 * "1",
+    ],
 )
 def test_what_is_no_order_is_answered_by_nobody(key: str) -> None:
     async def scene() -> None:

@@ -120,12 +120,18 @@ def _specs(server: int) -> list[StreamSpec]:
             codec="dense",
             qos=Qos(depth=8, linger_s=2.0),
         ),
-        TopicSpec(stream_id=LOG, name="{node}/log", qos=Qos(depth=100, reliability=reliable)),
+        TopicSpec(
+            stream_id=LOG,
+            name="{node}/log",
+            qos=Qos(depth=100, reliability=reliable),
+            journal=True,
+        ),
         TopicSpec(
             stream_id=STOP,
             name="stop",
             subscribers=(server,),
             qos=Qos(depth=8, reliability=reliable, priority=Priority.REAL_TIME),
+            journal=True,
         ),
         TopicSpec(
             stream_id=LIGHT,
@@ -138,6 +144,7 @@ def _specs(server: int) -> list[StreamSpec]:
             stream_id=DIARY,
             name="{node}/diary",
             qos=Qos(depth=8, reliability=reliable, forward=Forward.ON_DEMAND),
+            journal=True,
         ),
         ServiceSpec(stream_id=ARM, name="arm", server=server, timeout_s=300.0),
         ActionSpec(

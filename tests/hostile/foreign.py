@@ -85,6 +85,48 @@ def frames(variant: int, modem: Modem) -> tuple[Stranger, ...]:
     return tuple(heard)
 
 
+@functools.lru_cache(maxsize=16)
+def wishes(modem: Modem) -> tuple[Stranger, ...]:
+    """Return what a node of the fleet itself says that only subscribes and sends goals."""
+    heard: list[Stranger] = []
+
+    def note(record: TraceRecord) -> None:
+        if record.what == "transmit" and record.node == 2:
+            heard.append(Stranger(record.node, record.peer, bytes.fromhex(record.frame)))
+
+    nodes = [{"address": each, "position": [300 * each, 0, 10]} for each in (1, 2)]
+    network = VirtualNetwork(
+        scenario_from_mapping({"nodes": nodes, "channel": "none", "seed": 1}, source="wishes"),
+        fleet.table(range(1, 4)),
+        modem=modem,
+        trace=note,
+        deliver=lambda node, event: None,
+        digest=False,
+    )
+
+    def wish(number: int) -> None:
+        network.apply(
+            2,
+            lambda engine, now: engine.demand.want(
+                fleet.ON_DEMAND[number % 2], now, {1} if number % 3 else set()
+            ),
+        )
+        value = fleet.value_of(fleet.RAW, number, 4)
+        network.apply(
+            2,
+            lambda engine, now: load.said(
+                engine,
+                now,
+                lambda engine, now: engine.actions.send_goal(fleet.GOTO, value, now, timeout_s=100),
+            ),
+        )
+
+    for number in range(60):
+        network.at(10.0 * number, functools.partial(wish, number))
+    network.run(until_s=700)
+    return tuple(heard)
+
+
 def mutated(rng: random.Random, stranger: Stranger) -> Stranger:
     """Return a frame with bits flipped, bytes cut off, put in, or those of others behind it."""
     data = bytearray(stranger.frame_bytes)

@@ -9,6 +9,7 @@ from zacoustic.cli.arguments import check_positive
 from zacoustic.cli.printing import print_json, print_line, print_text
 from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, EXIT_TIMED_OUT, Command
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.safetext import one_line
 
@@ -116,10 +117,11 @@ def _address(written: str, config: "Config | None") -> int:
     Raises:
         ConfigError: It is none, or a name that is not known.
     """
-    if written.isdecimal():
-        if not 1 <= int(written) <= 254:
+    address = whole_number(written)
+    if address is not None:
+        if not 1 <= address <= 254:
             raise ConfigError(f"NODE {written}; allowed: 1..254, or a name")
-        return int(written)
+        return address
     if config is None:
         raise ConfigError(f"NODE {written}", hint="a name needs --config FILE; else an address")
     names = {name: address for address, name in config.table.nodes.items()}

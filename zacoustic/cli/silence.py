@@ -30,7 +30,7 @@ A node beyond the water is silent when the order has arrived, and its answer is 
 none comes in time (exit code 3), it may be silent all the same.
 """
 _UNITS_S: Final = {"": 1, "s": 1, "m": 60, "h": 3600, "d": 86400}
-_DURATION: Final = re.compile(r"(\d+(?:\.\d+)?)\s*([smhd]?)")
+_DURATION: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([smhd]?)")
 _HERE_S: Final = 10.0
 _BEYOND_S: Final = 60.0
 

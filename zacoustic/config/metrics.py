@@ -10,7 +10,7 @@ from zacoustic.errors import ConfigError
 LOOPBACK: Final = "127.0.0.1"
 """Where it answers if only a port is given: to this computer alone."""
 
-_PLACE: Final = re.compile(r"(?:(\[[^\]]+\]|[^:\[\]\s]+):)?(\d{1,5})")
+_PLACE: Final = re.compile(r"(?:(\[[^\]]+\]|[^:\[\]\s]+):)?([0-9]{1,5})")
 _LAST_PORT: Final = 65_535
 
 

@@ -8,7 +8,7 @@ from zacoustic.config.sections import QuietEntry
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.silence import QuietWindow
 
-_TIME: Final = re.compile(r"([01]\d|2[0-3]):([0-5]\d)")
+_TIME: Final = re.compile(r"([01][0-9]|2[0-3]):([0-5][0-9])")
 _TIME_ALLOWED: Final = 'a time of day in UTC, "00:00" to "23:59"'
 
 

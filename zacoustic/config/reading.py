@@ -44,6 +44,7 @@ from zacoustic.core.types import (
     type_from_struct,
 )
 from zacoustic.core.wireprofile import WireProfile
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_zenoh_config
 
@@ -265,7 +266,11 @@ def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopi
 
 
 def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:
-    return {int(text): bits for text, bits in by_text.items() if text.isdecimal()}
+    return {
+        stream_id: bits
+        for text, bits in by_text.items()
+        if (stream_id := whole_number(text)) is not None
+    }
 
 
 def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:

@@ -17,6 +17,7 @@ from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
 from zacoustic.core.qos import Stamp
 from zacoustic.core.types import TypeSpec
 from zacoustic.core.wireprofile import WireProfile
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.names import check_namespace, is_interface, stream_name
@@ -324,8 +325,9 @@ def _domain(place: Place, written: int | None) -> int:
             place.complain(allowed=ALLOWED["domain"])
         return written
     text = os.environ.get(DOMAIN_VARIABLE, "") or "0"
-    if not text.isdecimal() or int(text) > _LAST_DOMAIN:
+    domain = whole_number(text)
+    if domain is None or domain > _LAST_DOMAIN:
         place.complain(
             f"{shown(text)} in ${DOMAIN_VARIABLE}", allowed=ALLOWED["domain"], hint="or say it here"
         )
-    return int(text)
+    return domain

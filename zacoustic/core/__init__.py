@@ -18,6 +18,7 @@ Map, in reading order:
 `handshake`, `introducing`, `peer`  HELLO: do both ends hold the same table?
 `port`, `access`                    the link, and when a frame may start
 `demand`                            topics that cross only where somebody has subscribed
+`hosttime`                          UTC, as far as the host may be believed
 `contact`                           heartbeats, and nodes that are not heard any more
 `ranging`, `measurements`           ranges on demand; what the modem measured
 `streams`, `keys`                   names ⇄ bytes, and the digest of the table

@@ -19,6 +19,7 @@ from zacoustic.core.events import CallFailure
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.streams import StreamTable
+from zacoustic.digits import whole_number
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.runtime import LinkRunner
@@ -112,7 +113,7 @@ def _read(held: HeldQuery) -> list[int] | None:
     """Read the parameters; None: they name no object."""
     parameters = held.query.parameters
     for names in (_OWN, _OTHERS):
-        written = [parameters.get(name) for name in names]
-        if all(each is not None and each.isdecimal() and len(each) < 16 for each in written):
-            return [int(each) for each in written if each is not None]
+        numbers = [whole_number(parameters.get(name) or "") for name in names]
+        if None not in numbers:
+            return [each for each in numbers if each is not None]
     return None

@@ -23,7 +23,15 @@ from zacoustic.core.orders.words import Order, OrderState
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LocalError
 from zacoustic.gateway.siblings import Siblings
-from zacoustic.island.orders import PREFIX, SUBJECTS, Asked, SilenceState, StreamState, read_query
+from zacoustic.island.orders import (
+    PREFIX,
+    SUBJECTS,
+    Asked,
+    SilenceState,
+    StreamState,
+    read_query,
+    read_target,
+)
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.permitlog import utc_text
 from zacoustic.runtime import LinkRunner
@@ -71,11 +79,8 @@ class OrderDesk:
     def serve(self, held: HeldQuery) -> None:
         """Take a query for this node."""
         own = self._siblings.address
-        asked = self._read(held)
+        asked = self._read(held, lambda node: node in (None, own))
         if asked is None:
-            return
-        if asked.node not in (None, own):
-            held.answer([])
             return
 
         def obey(engine: Engine, now: int) -> None:
@@ -88,13 +93,10 @@ class OrderDesk:
 
     def serve_beyond(self, held: HeldQuery) -> None:
         """Take a query for any node."""
-        asked = self._read(held)
-        if asked is None:
+        asked = self._read(held, self._is_ours)
+        if asked is None or asked.node is None:
             return
         node = asked.node
-        if node is None or not self._is_ours(node):
-            held.answer([])
-            return
 
         def send(engine: Engine, now: int) -> None:
             call_id = engine.orders.send(node, asked.order, now, timeout_s=asked.within_s)
@@ -133,21 +135,25 @@ class OrderDesk:
 
     # Below the methods above
 
-    def _read(self, held: HeldQuery) -> Asked | None:
-        """Read a query, or end it."""
+    def _read(self, held: HeldQuery, is_for_us: Callable[[int | None], bool]) -> Asked | None:
+        """Read a query, or end it: with an error only where it is for us to answer."""
+        key = str(held.query.key_expr)
+        target = read_target(key)
+        if target is None or not is_for_us(target[0]):
+            held.answer([])
+            return None
         # Zenoh's stubs do not say that they can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         try:
-            asked = read_query(str(held.query.key_expr), dict(parameters))
+            return read_query(key, dict(parameters))
         except ValueError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
             return None
-        if asked is None:  # it means everything under a prefix, and is not for a service
-            held.answer([])
-        return asked
 
-    def _is_ours(self, node: int) -> bool:
+    def _is_ours(self, node: int | None) -> bool:
         """Tell whether this gateway is to ask a node beyond the water."""
+        if node is None:
+            return False
         alive = self._siblings.alive
         is_known = 1 <= node <= 254 and (not self._table.nodes or node in self._table.nodes)
         return is_known and node not in alive and self._siblings.address == alive[0]

@@ -21,7 +21,7 @@ from zacoustic.core.orders.words import Order
 from zacoustic.core.ranging import RangeFailed, RangeMeasured
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.gateway.siblings import Siblings
-from zacoustic.island.pings import PINGS, PingAnswer, ping_selector, read_ping
+from zacoustic.island.pings import PINGS, PingAnswer, ping_selector, pinged_node, read_ping
 from zacoustic.island.queries import Answer, HeldQuery
 from zacoustic.runtime import LinkRunner
 
@@ -54,14 +54,17 @@ class PingDesk:
         """Take a query."""
         # Zenoh's stubs do not say that they can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
+        key = str(held.query.key_expr)
+        target = pinged_node(key)
+        if target is None or not self._is_ours(target):
+            held.answer([])
+            return
         try:
-            asked = read_ping(str(held.query.key_expr), dict(parameters))
+            asked = read_ping(key, dict(parameters))
         except ValueError as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
             return
-        if asked is None or not self._is_ours(asked[0]):
-            held.answer([])
-            return
+        assert asked is not None
         node, within_s = asked
         if node in self._siblings.alive:
             text = f"node {node} is on this island: there is no water between"

@@ -24,7 +24,7 @@ from zacoustic.island.session import Island
 
 # A get of tokens ends when all routers have answered; only a dying one uses up the time.
 _LOOK_LIMIT_S: Final = 2.0
-_ADDRESS: Final = re.compile(rf"{PREFIX}/(\d{{1,3}})/gateway/")
+_ADDRESS: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway/")
 
 
 class Presence:

@@ -23,6 +23,7 @@ import msgspec
 
 from zacoustic.core.orders.words import ORDERS_TIMEOUT_S, Order, OrderKind, OrderState
 from zacoustic.core.qos import PRIORITY_NAMES
+from zacoustic.digits import real_number, whole_number
 
 PREFIX: Final = "@acoustic"
 """First chunk of all keys about gateways and their nodes."""
@@ -112,6 +113,24 @@ def selector(node: int | None, order: Order, within_s: float | None = None) -> t
     return key, ";".join(words)
 
 
+def read_target(key: str) -> tuple[int | None, int | None] | None:
+    """Read whom an order is for, by its key: node and stream.
+
+    Returns:
+        Both, None for all nodes or no stream; or None: it is no order, but a look around.
+    """
+    chunks = key.split("/")
+    if len(chunks) < 3 or chunks[0] != PREFIX:
+        return None
+    node = whole_number(chunks[1])
+    if node is None and chunks[1] != ANY_NODE:
+        return None
+    if len(chunks) == 3 and chunks[2] == _SILENCE:
+        return node, None
+    stream_id = whole_number(chunks[3]) if len(chunks) == 4 and chunks[2] == _STREAM else None
+    return None if stream_id is None else (node, stream_id)
+
+
 def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
     """Read an order.
 
@@ -125,18 +144,14 @@ def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
     Raises:
         ValueError: Names a parameter, its value and what is allowed.
     """
-    chunks = key.split("/")
-    if len(chunks) < 3 or chunks[0] != PREFIX or not (chunks[1].isdigit() or chunks[1] == ANY_NODE):
+    target = read_target(key)
+    if target is None:
         return None
-    node = None if chunks[1] == ANY_NODE else int(chunks[1])
+    node, stream_id = target
     said = {name: text for name, text in parameters.items() if not name.startswith("_")}
     within_s = _number(said, "within_s", ORDERS_TIMEOUT_S) or DEFAULT_WITHIN_S
     said.pop("within_s", None)
-    subject, stream_id = chunks[2], None
-    if subject == _STREAM and len(chunks) == 4 and chunks[3].isdigit():
-        stream_id = int(chunks[3])
-    elif subject != _SILENCE or len(chunks) != 3:
-        return None
+    subject = _SILENCE if stream_id is None else _STREAM
     for name in said:
         if name not in _ALLOWED[subject]:
             allowed = ", ".join((*_ALLOWED[subject], "within_s"))
@@ -180,10 +195,9 @@ def _read_tuning(said: Mapping[str, str], stream_id: int | None) -> Order:
         raise ValueError(f"on is {on}; allowed: {', '.join(_FLAGS)}")
     if name is not None and name not in PRIORITY_NAMES:
         raise ValueError(f"priority is {name}; allowed: {', '.join(PRIORITY_NAMES)}")
-    try:
-        interval_s = None if written is None else float(written)
-    except ValueError:
-        raise ValueError(f"min_interval_s is {written}; allowed: seconds, 0 or more") from None
+    interval_s = None if written is None else real_number(written)
+    if written is not None and interval_s is None:
+        raise ValueError(f"min_interval_s is {written}; allowed: seconds, 0 or more")
     return Order(
         kind=OrderKind.TUNE,
         stream_id=stream_id,
@@ -196,11 +210,8 @@ def _read_tuning(said: Mapping[str, str], stream_id: int | None) -> Order:
 def _number(said: Mapping[str, str], name: str, most: float) -> float | None:
     """Read a time above 0; None: it is not said, or is none."""
     written = said.get(name)
-    try:
-        value = math.nan if written is None else float(written)
-    except ValueError:
-        value = math.nan
-    if 0 < value < math.inf and value <= most:
+    value = None if written is None else real_number(written)
+    if value is not None and 0 < value < math.inf and value <= most:
         return value
     if written is not None and name == "within_s":
         raise ValueError(f"within_s is {written}; allowed: seconds above 0, at most {most:g}")

@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.orders.words import ORDERS_TIMEOUT_S
+from zacoustic.digits import real_number, whole_number
 from zacoustic.island.orders import ANY_NODE, PREFIX
 
 DEFAULT_PING_S: Final = 30.0
@@ -48,6 +49,14 @@ def ping_selector(node: int, within_s: float) -> tuple[str, str]:
     return f"{PREFIX}/{node}/ping", f"within_s={within_s:.10g}"
 
 
+def pinged_node(key: str) -> int | None:
+    """Read whom a ping is for, by its key; None: it is no ping, but a look around."""
+    chunks = key.split("/")
+    if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping":
+        return None
+    return whole_number(chunks[1])
+
+
 def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | None:
     """Read a ping: node, and how long an answer is awaited, s.
 
@@ -57,8 +66,8 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | No
     Raises:
         ValueError: Names a parameter, its value and what is allowed.
     """
-    chunks = key.split("/")
-    if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping" or not chunks[1].isdigit():
+    node = pinged_node(key)
+    if node is None:
         return None
     within_s = DEFAULT_PING_S
     for name, text in parameters.items():
@@ -66,11 +75,9 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | No
             continue
         if name != "within_s":
             raise ValueError(f"{name} is no parameter of {key}; allowed: within_s")
-        try:
-            within_s = float(text)
-        except ValueError:
-            within_s = math.nan
+        number = real_number(text)
+        within_s = math.nan if number is None else number
         if not 0 < within_s <= ORDERS_TIMEOUT_S:
             allowed = f"seconds above 0, at most {ORDERS_TIMEOUT_S:g}"
             raise ValueError(f"within_s is {text}; allowed: {allowed}")
-    return int(chunks[1]), within_s
+    return node, within_s

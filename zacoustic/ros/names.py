@@ -18,6 +18,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 
 NO_HASH: Final = "TypeHashNotSupported"
@@ -106,6 +107,7 @@ def read_key(key: str) -> RosKey | None:
     """Read a key; None where it is none of rmw_zenoh's."""
     domain, _, rest = key.partition("/")
     chunks = rest.rsplit("/", 2)
-    if len(chunks) != 3 or not domain.isdecimal() or not all(chunks):
+    number = whole_number(domain)
+    if len(chunks) != 3 or number is None or not all(chunks):
         return None
-    return RosKey(domain=int(domain), name=chunks[0], type=chunks[1], hash=chunks[2])
+    return RosKey(domain=number, name=chunks[0], type=chunks[1], hash=chunks[2])

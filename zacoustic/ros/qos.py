@@ -13,6 +13,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.digits import whole_number
+
 DEFAULT_DEPTH: Final = 42
 """The depth of which nothing is said."""
 
@@ -63,7 +65,7 @@ def read_qos(text: str) -> RosQos | None:
         return None
     history, depth = parts[2].split(",")
     numbers = [part or "0" for part in (parts[0], parts[1], history, depth)]
-    if not all(number.isdecimal() for number in numbers):
+    if any(whole_number(number) is None for number in numbers):
         return None
     return RosQos(
         reliability=RosReliability.BEST_EFFORT if numbers[0] == "2" else RosReliability.RELIABLE,

@@ -18,6 +18,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.ros.qos import RosQos, read_qos
 
@@ -105,24 +106,25 @@ def read_token(key: str) -> Token | None:
         return None
     kinds = {each.value: each for each in Entity}
     kind = kinds.get(parts[5])
-    if kind is None or not all(parts[index].isdecimal() for index in (1, 3, 4)):
+    domain, node_number, number = (whole_number(parts[index]) for index in (1, 3, 4))
+    if kind is None or domain is None or node_number is None or number is None:
         return None
     node = RosNode(
-        domain=int(parts[1]),
+        domain=domain,
         zid=parts[2],
-        number=int(parts[3]),
+        number=node_number,
         name=parts[8],
         namespace=unmangled(parts[7]),
         enclave=unmangled(parts[6]),
     )
     if kind is Entity.NODE:
-        return Token(node=node, number=int(parts[4]), kind=kind)
+        return Token(node=node, number=number, kind=kind)
     qos = read_qos(parts[12]) if len(parts) > 12 else None
     if qos is None:
         return None
     return Token(
         node=node,
-        number=int(parts[4]),
+        number=number,
         kind=kind,
         topic=unmangled(parts[9]),
         type=unmangled(parts[10]),

@@ -43,6 +43,9 @@ def follow(
     """
     record.copies += 1
     most = MOST_COPIES.get(priority, 1)
+    if most > 1 and times.listening is not None:
+        copy_ns = times.airtime_ns(record.size_bytes) + times.gap_ns
+        most += -(-times.listening.detour_ns(record.destination, at) // copy_ns)
     is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
     record.is_copy = is_heard_out and record.copies < most
     if record.is_copy and tries > most:
@@ -94,6 +97,6 @@ def aimed_pause(
     invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
     if invited_at is None:
         return pause_ns
-    rounds = -(-tries // MOST_COPIES[priority])
+    rounds = 1 + tries // MOST_COPIES[priority]
     later = rng.randrange(min(rounds, _MOST_PAUSES))
     return invited_at - at + later * times.listening.period_ns

@@ -50,7 +50,9 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = ends_of(28, 3, 1)
-_FORMS_ALONE: Final = ends_of(155, 1, 1, 1, 1, 1)  # how often a frame for itself is in each form
+# A frame for itself is in one of these forms, and how often it is in each.
+_FORMS_ALONE: Final = 0, 1, FORMS - 1
+_ALONE_ENDS: Final = ends_of(62, 1, 1)
 _NOTHING: Final[Mapping[int, Snapshot]] = MappingProxyType({})
 _NAME_BITS: Final = 5  # of a short name; of a long one, all but the last
 _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
@@ -337,7 +339,7 @@ class _Aim:
     ) -> Encoded:
         """End a frame, in the cheapest form that is not refused."""
         mark, refers = writer.mark(), self.reference is not None
-        for form in range(FORMS):
+        for form in range(FORMS) if refers else _FORMS_ALONE:
             writer.rewind(mark)
             _, after = _code_form(writer, presence, refers, form)
             frame = writer.finish(1, known.check)
@@ -352,7 +354,7 @@ def _code_form(coder: Coder, presence: Presence, refers: bool, form: int) -> tup
     """Write or read the form of a frame; also gives what is usual after that."""
     if refers:
         return presence.code_form(coder, form)
-    return coder.pick(_FORMS_ALONE, form), presence
+    return _FORMS_ALONE[coder.pick(_ALONE_ENDS, _FORMS_ALONE.index(form))], presence
 
 
 def _invested_bytes(encoded: Encoded, plain_bits: int) -> int:

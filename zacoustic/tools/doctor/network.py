@@ -15,7 +15,7 @@ from zacoustic.island.session import Island, endpoints_of, mode_of
 from zacoustic.link import Finding
 from zacoustic.node.session import session_config
 
-_TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):(\d+)")
+_TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
 _ANSWERS_S: Final = 3.0
 """How long documents of a gateway may take, s."""
 _CONNECT_S: Final = 3.0

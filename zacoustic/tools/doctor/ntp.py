@@ -9,6 +9,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 
 _PORT: Final = 123
@@ -41,9 +42,10 @@ async def ask_time(server: str, clock: Callable[[], float] = time.time) -> Offse
         ConfigError: The server is none.
     """
     host, colon, port = server.rpartition(":")
-    if colon and not port.isdecimal():
+    number = whole_number(port) if colon else _PORT
+    if number is None:
         raise ConfigError(f"--ntp {server}; allowed: HOST or HOST:PORT")
-    place = (host if colon else server, int(port) if colon else _PORT)
+    place = (host if colon else server, number)
     loop = asyncio.get_running_loop()
     for _ in range(_ATTEMPTS):
         answered: asyncio.Future[bytes] = loop.create_future()

@@ -14,6 +14,7 @@ import msgspec
 
 from zacoustic.core.events import Event
 from zacoustic.core.linktypes import Transmission
+from zacoustic.digits import whole_number
 from zacoustic.recording.calls import Recorded, read_outcome
 from zacoustic.recording.channels import LedgerRecord
 from zacoustic.recording.life import Life
@@ -185,10 +186,10 @@ def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
 
 
 def _compare_ledger(message: ReadMessage, running: dict[int, LifeCheck]) -> None:
-    node = message.metadata.get("node", "")
-    if message.topic == f"/{node}/ledger" and node.isdecimal() and int(node) in running:
+    node = whole_number(message.metadata.get("node", ""))
+    if node in running and message.topic == f"/{node}/ledger":
         record = msgspec.json.decode(message.data, type=LedgerRecord)
-        running[int(node)].compare_ledger(record)
+        running[node].compare_ledger(record)
 
 
 def _shown(outcome: bytes) -> str:

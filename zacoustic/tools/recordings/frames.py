@@ -11,6 +11,7 @@ from zacoustic.core.envelope import Damaged, Envelope
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.wireprofile import WireProfile
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import RECEIVED, SENT, FrameRecord, LinkRecord
 from zacoustic.recording.life import Table
@@ -226,8 +227,7 @@ def line_of(frame: DecodedFrame, began_ns: int) -> str:
 
 
 def _node_of(place: str) -> int | None:
-    last = place.rpartition("/")[2]
-    return int(last) if last.isdecimal() else None
+    return whole_number(place.rpartition("/")[2])
 
 
 def _parsed(data: bytes, kind: type[T]) -> T | None:

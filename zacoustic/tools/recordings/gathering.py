@@ -21,6 +21,7 @@ from zacoustic.core.linktypes import (
 )
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.types import TypeTable
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, Recorded, read_outcome
 from zacoustic.recording.channels import (
@@ -98,7 +99,7 @@ class _Gatherer:
             facts.began_ns = message.utc_ns
         facts.ended_ns = max(facts.ended_ns, message.utc_ns)
         place, _, name = message.topic.rpartition("/")
-        node = place.rpartition("/")[2]
+        node = whole_number(place.rpartition("/")[2])
         if (whose := _WHOSE.match(message.topic)) is not None:
             self._span(int(whose[1]), message.utc_ns)
         if message.topic == TABLE_TOPIC:
@@ -107,8 +108,8 @@ class _Gatherer:
             self._take_sample(message)
         elif name == "engine" and message.encoding == "msgpack":
             self._take_engine(message)
-        elif node.isdecimal() and message.encoding == "json":
-            self._take_record(message, int(node), name, is_network=place.startswith("/@acoustic"))
+        elif node is not None and message.encoding == "json":
+            self._take_record(message, node, name, is_network=place.startswith("/@acoustic"))
 
     def _span(self, node: int, utc_ns: int) -> None:
         first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))

@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.core.engine import Engine
 from zacoustic.core.tap import call_engine
 from zacoustic.core.types import TypeTable
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, CallReader, Recorded, outcome_of
 from zacoustic.recording.life import FORMAT, Life, decode_life
@@ -74,9 +75,9 @@ class LifeReader:
             self.lives += 1
             self._readers[life.address] = CallReader(life.calls)
             return NewLife(life)
-        node = int(message.metadata.get("node", "0"))
-        reader = self._readers.get(node)
-        if reader is None:
+        node = whole_number(message.metadata.get("node", ""))
+        reader = self._readers.get(node) if node is not None else None
+        if reader is None or node is None:
             return None  # of a life whose beginning is not in the file
         return Calls(node, tuple(reader.read(bytes(written.calls))))
 

@@ -14,6 +14,7 @@ import msgspec
 from zacoustic.config import Config
 from zacoustic.core.encoding import JSON, decode_application
 from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.island.marker import Marker
 from zacoustic.island.values import write_value
@@ -94,7 +95,8 @@ class PutReader:
             return
         node, _, rest = message.topic[1:].partition("/")
         word, _, key = rest.partition("/")
-        if not node.isdecimal() or not self._is_ours(int(node)):
+        address = whole_number(node)
+        if address is None or not self._is_ours(address):
             return
         if word == "engine" and b"life" in message.data[:8]:
             part = self._lives.read(message)
@@ -127,7 +129,7 @@ class PutReader:
     def _value(
         self, message: ReadMessage, word: str, key: str, table: StreamTable
     ) -> Iterator[Put]:
-        stream = table.get(int(message.metadata.get("stream_id", "0")))
+        stream = table.get(whole_number(message.metadata.get("stream_id", "")) or 0)
         arrived = self._arrived if word == "received" else None
         if stream is None:
             return

@@ -13,7 +13,7 @@ import msgspec
 from zacoustic.recording.reading import ReadMessage, RecordingReader
 from zacoustic.tools.telemetry.line import Line
 
-_OURS: Final = re.compile(r"/(\d+)/(published|received)/(.+)")
+_OURS: Final = re.compile(r"/([0-9]{1,3})/(published|received)/(.+)")
 _NO_VALUES: Final = re.compile(
     r"/\d+/(engine|frames|reports|links|events|ledger)|/samples|/table|/@acoustic/.*"
 )

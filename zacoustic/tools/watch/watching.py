@@ -26,7 +26,7 @@ ASK_S: Final = 30.0
 _ANSWER_LIMIT_S: Final = 5.0
 # Documents that wait for the loop: one of each key. More keys than this are no fleet's.
 _KEYS_LIMIT: Final = 16_384
-_TOKEN: Final = re.compile(rf"{PREFIX}/(\d{{1,3}})/gateway")
+_TOKEN: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway")
 
 
 class Watch:

@@ -4,7 +4,7 @@ import pytest
 
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic.channel.loss import LossSpec
-from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
+from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario, scenario_from_mapping
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
@@ -231,6 +231,23 @@ def test_promiscuous_modem_reports_what_is_for_others_and_does_not_acknowledge_i
     sea.run()
     assert [(m.destination, m.payload) for m in three.all_of(RecvIm)] == [(2, b"secret")]
     assert one.all_of(DeliveredIm) == [DeliveredIm(2)]
+
+
+@pytest.mark.parametrize(("level", "least", "most"), [(0, 0.0, 0.1), (3, 0.9, 1.0)])
+def test_loss_that_the_page_promises_is_that_of_source_level_0(
+    level: int, least: float, most: float
+) -> None:
+    places = [{"address": 1, "position": [0, 0, 10]}, {"address": 2, "position": [500, 0, 20]}]
+    sea = Sea(
+        scenario_from_mapping({"seed": 5, "channel": "sea", "nodes": places}, source="test"),
+        settings={"L": level},
+    )
+    near, far = sea.host(1), sea.host(2)
+    frames = 60
+    for _ in range(frames):
+        assert near.say(im(bytes(64), flag="noack")) == ["OK"]
+        sea.run()
+    assert least <= 1 - len(far.all_of(RecvIm)) / frames <= most
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,39 @@
+"""``python -m tests.hostile SEED …``: runs these scenarios and says what did not hold."""
+
+import sys
+import time
+
+from tests.hostile.drive import Drive
+from tests.hostile.scenario import hostile
+
+
+def main(words: list[str]) -> int:
+    """Run the seeds, or ranges of them as ``FROM..TO``; returns the exit code."""
+    seeds: list[int] = []
+    for word in words:
+        first, _, last = word.partition("..")
+        seeds += range(int(first), int(last or first) + 1)
+    failed = 0
+    for seed in seeds:
+        drawn = hostile(seed)
+        began = time.process_time()
+        drive = Drive(drawn)
+        complaints = drive.run()
+        failed += bool(complaints)
+        took_s = time.process_time() - began
+        print(
+            f"{seed} {drawn.kind}: {drive.frames} frames, quiet {drive.longest_s:.0f} s into the "
+            f"calm, {took_s:.1f} s; {len(complaints)} complaints"
+        )
+        for complaint in complaints:
+            print(f"    {complaint}")
+        if len(seeds) == 1:
+            print(
+                *(f"    {what}: {times}" for what, times in sorted(drive.oracle.counts.items())),
+                sep="\n",
+            )
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

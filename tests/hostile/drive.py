@@ -1,0 +1,386 @@
+"""`Drive`: runs one scenario in virtual time, plays the applications, and tells the oracle."""
+
+import contextlib
+import functools
+import gc
+import itertools
+import random
+import types
+from collections.abc import Callable
+from typing import Any, Final
+
+from tests.hostile import fleet, foreign
+from tests.hostile.oracle import Given, Oracle
+from tests.hostile.scenario import CALM_S, Hostile
+from zacoustic.core.actions.news import (
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    GoalStatus,
+    ResultReceived,
+)
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import (
+    CallFailed,
+    DeliveryEnded,
+    Event,
+    RequestReceived,
+    ResponseReceived,
+    SampleReceived,
+    SilenceChanged,
+)
+from zacoustic.core.journal import EPOCH_KEY
+from zacoustic.core.orders.words import Order, OrderKind
+from zacoustic.core.trace import TraceRecord
+from zacoustic.errors import LocalError
+from zacoustic.testing.virtual import VirtualNetwork
+
+MOST_OBJECTS: Final = 60_000
+"""Objects of an engine that has nothing to do, tables and type checkers included."""
+MOST_ENTRIES: Final = 400
+"""Entries in the journal of a node that has nothing to do."""
+SILENCE_S: Final = 150.0
+_ORDERED_S: Final = 20.0
+_SILENT: Final = 2
+_LAST_WORD_S: Final = 30.0
+_STRANGERS: Final = range(50, 250)
+
+
+class Drive:
+    """One run.
+
+    Args:
+        hostile: The scenario.
+    """
+
+    def __init__(self, hostile: Hostile) -> None:
+        self.hostile = hostile
+        self.longest_s = 0.0
+        """Time from the last command to the last frame, s."""
+        self.frames = 0
+        """All frames that were sent."""
+        self._rng = random.Random(f"drive {hostile.seed}")
+        self._tickets = itertools.count(1)
+        self._written: dict[int, int] = {}
+        self._copies: dict[int, dict[str, bytes]] = {}
+        self._silent_from: float | None = None
+        self._last_frame_s = 0.0
+        faults = hostile.scenario.faults
+        is_foreign = hostile.kind == "foreign"
+        self.oracle = Oracle(
+            hostile.addresses, doubles=bool(faults.duplicate) or is_foreign, strangers=is_foreign
+        )
+        self._early: list[tuple[int, Event]] | None = []
+        top = max(hostile.addresses) + 1
+        self.network = VirtualNetwork(
+            hostile.scenario,
+            fleet.table(range(1, top)),
+            modem=hostile.modem,
+            deliver=self._take,
+            trace=self._note,
+            digest=False,
+        )
+
+    def run(self) -> list[str]:
+        """Run it; returns what must not have happened."""
+        hostile, network, rng = self.hostile, self.network, self._rng
+        early, self._early = self._early or [], None
+        for node, event in early:
+            self._take(node, event)
+        for at_s, node in self._instants():
+            network.at(at_s, functools.partial(self._command, node, rng.getrandbits(32)))
+        for at_s, node, reboots in hostile.restarts:
+            network.at(at_s / 2, functools.partial(self._copy, node))
+            network.at(at_s, functools.partial(self._kill, node, reboots))
+            pause_s = rng.choice((0.0, 5.0, 60.0))
+            network.at(at_s + pause_s, functools.partial(network.start, node))
+        if hostile.kind in ("foreign", "forged"):
+            self._let_strangers_speak()
+        if hostile.kind == "silent":
+            network.at(
+                _ORDERED_S,
+                functools.partial(self._order, 1, Order(kind=OrderKind.SILENCE, for_s=SILENCE_S)),
+            )
+            network.at(
+                hostile.busy_s + SILENCE_S + 300,
+                functools.partial(self._order, 1, Order(kind=OrderKind.RESUME)),
+            )
+        try:
+            network.run(until_s=hostile.busy_s + CALM_S)
+        except Exception as error:
+            error.add_note(f"again: python -m tests.hostile {hostile.seed}")
+            raise
+        self._check_rest()
+        self.oracle.check_ends()
+        self.longest_s = max(0.0, self._last_frame_s - hostile.busy_s)
+        return self.oracle.complaints
+
+    # What the applications do
+
+    def _instants(self) -> list[tuple[float, int]]:
+        hostile, rng = self.hostile, self._rng
+        found: list[tuple[float, int]] = []
+        for node in hostile.addresses:
+            at_s = rng.uniform(0, hostile.pause_s)
+            while at_s < hostile.busy_s:
+                found.append((at_s, node))
+                at_s += rng.expovariate(1 / hostile.pause_s)
+            if hostile.together:
+                found += [(10.0 * beat, node) for beat in range(1, 4)]
+        return sorted(found)
+
+    def _command(self, node: int, seed: int) -> None:
+        if not self.network.is_running(node):
+            return
+        rng, sizes = random.Random(seed), self.hostile.sizes
+        streams = [*fleet.BEST_EFFORT, *fleet.RELIABLE * 2, fleet.VIEW, fleet.DIARY]
+        if node != fleet.SERVER:
+            streams += [fleet.ARM, fleet.ARM, fleet.GOTO, 175]
+        stream_id = rng.choice(streams)
+        if stream_id in fleet.ON_DEMAND and rng.random() < 0.5:
+            self._apply(node, lambda engine, now: engine.demand.want(stream_id, now))
+            return
+        ticket = next(self._tickets)
+        is_large = stream_id in fleet.RELIABLE and rng.random() < 0.3
+        size = rng.choice(sizes) if is_large else rng.choice(sizes[:2])
+        value = fleet.value_of(stream_id, ticket, size)
+        instance = (rng.randrange(2),) if stream_id in fleet.WITH_PARTS else ()
+        if stream_id == 175:
+            other = rng.choice([each for each in self.hostile.addresses if each != node])
+            self._order(node, Order(kind=OrderKind.ASK), to=other)
+        elif stream_id == fleet.ARM:
+            self._give(
+                node,
+                "call",
+                ticket,
+                stream_id,
+                value,
+                (),
+                lambda engine, now: engine.call(stream_id, value, now),
+            )
+        elif stream_id == fleet.GOTO:
+            self._give(
+                node, "goal", ticket, stream_id, value, (),
+                lambda engine, now: engine.actions.send_goal(stream_id, value, now, timeout_s=200),
+            )  # fmt: skip
+        else:
+            self._give(
+                node, "sample", ticket, stream_id, value, instance,
+                lambda engine, now: engine.publish(stream_id, value, now, instance=instance),
+            )  # fmt: skip
+
+    def _give(
+        self, node: int, kind: str, ticket: int, stream_id: int, value: Any,
+        instance: tuple[int, ...], command: Callable[[Engine, int], object],
+    ) -> None:  # fmt: skip
+        network = self.network
+        self._written[ticket] = network.journal(node).handed_out + 1
+
+        def give(engine: Engine, now: int) -> None:
+            given = Given(
+                node, network.life(node), stream_id, instance, value, network.now / NS_PER_S,
+                command(engine, now),
+            )  # fmt: skip
+            self.oracle.give(ticket, kind, given)
+
+        self._apply(node, give)
+
+    def _order(self, node: int, order: Order, *, to: int = _SILENT) -> None:
+        if self.network.is_running(node):
+            ticket = next(self._tickets)
+            self._give(
+                node, "call", ticket, 175, None, (),
+                lambda engine, now: engine.orders.send(to, order, now, timeout_s=300.0),
+            )  # fmt: skip
+
+    def _apply(self, node: int, command: Callable[[Engine, int], object]) -> None:
+        with contextlib.suppress(LocalError):  # refused, and the application knows
+            self.network.apply(node, command)
+
+    # What goes wrong
+
+    def _copy(self, node: int) -> None:
+        self._copies[node] = dict(self.network.journal(node).entries)
+
+    def _kill(self, node: int, reboots: bool) -> None:
+        network, kind = self.network, self.hostile.kind
+        if not network.is_running(node):
+            return
+        life, journal = network.life(node), network.journal(node)
+        network.crash(node, reboots=reboots)
+        kept = {
+            ticket: given.stream_id not in (fleet.ARM, fleet.LIGHT, 175)
+            and journal.is_kept(self._written[ticket])
+            for ticket, given in self.oracle.given.items()
+            if given.node == node
+        }
+        self.oracle.killed(node, life, kept)
+        if kind == "restored":
+            epoch = journal.entries.get(EPOCH_KEY)
+            journal.entries = dict(self._copies.get(node, {}))
+            if EPOCH_KEY not in journal.entries and epoch is not None:
+                journal.entries[EPOCH_KEY] = epoch
+            self._forget(node)
+        elif kind == "damaged":
+            share = self._rng.choice((0.1, 0.5, 1.0))
+            journal.entries = {
+                key: entry
+                for key, entry in journal.entries.items()
+                if key == EPOCH_KEY or self._rng.random() > share
+            }
+            self._forget(node)
+
+    def _forget(self, node: int) -> None:
+        self.oracle.forgetful.add(node)
+        for given in self.oracle.given.values():
+            given.is_forgotten |= given.node == node
+
+    def _let_strangers_speak(self) -> None:
+        hostile, network, rng = self.hostile, self.network, self._rng
+        is_forged = hostile.kind == "forged"
+        pool = (
+            foreign.wishes(hostile.modem)
+            if is_forged
+            else foreign.frames(rng.randrange(1, foreign.VARIANTS + 1), hostile.modem)
+        )
+        place, at_s = rng.randrange(len(pool)), 0.0
+        while at_s < hostile.busy_s:
+            at_s += rng.choice((0.1, 0.5, 2.0))
+            place = rng.randrange(len(pool)) if rng.random() < 0.05 else place + 1
+            frame = pool[place % len(pool)]
+            node = (
+                frame.destination
+                if frame.destination in hostile.addresses
+                else rng.choice(hostile.addresses)
+            )
+            if is_forged:
+                node = fleet.SERVER
+                frame = foreign.Stranger(rng.choice(_STRANGERS), node, frame.frame_bytes)
+            elif rng.random() < 0.1 and not hostile.modem.addressed:
+                frame = foreign.mutated(rng, frame)  # the check of ours finds it
+            network.at(at_s, functools.partial(self._hear, node, frame))
+
+    def _hear(self, node: int, frame: foreign.Stranger) -> None:
+        if self.network.is_running(node):
+            addressed = self.hostile.modem.addressed
+            self.network.apply(
+                node,
+                lambda engine, now: engine.handle_frame(
+                    frame.received(now, addressed=addressed), now
+                ),
+            )
+
+    # What the engines tell
+
+    def _note(self, record: TraceRecord) -> None:
+        if record.what != "transmit":
+            return
+        self.frames += 1
+        now_s = self.network.now / NS_PER_S
+        self._last_frame_s = now_s
+        mtu_bytes = self.hostile.modem.mtu_bytes or 64
+        if record.size_bytes > mtu_bytes:
+            self.oracle.complain(f"a frame of {record.size_bytes} bytes; MTU: {mtu_bytes}")
+        since = self._silent_from
+        if record.node != _SILENT or since is None:
+            return
+        if since + _LAST_WORD_S < now_s < _ORDERED_S + 0.95 * SILENCE_S:
+            self.oracle.complain(
+                f"{now_s:.1f} s: node {_SILENT} transmits; it was silenced at {since:.1f} s for "
+                f"{SILENCE_S:g} s"
+            )
+            self._silent_from = None
+
+    def _take(self, node: int, event: Event) -> None:
+        if self._early is not None:  # the network is being made
+            self._early.append((node, event))
+            return
+        oracle, life = self.oracle, self.network.life(node)
+        match event:
+            case SampleReceived():
+                oracle.hand_on(
+                    node, life, event.source, event.stream_id, event.instance, event.value
+                )
+            case RequestReceived() if event.call.client in self.hostile.addresses:
+                oracle.hand_on(node, life, event.call.client, event.call.stream_id, (), event.value)
+                self._later(
+                    node,
+                    5.0,
+                    lambda engine, now: engine.reply(event.call, event.value + b"ok", now),
+                )
+            case GoalReceived():
+                if event.goal.client in self.hostile.addresses:
+                    oracle.hand_on(node, life, event.goal.client, fleet.GOTO, (), event.value)
+                self._pursue(node, event)
+            case DeliveryEnded():
+                oracle.end(node, life, "sample", event.delivery_id, event.outcome.value)
+            case ResponseReceived():
+                oracle.end(node, life, "call", event.call_id, "answered")
+            case CallFailed():
+                oracle.end(node, life, "call", event.call_id, event.failure.name.lower())
+            case GoalAnswered(accepted=False) | GoalFailed():
+                oracle.end(node, life, "goal", event.goal, "failed")
+            case ResultReceived():
+                oracle.end(node, life, "goal", event.goal, "ended")
+            case SilenceChanged(is_silent=True, is_ordered=True) if node == _SILENT:
+                if self._silent_from is None:
+                    self._silent_from = self.network.now / NS_PER_S
+            case _:
+                pass
+
+    def _pursue(self, node: int, event: GoalReceived) -> None:
+        goal = event.goal
+        if self._rng.random() < 0.2:
+            self._later(node, 0.0, lambda engine, now: engine.actions.reject(goal, now, text="no"))
+            return
+        self._later(node, 0.0, lambda engine, now: engine.actions.accept(goal, now))
+        self._later(
+            node, 9.0, lambda engine, now: engine.actions.publish_feedback(goal, b"half", now)
+        )
+        self._later(
+            node, 20.0,
+            lambda engine, now: engine.actions.finish(goal, GoalStatus.SUCCEEDED, b"done", now),
+        )  # fmt: skip
+
+    def _later(self, node: int, most_s: float, command: Callable[[Engine, int], object]) -> None:
+        life = self.network.life(node)
+
+        def act() -> None:
+            if self.network.is_running(node) and self.network.life(node) == life:
+                self._apply(node, command)
+
+        self.network.at(self.network.now / NS_PER_S + self._rng.uniform(0, most_s), act)
+
+    # The end
+
+    def _check_rest(self) -> None:
+        """All is calm: nobody has anything to do, or remembers more than it has to."""
+        if not self.network.is_quiet:
+            last_s = self._last_frame_s - self.hostile.busy_s
+            self.oracle.complain(f"it never ends: the last frame was {last_s:.0f} s into the calm")
+        for node in self.hostile.addresses:
+            engine = self.network.engine(node)
+            if not engine.is_idle:
+                waits = engine.poll_timeout()
+                self.oracle.complain(f"node {node} is not idle at the end; it waits for {waits}")
+            entries = len(self.network.journal(node).entries)
+            if entries > MOST_ENTRIES:
+                self.oracle.complain(f"node {node} keeps {entries} entries in its journal")
+            objects = _objects_of(engine)
+            if objects > MOST_OBJECTS:
+                self.oracle.complain(f"the engine of node {node} has {objects} objects")
+
+
+def _objects_of(engine: Engine) -> int:
+    """Count what an engine refers to, code and modules excepted."""
+    shared = (type, types.ModuleType, types.FunctionType, types.CodeType, types.BuiltinFunctionType)
+    seen: set[int] = set()
+    waiting: list[object] = [engine]
+    while waiting and len(seen) <= 4 * MOST_OBJECTS:
+        each = waiting.pop()
+        if id(each) in seen or isinstance(each, shared):
+            continue
+        seen.add(id(each))
+        waiting += gc.get_referents(each)
+    return len(seen)

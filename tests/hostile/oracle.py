@@ -1,0 +1,152 @@
+"""`Oracle`: what must hold, from nothing but what applications gave and what they were handed.
+
+It shares no code with the engine: it knows tickets, and who gave them when. What a node may have
+forgotten (it was killed before a commit, its journal was restored or damaged) is told to it.
+"""
+
+from typing import Any
+
+import msgspec
+
+from tests.hostile import fleet
+
+
+class Given(msgspec.Struct):
+    """A sample, a call, a goal or an order that an engine has accepted."""
+
+    node: int
+    life: int
+    stream_id: int
+    instance: tuple[int, ...]
+    value: Any
+    at_s: float
+    name: object
+    """What the engine calls it: delivery id, call id, goal key."""
+    is_forgotten: bool = False
+    """Its node was killed, and may know nothing of it."""
+    ends: list[str] = []
+    handed_on: dict[int, list[int]] = {}
+    """Node → the lives in which it was handed on there."""
+
+
+class Oracle:
+    """What was given, and what came of it.
+
+    Args:
+        addresses: All nodes.
+        doubles: Best-effort samples may come twice: the modem hands frames over twice.
+        strangers: Another fleet has the same addresses. Frames that do not say whose they are, as
+            most do once two nodes know each other, are taken for those of this fleet until frames
+            are sealed: what strangers give is ignored here, and an ACK of theirs is believed.
+    """
+
+    def __init__(self, addresses: tuple[int, ...], *, doubles: bool, strangers: bool) -> None:
+        self.complaints: list[str] = []
+        self.given: dict[int, Given] = {}
+        """By ticket."""
+        self.forgetful: set[int] = set()
+        """Nodes whose journal was restored or damaged: they may do again what they did before."""
+        self._addresses = addresses
+        self._doubles = doubles
+        self._strangers = strangers
+        self._by_name: dict[tuple[int, int, str, object], Given] = {}
+        self.counts: dict[str, int] = {}
+
+    def complain(self, text: str) -> None:
+        """Note what must not have happened."""
+        self.complaints.append(text)
+
+    def give(self, ticket: int, kind: str, given: Given) -> None:
+        """Something was accepted; `kind` is ``sample``, ``call`` or ``goal``."""
+        self.given[ticket] = given
+        self._by_name[given.node, 0 if kind == "goal" else given.life, kind, given.name] = given
+        self._count(f"{kind}s given")
+
+    def hand_on(
+        self,
+        node: int,
+        life: int,
+        source: int,
+        stream_id: int,
+        instance: tuple[int, ...],
+        value: Any,
+    ) -> int | None:
+        """An application was handed a sample, a request or a goal; returns its ticket."""
+        ticket = fleet.ticket_of(value)
+        given = None if ticket is None else self.given.get(ticket)
+        where = f"node {node} gets {value!r:.60} of node {source} on stream {stream_id}"
+        told = given and (given.node, given.stream_id, given.instance, given.value)
+        if self._strangers and told != (source, stream_id, instance, value):
+            self._count("of strangers")
+            return None
+        if given is None:
+            self.complain(f"{where}: nobody has given that")
+            return None
+        if told != (source, stream_id, instance, value):
+            self.complain(f"{where}: given was {told!r:.120}")
+        lives = given.handed_on.setdefault(node, [])
+        is_again = life in lives if stream_id in (fleet.LIGHT,) else bool(lives)
+        is_allowed = node in self.forgetful or (stream_id in fleet.BEST_EFFORT and self._doubles)
+        if is_again and not is_allowed:
+            self.complain(f"{where}: a second time, given at {given.at_s:.1f} s")
+        lives.append(life)
+        self._count(f"stream {stream_id} handed on")
+        return ticket
+
+    def end(self, node: int, life: int, kind: str, name: object, how: str) -> None:
+        """An application was told how something ended."""
+        given = self._find(node, life, kind, name)
+        if given is None:
+            if node not in self.forgetful:
+                self.complain(f"node {node} is told {how} of a {kind} {name} that it has not given")
+            return
+        given.ends.append(how)
+        self._count(f"{kind} {how}")
+        if len(given.ends) > 1 and node not in self.forgetful:
+            self.complain(f"node {node}: {kind} {name} ends {' and '.join(given.ends)}")
+        if how == "delivered" and given.stream_id != fleet.DIARY and not self._strangers:
+            receivers = {fleet.SERVER} if given.stream_id == fleet.STOP else {*self._addresses}
+            lacking = receivers - {node} - set(given.handed_on) - self.forgetful
+            if lacking:
+                self.complain(
+                    f"node {node} is told that {given.value!r:.40} on stream {given.stream_id} of "
+                    f"{given.at_s:.1f} s is delivered; node {sorted(lacking)} never got it"
+                )
+
+    def killed(self, node: int, life: int, is_kept: "dict[int, bool]") -> None:
+        """A node was killed.
+
+        Args:
+            node: Its address.
+            life: Its life until now.
+            is_kept: Ticket → whether it was in the journal when the node was killed.
+        """
+        for ticket, given in self.given.items():
+            if given.node == node and given.life == life and not is_kept.get(ticket, False):
+                given.is_forgotten = True
+
+    def check_ends(self) -> None:
+        """All is over: everything has ended, once."""
+        for given in self.given.values():
+            is_awaited = given.stream_id not in fleet.BEST_EFFORT
+            if is_awaited and not given.ends and not given.is_forgotten:
+                got = sorted(given.handed_on)
+                self.complain(
+                    f"node {given.node}, life {given.life}: nothing is told of {given.name} on "
+                    f"stream {given.stream_id} of {given.at_s:.1f} s; handed on at {got}"
+                )
+
+    def _find(self, node: int, life: int, kind: str, name: object) -> Given | None:
+        if kind == "goal":
+            return self._by_name.get((node, 0, kind, name))
+        if kind == "call":
+            return self._by_name.get((node, life, kind, name))
+        # The id of a sample that went on in a later life is that of the life that has given it.
+        for former in range(life, 0, -1):
+            given = self._by_name.get((node, former, kind, name))
+            if given is not None and (former == life or not given.is_forgotten):
+                return given
+        return None
+
+    def _count(self, what: str) -> None:
+        self.counts[what] = self.counts.get(what, 0) + 1
