@@ -202,9 +202,8 @@ def test_receiver_on_an_old_copy_gets_nothing_twice_but_what_is_marked(
         node = run.rng.choice((2, 3))
         run.copy(node)
         run.talk(run.rng.uniform(0, 400))
-        run.put_back(node, run.rng.choice(("an old copy", "")))
+        run.put_back(node, "an old copy")
         new = [run.publish(LOG), run.publish(NOTE), run.publish(PHOTO)]
-        run.complaints = [each for each in run.complaints if "twice" not in each]
         run.ends()
         for value in new:
             assert value in run.delivered, f"seed {seed}: {value!r}"

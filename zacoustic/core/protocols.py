@@ -111,7 +111,13 @@ class Protocols:
             emit=emit,
         )
         self.receiving = ReliableReceiving(
-            address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
+            address,
+            table,
+            queue=queue,
+            journal=journal,
+            doubt=doubt,
+            rng=rng,
+            emit=self._hand_on,
         )
         self.large = LargeSamples(
             address,

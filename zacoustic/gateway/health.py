@@ -212,6 +212,7 @@ class Health:
 
     def _clock_document(self) -> dict[str, bytes]:
         """What tells whoever asks how far the clocks of people are apart."""
+        self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
         return {f"{self._prefix}/clock": msgspec.json.encode(now)}
 

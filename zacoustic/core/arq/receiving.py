@@ -12,6 +12,7 @@ from zacoustic.core.arq.places import Place
 from zacoustic.core.arq.positions import LaneKey, Positions
 from zacoustic.core.arq.receivelane import ReceiveLane
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
@@ -87,6 +88,7 @@ class ReliableReceiving:
         table: Its streams.
         queue: Takes ACKs.
         journal: Keeps the positions.
+        doubt: Whether some of them are forgotten: what comes then may come again.
         rng: Draws when a repetition is acknowledged.
         emit: Takes the samples in their order, and the instant.
     """
@@ -98,12 +100,14 @@ class ReliableReceiving:
         *,
         queue: TransmitQueue,
         journal: JournalPort,
+        doubt: Doubt,
         rng: random.Random,
         emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
         self._table = table
         self._queue = queue
+        self._doubt = doubt
         self._positions = Positions(journal, table)
         self._rng = rng
         self._emit = emit
@@ -136,6 +140,8 @@ class ReliableReceiving:
     def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
         """Take a sample of a topic; returns why it is dropped, or None."""
         sync, sample = arrival.sync, arrival.sample
+        if sync is not None and self._doubt.reason:
+            sample = msgspec.structs.replace(sample, again=True)
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
@@ -272,7 +278,8 @@ class ReliableReceiving:
         lane.expected = lane.kept = number + 1
         self._positions.write(key, lane, lane.expected)
         if sample is not None:
-            self._emit(sample, now)
+            again = sample.again or bool(self._doubt.reason)
+            self._emit(msgspec.structs.replace(sample, again=again), now)
         self._hand_on_held(key, lane, stream, now)
 
     def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:

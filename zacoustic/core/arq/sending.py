@@ -36,7 +36,6 @@ from zacoustic.core.stats import Cause, EngineStats
 from zacoustic.core.streams import Stream, StreamTable
 
 _ANY_DEPTH: Final = 65535
-_DELIVERY_BITS: Final = 20  # of a delivery id; before them life, and epoch in 16
 
 
 class ReliableSending:
@@ -232,6 +231,7 @@ class ReliableSending:
             expected = lane.told(source, sync)
             if expected > lane.next_number and lane.contradicts(source, sync):
                 self._contradictions.heard(stream, lane, source, sync, now)
+                self._go_on(lane, now)
         if expected > lane.next_number:
             return "unexpected_ack"
         self._contradictions.agrees(lane, source, expected)
@@ -302,7 +302,7 @@ class ReliableSending:
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left; ids of its samples are not given away again."""
         if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
-            self._next_delivery_id += (life << 16 | self._handshake.epoch) << _DELIVERY_BITS
+            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
         for kept in self._keeping.recover(stored, self._table, self._emit):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
         self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
