@@ -20,6 +20,7 @@ from zacoustic.core.copied import CopiedSamples
 from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
@@ -53,6 +54,7 @@ class Protocols:
         table: Its streams.
         epoch: Its boot epoch.
         rules: What the config says.
+        doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of all randomness.
@@ -66,6 +68,7 @@ class Protocols:
         epoch: int,
         *,
         rules: TransmitRules,
+        doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -75,6 +78,7 @@ class Protocols:
         self._journal = journal
         self._stats = stats
         self._emit = emit
+        self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
@@ -101,12 +105,19 @@ class Protocols:
             handshake=handshake,
             demand=self.demand,
             journal=journal,
+            doubt=doubt,
             rng=rng,
             stats=stats,
             emit=emit,
         )
         self.receiving = ReliableReceiving(
-            address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
+            address,
+            table,
+            queue=queue,
+            journal=journal,
+            doubt=doubt,
+            rng=rng,
+            emit=self._hand_on,
         )
         self.large = LargeSamples(
             address,
@@ -142,6 +153,7 @@ class Protocols:
             journal=journal,
             handshake=handshake,
             begin_epoch=self.begin_epoch,
+            doubt=doubt,
             stats=stats,
             emit=emit,
         )
@@ -153,6 +165,7 @@ class Protocols:
             journal=journal,
             handshake=handshake,
             begin_epoch=self._renew_epoch,
+            doubt=doubt,
             stats=stats,
             emit=emit,
         )
@@ -175,8 +188,11 @@ class Protocols:
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it."""
-        return not self._epochs_to_keep
+        """The boot epoch is written down: no other life of the node will have it.
+
+        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
+        """
+        return not self._epochs_to_keep or bool(self._journal.failure)
 
     @property
     def is_idle(self) -> bool:
@@ -253,6 +269,7 @@ class Protocols:
 
     def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
+        self._doubt.settle(now)
         return self.receiver.handle(opened, frame, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
@@ -311,6 +328,8 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
+        self._doubt.link_up(now)
+        self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
         self.repeater.link_up(now)

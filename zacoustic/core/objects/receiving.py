@@ -281,6 +281,9 @@ class IncomingObjects:
             if state.unwritten:
                 self._write_group(place, state)
             return
+        if claim is Claim.FORMER:
+            self._refuse(place, Reason.CANCELLED)
+            return
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         is_over = claim is Claim.OVER
         if admission.keeps:
