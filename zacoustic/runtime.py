@@ -251,11 +251,11 @@ class LinkRunner:
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
         """Tell the engine, and people."""
-        is_known = (state, detail) == (self.link_state, self.link_detail)
+        is_first = state is LinkState.OPENING and not self.link_detail  # what it waits for follows
+        is_known = is_first or (state, detail) == (self.link_state, self.link_detail)
         level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
         _logger.log(level, "node %d: link %s: %s", self.engine.address, state.value, detail)
-        self.link_state, self.link_detail = state, detail
-        self._is_busy = False
+        self.link_state, self.link_detail, self._is_busy = state, detail, False
         self._guarded(self._connect, self._service)
 
     def carrier_changed(self, busy: bool) -> None:

@@ -13,8 +13,8 @@ from tests.gateway.islands import Island, Water, config_of, free_port, get, run,
 from zacoustic.core.journal import JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import JournalChanged, Started
-from zacoustic.journal import EPOCHS, Journal, JournalState, SqliteJournal, journal_in
+from zacoustic.gateway.notices import JournalChanged, JournalInDoubt, Started
+from zacoustic.journal import Journal, JournalState, SqliteJournal, journal_in
 
 
 def gateway(
@@ -29,10 +29,10 @@ def started(found: Island) -> Started:
     return next(notice for notice in found.notices if isinstance(notice, Started))
 
 
-async def health(found: Island) -> dict[str, Any]:
+async def health(found: Island, document: str = "journal") -> dict[str, Any]:
     with found.client() as client:
-        replies = await get(client, "@acoustic/2/journal")
-    answer: dict[str, Any] = json.loads(replies.payload("@acoustic/2/journal"))
+        replies = await get(client, f"@acoustic/2/{document}")
+    answer: dict[str, Any] = json.loads(replies.payload(f"@acoustic/2/{document}"))
     return answer
 
 
@@ -47,7 +47,7 @@ def test_gateway_keeps_its_journal_in_the_folder_and_says_where(tmp_path: Path, 
                 assert started(found).journal == str(tmp_path / "node-2.sqlite")
                 assert started(found).forgotten == ""
                 assert f"journal   {tmp_path / 'node-2.sqlite'}" in started(found).lines()
-                assert await health(found) == {"kept": True, "failure": ""}
+                assert await health(found) == {"kept": True, "failure": "", "doubt": ""}
                 second = gateway(Island(free_port()), Water(), tmp_path)
                 with pytest.raises(ConfigError, match="in use by another node or process"):
                     await second.start()
@@ -57,7 +57,7 @@ def test_gateway_keeps_its_journal_in_the_folder_and_says_where(tmp_path: Path, 
     before = sqlite3.connect(journal.path)
     rows = dict(before.execute("SELECT key, value FROM entry"))
     before.close()
-    assert journal.recover().boot_epoch == (int.from_bytes(rows["epoch"], "big") + 1) % EPOCHS
+    assert journal.recover().boot_epoch % 64 == (int.from_bytes(rows["epoch"], "big") + 1) % 64
     journal.close()
 
 
@@ -68,7 +68,7 @@ def test_gateway_without_a_journal_says_what_a_restart_forgets() -> None:
             assert started(found).journal == ""
             assert started(found).forgotten.startswith("no journal, so a restart forgets calls of")
             assert any("restart forgets" in line for line in started(found).lines())
-            assert await health(found) == {"kept": False, "failure": ""}
+            assert await health(found) == {"kept": False, "failure": "", "doubt": ""}
 
     run(main())
 
@@ -98,13 +98,29 @@ def test_gateway_goes_on_while_its_journal_cannot_be_written(
 
         async with gateway(found, water, journal):
             await changed("the disk is full")
-            assert await health(found) == {"kept": True, "failure": "the disk is full"}
+            assert await health(found) == {"kept": True, "failure": "the disk is full", "doubt": ""}
             journal.failures = 0
             await changed("")
-            assert await health(found) == {"kept": True, "failure": ""}
+            assert await health(found) == {"kept": True, "failure": "", "doubt": ""}
         lines = [line for notice in found.notices for line in notice.lines()]
         assert "journal   fails, what is reliable waits: the disk is full" in lines
         assert "journal   can be written again" in lines
+
+    run(main())
+
+
+def test_damaged_journal_does_not_stop_a_gateway_which_says_so_in_its_health(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "node-2.sqlite").write_bytes(b"rust")
+
+    async def main() -> None:
+        found, water = Island(free_port()), Water()
+        async with gateway(found, water, tmp_path):
+            doubt = (await health(found))["doubt"]
+            assert "node-2.sqlite: it is damaged" in doubt
+            assert (await health(found, "node"))["doubt"] == doubt
+            assert JournalInDoubt(reason=doubt) in found.notices
 
     run(main())
 

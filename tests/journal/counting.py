@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from typing import Final
 
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.journal import SqliteJournal
 
 NUMBER_KEY: Final = "number"
@@ -38,7 +38,7 @@ def text(number: int) -> bytes:
 
 
 def entries_after(number: int) -> dict[str, bytes]:
-    """What a journal holds after that many steps, the epoch left out."""
+    """What a journal holds after that many steps, but for what it says of its life."""
     if number == 0:
         return {}
     kept = range(max(1, number - STEPS_KEPT + 1), number + 1)
@@ -47,7 +47,7 @@ def entries_after(number: int) -> dict[str, bytes]:
 
 def number_in(entries: Mapping[str, bytes]) -> int:
     """The number of whole steps; fails when it is not exactly them."""
-    found = {key: value for key, value in entries.items() if key != EPOCH_KEY}
+    found = {key: value for key, value in entries.items() if key not in (EPOCH_KEY, LIFE_KEY)}
     number = int(found.get(NUMBER_KEY, b"0"))
     assert found == entries_after(number)
     return number
@@ -57,6 +57,7 @@ def main() -> None:
     journal = SqliteJournal(sys.argv[1], int(sys.argv[2]))
     os.write(1, b"begins\n")
     state = journal.recover()
+    assert not state.doubt, state.doubt
     os.write(1, f"epoch {state.boot_epoch}\n".encode())
     number = number_in(state.entries)
     while True:

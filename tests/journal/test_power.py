@@ -21,15 +21,18 @@ SECTOR_BYTES: Final = 512
 
 
 class Disk:
-    """A journal in use, and the bytes of its two files after each step."""
+    """A journal in use, and the bytes of its two files after each step, and of its mark first."""
 
     def __init__(self, folder: Path) -> None:
         self.file = folder / "node-2.sqlite"
         self.log = folder / "node-2.sqlite-wal"
+        self.mark = folder / "node-2.sqlite-mark"
         self.journal = SqliteJournal(self.file, ADDRESS)
         self.journal.recover()
         self.number = 0
         self.states: list[tuple[bytes, bytes]] = [self.content()]
+        self.marks = [self.mark.read_bytes()]
+        """The mark after each step: the disk may have an older one, and never a newer one."""
 
     def content(self) -> tuple[bytes, bytes]:
         return self.file.read_bytes(), self.log.read_bytes()
@@ -38,17 +41,20 @@ class Disk:
         self.number += 1
         self.journal.commit(step(self.number))
         self.states.append(self.content())
+        self.marks.append(self.mark.read_bytes())
         return self.states[-1]
 
 
-def found_in(folder: Path, file: bytes, log: bytes) -> int:
+def found_in(folder: Path, file: bytes, log: bytes, mark: bytes) -> int:
     """Start a node on such files; returns how many whole steps it finds."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     (folder / "node-2.sqlite").write_bytes(file)
     (folder / "node-2.sqlite-wal").write_bytes(log)
+    (folder / "node-2.sqlite-mark").write_bytes(mark)
     journal = SqliteJournal(folder / "node-2.sqlite", ADDRESS)
     state = journal.recover()
+    assert not state.doubt, "nothing of it was promised, so nothing is missing"
     journal.commit([])
     journal.close()
     return number_in(state.entries)
@@ -74,7 +80,7 @@ def test_log_cut_short_anywhere_ends_with_a_whole_group(
     every = max(1, len(log) // count(10_000))
     for size in range(ends[0], len(log) + 1, every):
         whole = max(number for number, end in enumerate(ends) if end <= size)
-        found = found_in(tmp_path / "after", file, log[:size])
+        found = found_in(tmp_path / "after", file, log[:size], disk.marks[whole])
         # The end of a group is filled up to the sector: it may be whole before it is long enough.
         assert found in (whole, whole + 1), f"cut at byte {size}"
 
@@ -100,7 +106,7 @@ def test_group_that_was_being_written_is_there_whole_or_not_and_harms_none_befor
                 case 2:
                     old = before[at:end]
                     torn[at : at + len(old)] = old
-        found = found_in(tmp_path / "after", file, bytes(torn))
+        found = found_in(tmp_path / "after", file, bytes(torn), disk.marks[-2])
         assert found in (disk.number - 1, disk.number), f"seed {seed}"
     disk.journal.close()
 
@@ -122,7 +128,9 @@ def test_power_lost_while_the_log_is_written_back_loses_nothing(
             choices = [piece, rng.randbytes(len(piece)), old[at : at + SECTOR_BYTES]]
             # The header is written like any page, but SQLite reads it before the log.
             sectors.append(piece if at == 0 else rng.choice(choices) or bytes(SECTOR_BYTES))
-        assert found_in(tmp_path / "after", b"".join(sectors), log) == 40, f"seed {seed}"
+        assert found_in(tmp_path / "after", b"".join(sectors), log, disk.marks[-1]) == 40, (
+            f"seed {seed}"
+        )
 
 
 def test_log_is_written_back_and_begun_anew_and_the_old_end_of_it_is_no_commit(
@@ -134,7 +142,7 @@ def test_log_is_written_back_and_begun_anew_and_the_old_end_of_it_is_no_commit(
         disk.states[:] = [after]
         if before[1][:32] != after[1][:32]:  # the header of the log
             anew += 1
-            assert found_in(tmp_path / "after", *after) == disk.number
+            assert found_in(tmp_path / "after", *after, disk.marks[-1]) == disk.number
     disk.journal.close()
     assert anew >= 1
 

@@ -19,6 +19,8 @@ def test_warnings_are_one_for_each_thing_that_is_waited_for(
         runner = LinkRunner(fake, ScriptedLink(), lambda event: None)
         await runner.start()
         caplog.clear()
+        runner.link_detail = ""
+        runner.state_changed(LinkState.OPENING, "connecting")
         for _ in range(9):
             runner.state_changed(LinkState.OPENING, "/dev/modem: in use by another program")
         for _ in range(9):

@@ -183,7 +183,11 @@ def test_goal_is_accepted_fed_and_ended() -> None:
     assert desk.of(ResultReceived) == [ResultReceived(goal=goal, status=SUCCEEDED, value=b"done")]
     desk.run(10_000)
     assert desk.water.is_quiet
-    assert desk.water.journal(1).entries.keys() == desk.water.journal(2).entries.keys() == {"epoch"}
+    assert (
+        desk.water.journal(1).entries.keys()
+        == desk.water.journal(2).entries.keys()
+        == {"epoch", "life"}
+    )
 
 
 def test_rejected_goal_says_why() -> None:

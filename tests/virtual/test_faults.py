@@ -11,7 +11,7 @@ from tests.virtual.fleet import line
 from zacoustic.channel.nodefaults import ClockSpec, JournalSpec, JumpSpec, SpanSpec
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.core.linktypes import LinkState
 from zacoustic.core.qos import Qos
 from zacoustic.core.rules import TransmitRules
@@ -70,7 +70,7 @@ def test_a_journal_that_keeps_nothing_knows_the_epoch_only() -> None:
     journal.finish()
     journal.crash(0.0)
     assert journal.entries == {EPOCH_KEY: b"\x00\x07"}
-    assert journal.next_epoch == 8
+    assert journal.begin_life() == 8
 
 
 class WritingEngine(Engine):
@@ -141,11 +141,12 @@ def test_what_was_committed_is_given_to_the_next_life_and_nothing_else() -> None
     water.apply(1, partial(add, write=write("b", b"1", 92)))
     water.run(until_s=6.5)
     assert engines[0].told[-1] == 91
-    assert water.journal(1).entries.keys() == {EPOCH_KEY, "a"}
+    assert water.journal(1).entries.keys() == {EPOCH_KEY, LIFE_KEY, "a"}
     water.crash(1)
     water.run(until_s=20)
     water.start(1)
-    assert dict(engines[-1].stored) == {EPOCH_KEY: b"\x00\x01", "a": b"1"}
+    lives = {EPOCH_KEY: b"\x00\x02", LIFE_KEY: b"\x00\x00\x00\x00\x00\x00\x00\x02"}
+    assert dict(engines[-1].stored) == {**lives, "a": b"1"}
     assert engines[-1].epoch == 2
     assert water.life(1) == 2
 
@@ -184,7 +185,7 @@ def test_nothing_is_sent_before_the_epoch_is_committed() -> None:
     assert water.engine(1).stats.frames_transmitted == 0
     water.crash(1)
     water.start(1)
-    assert water.engine(1).epoch == 1  # nobody has heard of the first one
+    assert water.engine(1).epoch == 2
     water.publish(1, 1, b"x")
     water.run(until_s=60)
     assert water.engine(1).stats.frames_transmitted > 0

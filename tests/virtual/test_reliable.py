@@ -60,14 +60,10 @@ class OneOutcome(Witness):
             if number in self._stored | self._ended:
                 self.complaints.append(f"stored too late or twice: {told}")
             self._stored.add(number)
-        elif number in self._ended and publication.life == self._life(node):
+        elif number in self._ended:
             self.complaints.append(f"ended twice: {told}")
         else:
             self._ended.add(number)
-
-    def begins(self, telling: "Telling") -> None:
-        """Learn to count lives."""
-        self._life = telling.network.life
 
 
 class LastArrives(Witness):

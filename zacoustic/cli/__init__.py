@@ -43,8 +43,8 @@ from zacoustic.safetext import one_line, some_lines, without_secrets
 
 BUILT_IN: Final = (
     "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
-    "topics", "monitor", "dashboard", "silence", "resume", "stream", "decode", "sim", "record",
-    "replay", "report", "init", "schema", "fit", "bench", "completion",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "decode", "sim",
+    "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
 """Our verbs, in the order in which the help lists them."""
 

@@ -25,6 +25,7 @@ from zacoustic.core.calls import (
 )
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, split_age
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
@@ -60,6 +61,7 @@ class Answering:
         queue: Takes what confirms.
         repeater: Takes answers.
         journal: Keeps the calls.
+        doubt: Whether some are forgotten.
         stats: Counts.
         emit: Takes the events.
     """
@@ -72,6 +74,7 @@ class Answering:
         queue: TransmitQueue,
         repeater: Repeater,
         journal: JournalPort,
+        doubt: Doubt,
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
@@ -80,6 +83,7 @@ class Answering:
         self._queue = queue
         self._repeater = repeater
         self._journal = journal
+        self._doubt = doubt
         self._stats = stats
         self._emit = emit
         self._calls = ServerCalls()
@@ -169,6 +173,9 @@ class Answering:
         if value is _UNREADABLE:
             self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
             return "payload"
+        if self._may_have_run(stream, now):
+            self.reply_error(key, CallFailure.UNKNOWN, self._doubt.reason, now)
+            return None
         count(self._stats.received, stream.stream_id)
         request = RequestReceived(
             call=key, value=value, deadline_at=served.deadline_at, age_s=age_s
@@ -222,6 +229,12 @@ class Answering:
         return self._calls.next_forget_at()
 
     # Below the methods above
+
+    def _may_have_run(self, stream: Stream, now: int) -> bool:
+        """Tell whether a request may be one that this node has executed and forgotten."""
+        spec = stream.spec
+        assert isinstance(spec, ServiceSpec)
+        return spec.journal and not stream.is_built_in and self._doubt.covers(spec.timeout_s, now)
 
     def _timeout_ns(self, key: CallKey) -> int:
         spec = self._table.by_id(key.stream_id).spec

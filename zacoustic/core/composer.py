@@ -203,6 +203,10 @@ class Composer:
             return None
         if taken.ends_run:
             self.port.end_run()
+            if self._introductions.concerns_others(destination) and self.port.reaches_all(
+                len(taken.record)
+            ):
+                destination = BROADCAST  # that a pause follows concerns everybody
         cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
         self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
         data_bytes = len(taken.record) - taken.header_bytes

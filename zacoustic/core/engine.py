@@ -8,8 +8,7 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
   None; then re-arm one timer from `poll_timeout`.
 - ``now`` is an instant in ns of one monotonic clock and never decreases. A timer that fires early
   is handed the instant that was asked for.
-- After `poll_transmit` has returned a transmission it returns None until `handle_transmit_report`
-  brings its report.
+- After a transmission `poll_transmit` returns None until `handle_transmit_report` has been called.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
 - Inputs from the water never raise; any exception from them is a bug, and another engine goes on
   from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
@@ -33,6 +32,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.hosttime import HostTime
@@ -62,10 +62,7 @@ from zacoustic.core.transmitter import Transmitter
 from zacoustic.core.wireprofile import WireProfile
 
 _NO_RULES = TransmitRules()
-_PROTOCOLS: Final[dict[WireProfile, type[Protocols]]] = {
-    WireProfile.NATIVE: Protocols,
-    WireProfile.RMW_DESERT: RmwDesertProtocols,
-}
+_PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
 class Engine:
@@ -105,11 +102,14 @@ class Engine:
         self._events: deque[Event] = deque()
         emit = self._events.append
         self._journal = journal = JournalPort()
+        self.doubt = Doubt(address, table, stored, journal, emit)
+        """Whether something of former lives is forgotten; to be read only."""
         self._protocols = protocols = _PROTOCOLS[table.wire](
             address,
             table,
             epoch,
             rules=rules,
+            doubt=self.doubt,
             journal=journal,
             stats=self.stats,
             rng=rng,

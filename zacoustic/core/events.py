@@ -33,9 +33,13 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     """How old the sample was when its frame was composed, s; infinity: over an hour; None: the
     stream has no stamp."""
     received_at: int
-    """Instant at which the frame had arrived, ns."""
+    """Instant at which the frame had arrived, ns; of one that a former life has left, the first
+    instant of this life."""
     metrics: LinkMetrics
     """What the modem measured on the frame."""
+    again: bool = False
+    """It may have been handed on before: a life of this node ended, or its journal was put back,
+    at that very moment."""
 
 
 class DeliveryOutcome(enum.Enum):
@@ -51,6 +55,9 @@ class DeliveryOutcome(enum.Enum):
     """A subscriber does not take it: it is larger than allowed there, or not wanted any more."""
     CANCELLED = "cancelled"
     """Given up by its publisher."""
+    UNKNOWN = "unknown"
+    """Published by a former life, and the journal is in doubt: whether those that are missing have
+    handed it on, nobody can tell any more."""
 
 
 class DeliveryStored(msgspec.Struct, frozen=True, kw_only=True):
@@ -267,6 +274,17 @@ class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of the change, ns."""
 
 
+class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal may be less than what was written last: it is damaged, or was put back.
+
+    The node has begun anew with what is right in it. What came before, and whose outcome it does
+    not know, it does not do again: see `zacoustic.core.doubt`.
+    """
+
+    reason: str
+    """What was found, and by whom, one line."""
+
+
 class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """For want of a time that is sure nothing is transmitted; or no longer."""
 
@@ -333,6 +351,7 @@ Event = (
     | SilenceChanged
     | StreamTuned
     | JournalStateChanged
+    | JournalDoubted
     | ClockStateChanged
     | NothingHeard
     | EngineRestarted

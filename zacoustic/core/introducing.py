@@ -120,6 +120,13 @@ class Introductions:
             for peer in audience
         )
 
+    def concerns_others(self, destination: int) -> bool:
+        """Tell whether there are nodes, listed or heard, that a frame to one node is not for."""
+        heard = (each for each, peer in self._peers.items() if peer.epoch is not None)
+        return any(
+            each not in (self._address, destination) for each in (*self._table.nodes, *heard)
+        )
+
     # Below the methods above
 
     def _vouch(self, address: int, peer: Peer, now: int) -> bytes:

@@ -30,6 +30,12 @@ class JournalWrite(msgspec.Struct, frozen=True, kw_only=True):
 
 EPOCH_KEY = "epoch"
 """Key of the boot epoch: two bytes, big-endian."""
+LIFE_KEY = "life"
+"""Key of the number of this life, eight bytes, big-endian: written by the store, before an engine
+is built."""
+DOUBT_KEY = "doubt"
+"""Key of why the journal may not be what was written last, a line of UTF-8: written by the store,
+deleted by the engine when it does not matter any more."""
 BOOT_KEY = "boot"
 """Key that the shell adds to what was stored, and keeps nowhere: it names the run of the monotonic
 clock. Instants of two lives with the same name can be compared; without a name none can."""

@@ -372,7 +372,6 @@ class LargeSamples:
 
     def _accept(self, order: StoredObject) -> bool:
         """Go on with an own object of a former life, if its stream is what it was."""
-        self._sending.next_delivery_id(above=order.object_id - 1)
         stream = self._table.get(order.stream_id)
         place = Place(order.lineage, order.number)
         if (

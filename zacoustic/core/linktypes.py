@@ -75,6 +75,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     """The device, or what is behind it, decides when it may transmit."""
     senses_carrier: bool = False
     """Reports `carrier_changed` while somebody else is heard."""
+    broadcast_mtu_bytes: int | None = None
+    """Largest frame for all nodes, bytes; None: as large as one for a single node."""
     address_range: tuple[int, int] = (1, 254)
     """First and last node address that the device can have."""
     reports: frozenset[str] = frozenset()

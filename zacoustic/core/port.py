@@ -94,6 +94,10 @@ class LinkPort:
             invited_at = self.listening.invited_at(max(due_at, now), follows=follows)
             if invited_at is not None:
                 due_at, is_invited = invited_at, True
+            else:
+                due_at = self.listening.listens_until(
+                    max(due_at, now), is_urgent=wanted.is_urgent, follows=follows
+                )
         wanted = msgspec.structs.replace(wanted, due_at=due_at, is_invited=is_invited)
         return self.access.ready_at(wanted, now)
 
@@ -150,6 +154,17 @@ class LinkPort:
         """How many of the largest frames, one that starts now included, go before a pause."""
         return self.listening.frames_before_pause(now) if self._listens else _NO_PAUSE
 
+    def reaches_all(self, record_bytes: int) -> bool:
+        """Tell whether only a broadcast frame reaches everybody, and may be that large.
+
+        Args:
+            record_bytes: What stands in the frame, without envelope.
+        """
+        # Frames of a link without addresses are heard by all, whoever they are for.
+        limit_bytes = self.capabilities.broadcast_mtu_bytes or self.capabilities.mtu_bytes
+        size_bytes = record_bytes + self.capabilities.mtu_bytes - self.envelope.room_bytes
+        return self.capabilities.addressed and size_bytes <= limit_bytes
+
     def end_run(self) -> None:
         """The frame that is being made says that a listen window follows."""
         self.listening.end_run()
@@ -161,8 +176,8 @@ class LinkPort:
             way_ns, _ = self._way(source, frame, now)
             started_at = frame.received_at - way_ns - airtime_ns
             self.listening.heard_pause(source, airtime_ns, started_at, way_ns, now)
-        elif call is not Call.NONE:
-            self.listening.heard_end(source)
+        else:
+            self.listening.heard_listening(source, listens=call is not Call.NONE, now=now)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Somebody else's transmission began or ended."""

@@ -16,9 +16,11 @@ from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.composer import Composed, Composer
 from zacoustic.core.contact import Contact
+from zacoustic.core.copied import CopiedSamples
 from zacoustic.core.deadlines import Deadlines
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.densestreams import DenseStreams
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
@@ -52,6 +54,7 @@ class Protocols:
         table: Its streams.
         epoch: Its boot epoch.
         rules: What the config says.
+        doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
         stats: Counts.
         rng: Source of all randomness.
@@ -65,6 +68,7 @@ class Protocols:
         epoch: int,
         *,
         rules: TransmitRules,
+        doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
@@ -74,6 +78,7 @@ class Protocols:
         self._journal = journal
         self._stats = stats
         self._emit = emit
+        self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
         self.handshake = handshake = Handshake(address, epoch, table, rng)
@@ -100,12 +105,19 @@ class Protocols:
             handshake=handshake,
             demand=self.demand,
             journal=journal,
+            doubt=doubt,
             rng=rng,
             stats=stats,
             emit=emit,
         )
         self.receiving = ReliableReceiving(
-            address, table, queue=queue, journal=journal, rng=rng, emit=self._hand_on
+            address,
+            table,
+            queue=queue,
+            journal=journal,
+            doubt=doubt,
+            rng=rng,
+            emit=self._hand_on,
         )
         self.large = LargeSamples(
             address,
@@ -120,10 +132,12 @@ class Protocols:
             rng=rng,
             emit=emit,
         )
+        self.copied = CopiedSamples(queue, handshake)
         self.topics = Topics(
             address,
             table,
             queue=queue,
+            copied=self.copied,
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
@@ -139,6 +153,7 @@ class Protocols:
             journal=journal,
             handshake=handshake,
             begin_epoch=self.begin_epoch,
+            doubt=doubt,
             stats=stats,
             emit=emit,
         )
@@ -150,6 +165,7 @@ class Protocols:
             journal=journal,
             handshake=handshake,
             begin_epoch=self._renew_epoch,
+            doubt=doubt,
             stats=stats,
             emit=emit,
         )
@@ -172,8 +188,11 @@ class Protocols:
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it."""
-        return not self._epochs_to_keep
+        """The boot epoch is written down: no other life of the node will have it.
+
+        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
+        """
+        return not self._epochs_to_keep or bool(self._journal.failure)
 
     @property
     def is_idle(self) -> bool:
@@ -250,6 +269,7 @@ class Protocols:
 
     def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
+        self._doubt.settle(now)
         return self.receiver.handle(opened, frame, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
@@ -292,6 +312,7 @@ class Protocols:
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
         settling_ns = self.handshake.settling_ns
+        self.copied.use_link(times)
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
@@ -307,6 +328,8 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
+        self._doubt.link_up(now)
+        self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
         self.repeater.link_up(now)
@@ -315,6 +338,7 @@ class Protocols:
 
     def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
         """A transmission begins."""
+        self.copied.transmitted(composed.records)
         self.sending.transmitted(composed.records, now)
         self.repeater.transmitted(composed.records)
         self.ranging.transmitted(transmission, now)
@@ -322,6 +346,7 @@ class Protocols:
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """A transmission has ended."""
+        self.copied.handle_report(report)
         self.sending.handle_report(report)
         self.repeater.handle_report(report)
         self.large.objects.transmitted(report.finished_at)
@@ -331,6 +356,7 @@ class Protocols:
         """The instant that `next_deadline_at` named has come."""
         self.services.expire(now)
         self.actions.expire(now)
+        self.copied.expire(now)
         self.sending.expire(now)
         self.receiving.expire(now)
         self.repeater.expire(now)
@@ -344,6 +370,7 @@ class Protocols:
         instants = (
             self.services.next_deadline_at(),
             self.actions.next_due_at(),
+            self.copied.next_deadline_at(),
             self.sending.next_deadline_at(),
             self.receiving.next_deadline_at(),
             self.repeater.next_due_at(),

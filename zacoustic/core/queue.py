@@ -306,6 +306,11 @@ class TransmitQueue:
         self._settle(lane)
         return True
 
+    def holds(self, key: LaneKey, item: Waiting) -> bool:
+        """Tell whether a payload waits."""
+        lane = self._busy.get(key)
+        return lane is not None and any(each is item for each in lane.items)
+
     def discard(self, key: LaneKey, item: Waiting) -> None:
         """Take back one payload; not there is no error."""
         lane = self._busy.get(key)

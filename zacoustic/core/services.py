@@ -24,6 +24,7 @@ from zacoustic.core.calls import (
 )
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, server_of, split_age
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.journal import JournalPort
@@ -54,6 +55,7 @@ class Services:
         journal: Keeps the calls that this node serves.
         handshake: Knows which streams a peer defines in another way, and each peer's epoch.
         begin_epoch: Begins a new boot epoch of this node.
+        doubt: Whether calls of former lives are forgotten.
         stats: Counts.
         emit: Takes the events.
     """
@@ -68,6 +70,7 @@ class Services:
         journal: JournalPort,
         handshake: Handshake,
         begin_epoch: Callable[[int], None],
+        doubt: Doubt,
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
@@ -81,7 +84,14 @@ class Services:
         self._emit = emit
         self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
         self._answering = Answering(
-            address, table, queue=queue, repeater=repeater, journal=journal, stats=stats, emit=emit
+            address,
+            table,
+            queue=queue,
+            repeater=repeater,
+            journal=journal,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
         )
         self.reply = self._answering.reply
         """Answers a request; see `Engine.reply`."""

@@ -13,6 +13,7 @@ from zacoustic.core.arq.places import LEAST_ACK_BYTES
 from zacoustic.core.arq.receiving import Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.copied import CopiedSamples
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.encoding import encode_prefix
 from zacoustic.core.events import SampleReceived
@@ -41,6 +42,7 @@ class Topics:
         address: Address of the node.
         table: Its streams.
         queue: Takes what is published.
+        copied: Takes best-effort samples, which may go several times.
         stats: Counts.
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
@@ -54,6 +56,7 @@ class Topics:
         table: StreamTable,
         *,
         queue: TransmitQueue,
+        copied: CopiedSamples,
         stats: EngineStats,
         sending: ReliableSending,
         receiving: ReliableReceiving,
@@ -63,6 +66,7 @@ class Topics:
         self._address = address
         self._table = table
         self._queue = queue
+        self._copied = copied
         self._stats = stats
         self._sending = sending
         self._receiving = receiving
@@ -150,7 +154,7 @@ class Topics:
             queued_at=made_at,
             expires_at=expires_at,
         )
-        self._queue.push((stream_id, SAMPLE_LANE, *instance), item, stream.qos)
+        self._copied.publish((stream_id, SAMPLE_LANE, *instance), item, stream.qos, now)
         return NO_DELIVERY
 
     def receive(
@@ -206,6 +210,9 @@ class Topics:
             if self.large is not None:
                 self.large.at(now).objects.look_again(source)
             return reason
+        sync = prefixes.sync
+        if sync and self._copied.is_repeated(source, stream.stream_id, instance, sync):
+            return "repeated_sample"
         self._emit(sample, now)
         return None
 
@@ -254,7 +261,9 @@ class Topics:
             self._sending.audience_changed(stream, newcomers, now)
             if self.large is not None:
                 self.large.audience_changed(stream, now)
-        elif audience:
+            return
+        self._copied.drop_stream(stream.stream_id)
+        if audience:
             self._queue.readdress(stream.stream_id, self._demand.destination(stream))
         else:
             for _ in range(self._queue.drop_stream(stream.stream_id)):

@@ -202,6 +202,7 @@ class Transmitter:
         if due_at is None:
             return None
         self.port.listening.exclusive = self._protocols.large.objects.is_exclusive
+        self.port.listening.sends_full = self._protocols.large.objects.has_fragment(now)
         is_urgent = self._protocols.queue.is_urgent
         if not is_urgent:
             even_at = self.airtime.free_at(now)

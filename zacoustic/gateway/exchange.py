@@ -13,6 +13,7 @@ from zacoustic.core.events import (
     DeliveryStored,
     EngineRestarted,
     Event,
+    JournalDoubted,
     JournalStateChanged,
     LinkStateChanged,
     NothingHeard,
@@ -39,6 +40,7 @@ from zacoustic.gateway.notices import (
     EngineLost,
     EntityHeard,
     JournalChanged,
+    JournalInDoubt,
     LinkChanged,
     LinkUnheard,
     Notify,
@@ -148,6 +150,8 @@ class Exchange:
                 self._notify(EngineLost(faults=event.faults, cause=event.cause))
             case JournalStateChanged():
                 self._notify(JournalChanged(failure=event.failure))
+            case JournalDoubted():
+                self._notify(JournalInDoubt(reason=event.reason))
             case NothingHeard():
                 self._notify(LinkUnheard(frames=event.frames))
             case ClockStateChanged():

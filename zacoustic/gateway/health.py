@@ -17,7 +17,8 @@ answered to a `get`:
               who wants it, and who is asked for it
 ``objects``   samples larger than a frame: how far they are, how the last ones ended
 ``water``     what is in the water: the frame that is being sent, the last ones sent and heard
-``journal``   whether anything survives a restart, and why it cannot be written now
+``journal``   whether anything survives a restart, why it cannot be written now, and why it may
+              be less than what was written last (a line that ``node`` has as well)
 ``events``    the last things that were worth a line, errors among them
 ``dropped``   what came off the water, and what came from the island, and was of no use
 ``clock``     what time it is here; answered to a `get`, and put when the clock has been set
@@ -211,6 +212,7 @@ class Health:
 
     def _clock_document(self) -> dict[str, bytes]:
         """What tells whoever asks how far the clocks of people are apart."""
+        self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
         return {f"{self._prefix}/clock": msgspec.json.encode(now)}
 
@@ -224,14 +226,18 @@ class Health:
         """Return all documents as they are now, by the end of their keys."""
         self._dates.look()
         documents = {
-            "node": self._about,
+            "node": self._about | {"doubt": self._engine.doubt.reason},
             "link": self._link(),
             "ledger": self._ledger(),
             "peers": self._peers(),
             "streams": self._streams(),
             "objects": self._objects.document(),
             "water": self._frames.document(),
-            "journal": {"kept": self._is_journal_kept, "failure": self._engine.journal_failure},
+            "journal": {
+                "kept": self._is_journal_kept,
+                "failure": self._engine.journal_failure,
+                "doubt": self._engine.doubt.reason,
+            },
             "dropped": self._dropped(),
             "events": self._chronicle.document(),
             **self._soundings.documents(),

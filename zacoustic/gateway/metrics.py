@@ -233,6 +233,7 @@ def _rest(documents: "Documents") -> Iterator[Metric]:
     yield objects
     journal = documents["journal"]
     yield _gauge("journal_kept", "1 if anything survives a restart.", journal["kept"])
+    yield _gauge("journal_doubted", "1 if it may miss what was written.", bool(journal["doubt"]))
     yield _gauge("journal_failing", "1 while it cannot be written.", bool(journal["failure"]))
     supply_v = documents.get("modem", {}).get("battery_v")
     if supply_v is not None:

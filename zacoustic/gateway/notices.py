@@ -155,6 +155,22 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
         return ["journal   can be written again"]
 
 
+class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
+    """The journal may be less than what was written last."""
+
+    reason: str
+    """What was found."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """What was promised before may be forgotten."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        return [f"journal   in doubt, a new life with what is right in it: {self.reason}"]
+
+
 class ClockChanged(Notice, frozen=True, kw_only=True, tag="clock"):
     """Nothing is transmitted for want of a time that is sure; or no longer."""
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from zacoustic.core.journal import EPOCH_KEY, JournalWrite
-from zacoustic.journal.port import JournalState, next_epoch
+from zacoustic.journal.port import JournalState, begin_life
 
 
 class MemoryJournal:
@@ -18,8 +18,8 @@ class MemoryJournal:
 
     def recover(self) -> JournalState:
         """Begin a life: the next epoch, and what was committed."""
-        epoch = next_epoch(self._entries)
-        self._entries[EPOCH_KEY] = epoch.to_bytes(2, "big")
+        self._entries = begin_life(self._entries).entries
+        epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
         return JournalState(boot_epoch=epoch, entries=dict(self._entries))
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:

@@ -1,9 +1,9 @@
 """The contract between the runtime, which commits in a thread of its own, and a store.
 
 A node may promise only what its next life still knows, and peers must be able to tell its lives
-apart. So a store keeps entries, each under a key, and counts the lives: the boot epoch of a life is
-that of the life before plus one. No store looks at a wall clock: one that jumps by years does no
-harm.
+apart. So a store keeps entries, each under a key, and says how a life begins: with another boot
+epoch, and another number of the life. No store looks at a wall clock: one that jumps by years does
+no harm.
 """
 
 import random
@@ -12,10 +12,14 @@ from typing import Final, Protocol
 
 import msgspec
 
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
 
 EPOCHS: Final = 1 << 16
 """Number of boot epochs: two bytes on the wire."""
+
+_ROUNDS: Final = 1 << 10
+_LIVES_IN_ROUND: Final = 64
+_SKIPPED_LIVES: Final = 1 << 10, 1 << 20
 
 
 class JournalState(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,6 +29,10 @@ class JournalState(msgspec.Struct, frozen=True, kw_only=True):
     """Epoch for this life, 0…65535: not the one of the life before."""
     entries: dict[str, bytes] = {}
     """Key → last committed value."""
+    doubt: str = ""
+    """Why that may not be what was committed last, one line; empty: it is."""
+    failure: str = ""
+    """Why it cannot be written now, one line; empty: it can."""
 
 
 class Journal(Protocol):
@@ -33,10 +41,10 @@ class Journal(Protocol):
     def recover(self) -> JournalState:
         """Begin a life and return what was kept; called once, before an engine is built.
 
-        The epoch is safe when this returns: no later life gets it again.
+        The epoch is safe when this returns, unless the store says that it cannot be written.
 
         Raises:
-            ConfigError: The store cannot be opened, read or written.
+            ConfigError: The store is in use, or there can be none.
         """
         ...
 
@@ -54,13 +62,38 @@ class Journal(Protocol):
         ...
 
 
-def next_epoch(entries: Mapping[str, bytes]) -> int:
-    """Return the epoch that follows the kept one; without one, any.
+class Life(msgspec.Struct, frozen=True):
+    """How a life begins."""
 
-    A store without an epoch is new, the node need not be: peers may remember lives of which the
-    store was lost. So the first epoch is drawn, and is theirs in one of 65 536 cases only.
+    entries: dict[str, bytes]
+    """What it knows of those before, and how it begins itself."""
+
+
+def begin_life(entries: Mapping[str, bytes], doubt: str = "") -> Life:
+    """Begin a life behind those that have left these entries.
+
+    Peers remember epochs, and take a life with one that they know for that one. Where the store
+    has lost nothing, the next epoch is the last one and one more, and sixty-four times a number
+    that is drawn: so that 64 lives in a row differ in the lower six bits, by which answers name
+    them, and a store that was put back unseen repeats an epoch once in 1024 times only. Of a store
+    that is new, or in doubt, nothing is known: its epoch is drawn.
+
+    Args:
+        entries: What was kept.
+        doubt: Why that may not be all; empty: it is.
     """
+    rng = random.SystemRandom()
     kept = entries.get(EPOCH_KEY)
-    if kept is None:
-        return random.SystemRandom().randrange(EPOCHS)
-    return (int.from_bytes(kept, "big") + 1) % EPOCHS
+    doubted = doubt.encode() or entries.get(DOUBT_KEY, b"")
+    if kept is None or doubt:
+        epoch = rng.randrange(EPOCHS)
+    else:
+        more = 1 + _LIVES_IN_ROUND * rng.randrange(_ROUNDS)
+        epoch = (int.from_bytes(kept, "big") + more) % EPOCHS
+    life = int.from_bytes(entries.get(LIFE_KEY, b""), "big") + 1
+    if doubt:
+        life += rng.randrange(*_SKIPPED_LIVES)
+    begun = {EPOCH_KEY: epoch.to_bytes(2, "big"), LIFE_KEY: life.to_bytes(8, "big")}
+    if doubted:
+        begun[DOUBT_KEY] = doubted
+    return Life({**entries, **begun})

@@ -16,6 +16,7 @@ from zacoustic.core.events import (
     DeadlineMissed,
     DeliveryEnded,
     EngineRestarted,
+    JournalDoubted,
     JournalStateChanged,
     LinkStateChanged,
     NothingHeard,
@@ -51,6 +52,7 @@ from zacoustic.node.routes import ServiceRoute, TopicRoute
 NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
+    | JournalDoubted
     | ClockStateChanged
     | NothingHeard
     | EngineRestarted

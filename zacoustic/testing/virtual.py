@@ -267,7 +267,7 @@ class VirtualNetwork:
             return
         if self._lives is not None and node.lives:
             self._lives(address, True)
-        epoch = node.journal.next_epoch
+        epoch = node.journal.begin_life()
         node.lives += 1
         node.engine = self._build(
             address=address,

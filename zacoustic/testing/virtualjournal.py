@@ -5,12 +5,15 @@ commit, a commit takes its time, and it is there all or none. A crash before its
 with a chance (`JournalSpec.untold`) it had been written all the same, and nobody was told.
 """
 
-from collections.abc import Callable
+import random
+from collections.abc import Callable, Mapping
 from typing import Final
 
 from zacoustic.channel.nodefaults import JournalSpec
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+
+_EPOCHS: Final = 1 << 16
 
 Told = Callable[[list[JournalWrite]], None]
 """Takes the writes that have been committed."""
@@ -44,6 +47,8 @@ class VirtualJournal:
         self._lost: list[tuple[int, int]] = []
         self._waiting: list[JournalWrite] = []
         self._group: list[JournalWrite] = []
+        self._rng = random.Random(f"journal of node {node}")
+        self._doubt: str | None = None
 
     @property
     def is_idle(self) -> bool:
@@ -55,11 +60,33 @@ class VirtualJournal:
         lost = any(first <= number <= last for first, last in self._lost)
         return number <= self.committed and not lost
 
-    @property
-    def next_epoch(self) -> int:
-        """Boot epoch of the next life: the one after the last that was kept."""
+    def put_back(self, entries: Mapping[str, bytes], doubt: str = "") -> None:
+        """Put an old copy of the entries in the place of the present ones; the node is down.
+
+        Args:
+            entries: The copy.
+            doubt: What the store finds out about it; empty: nothing, as of an image of the disk.
+        """
+        self.entries = dict(entries)
+        self._doubt = doubt
+
+    def begin_life(self) -> int:
+        """Begin a life, as a store in a file does; returns its boot epoch.
+
+        But that the next epoch is the one after the last, unless an old copy was put back.
+        """
+        doubt, self._doubt = self._doubt, None
         kept = self.entries.get(EPOCH_KEY)
-        return 1 if kept is None else (int.from_bytes(kept, "big") + 1) & 0xFFFF
+        epoch = 1 if kept is None else int.from_bytes(kept, "big") + 1
+        life = int.from_bytes(self.entries.get(LIFE_KEY, b""), "big") + 1
+        if doubt:
+            epoch, life = self._rng.randrange(_EPOCHS), life + self._rng.randrange(1 << 10, 1 << 20)
+            self.entries[DOUBT_KEY] = doubt.encode()
+        elif doubt is not None:
+            epoch += 64 * self._rng.randrange(1 << 10)
+        self.entries[EPOCH_KEY] = (epoch % _EPOCHS).to_bytes(2, "big")
+        self.entries[LIFE_KEY] = life.to_bytes(8, "big")
+        return epoch % _EPOCHS
 
     def add(self, write: JournalWrite) -> None:
         """Take a write from an engine."""

@@ -9,6 +9,7 @@ from typing import Final
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities, TransmitOutcome
 from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.config import EvologicsConfig
 
@@ -137,6 +138,7 @@ class ModemSession:
             acknowledges=self.acknowledges,
             controls_access=False,
             senses_carrier=self.has_extended_notifications,
+            broadcast_mtu_bytes=min(self.config.mtu, IM_LIMIT_BYTES),
             address_range=(1, self.highest_address),
             reports=frozenset({"received_level_db", "integrity", "range_rate_m_s"}),
             measures=self._measures(),

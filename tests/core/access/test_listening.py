@@ -237,10 +237,12 @@ class Speaker:
 
 def test_copies_follow_into_the_same_pause_as_long_as_they_are_heard_out() -> None:
     speaker = Speaker()
-    started = [speaker.send() for _ in range(5)]
+    started = [speaker.send() for _ in range(12)]
     steps = [after - before for before, after in pairwise(started)]
-    assert steps[:3] == [LINK.airtime_ns(9) + GAP_NS] * 3
-    assert steps[3] > S  # the next pause
+    # The pause, a frame, and the way there and back: what is for somebody else may come so early.
+    most = int((LARGEST_NS + 2 * S) / (LINK.airtime_ns(9) + GAP_NS))
+    assert steps[:most] == [LINK.airtime_ns(9) + GAP_NS] * most
+    assert max(steps) > S  # the next pause
     assert not speaker.listening.is_heard_out(speaker.now + S)
 
 
@@ -314,13 +316,13 @@ def test_a_sound_that_begins_behind_the_pause_is_not_heard_out() -> None:
     assert pausing.silent_until(pausing.pause_until + 2) == pausing.pause_until + 2
 
 
-def test_endless_noise_is_heard_out_for_little_more_than_a_frame() -> None:
+def test_endless_noise_is_heard_out_for_a_frame_and_the_way_there_and_back() -> None:
     pausing = Pausing()
     from_ns = S // 10
-    for _ in range(20):
+    for _ in range(40):
         from_ns = pausing.hear(from_ns) - pausing.pause_at + GAP_NS
     late_ns = pausing.silent_until(pausing.pause_until) - pausing.pause_until
-    assert LARGEST_NS <= late_ns <= LARGEST_NS + LINK.airtime_ns(8)
+    assert LARGEST_NS + 2 * S <= late_ns <= LARGEST_NS + 2 * S + LINK.airtime_ns(8)
 
 
 def test_a_rhythm_is_forgotten_when_a_frame_was_sent_in_its_pause() -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from zacoustic.core.arq.numbers import NUMBERS, PACE, WINDOW
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane, Stage
+from zacoustic.core.arq.spans import Span, Spans
 from zacoustic.core.frame import Sync
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.streams import Stream
@@ -18,7 +19,7 @@ SETTLING_NS = 1000
 
 
 def lane(*receivers: int, is_kept: bool = False, next_number: int = 0) -> SendLane:
-    return SendLane((7, 3), receivers or (2,), 5, next_number, is_kept=is_kept)
+    return SendLane((7, 3), receivers or (2,), Spans([Span(0, 5)]), next_number, is_kept=is_kept)
 
 
 def add(to: SendLane, count: int = 1) -> list[Outgoing]:

@@ -331,8 +331,9 @@ class Water:
         started_at = self.now - self.delay_ns - airtime_ns
         if fragment.call is Call.WINDOW:
             node.listening.heard_pause(source, airtime_ns, started_at, self.delay_ns, self.now)
-        elif fragment.call is not Call.NONE:
-            node.listening.heard_end(source)
+        else:
+            listens = fragment.call is not Call.NONE
+            node.listening.heard_listening(source, listens=listens, now=self.now)
 
 
 def confirmation_s(

@@ -15,18 +15,25 @@ run and in one of every third run, and only while so much waits that the run wil
 that fill a frame leave no room for it; who makes them can announce the pause in a way of its own
 and hand it to `heard_pause` at the other end; `end_run` tells this one.
 
-What is smaller than a full frame, a report among the fragments of a photo, would shift the rhythm:
-the next fragment does not fit the run any more. So pauses that were told are kept, and are only
-longer then: one begins when the last frame ends, and ends when it was to end. Such a frame does not
-say that a pause follows (`frames_before_pause`): whoever counted on from there would be too early.
+A rhythm that was told is kept until nothing was said for more than a period: while an answer is
+awaited it goes on, and the next run begins in its midst. What is smaller than a full frame, a
+report among the fragments of a photo, leaves no room for a whole number of those: the last one
+waits until it ends with the run, so that it can say that the pause follows (`sends_full`). Where
+none fits, the pause is longer: one begins when the last frame ends, and ends when it was to end.
+Such a frame does not say that a pause follows (`frames_before_pause`).
+
+Whoever hears a run and does not know its pauses has to hear an announcement, and does not speak
+meanwhile (`listens_until`); what is heard of others is in `zacoustic.core.access.otherruns`.
 
 While another node is in a run, a frame of ours starts so that it arrives in the next pause, and is
 to be short (`comfort_ns`): a longer one goes nevertheless. Any one frame may be lost, and the next
 pause is four seconds away. So where carriers are sensed, whoever pauses hears out what begins in
 its pause; and when no frame came of it, it waits for another one to follow at once, again and
-again, for little more than the airtime of the largest frame (`_heard_out_until`). Whoever
+again, for the airtime of the largest frame and the way there and back (`_heard_out_until`). Whoever
 has something pressing to say counts on that, and sends a few copies in a row (`is_heard_out`,
-`zacoustic.core.arq.copies`). A pause that is longer for that costs a frame, but not the rhythm.
+`zacoustic.core.arq.copies`); what is for another node than the one that pauses may arrive there by
+the way there and back too early, so it goes on for that much longer (`detour_ns`). A pause that is
+longer for that costs a frame, but not the rhythm.
 
 `exclusive` switches the own pauses off, for a transfer that is agreed to have the channel alone.
 Policies with turns (TDMA, polling) need no windows: in the turns of others this node is silent. Nor
@@ -36,41 +43,21 @@ for some hundredths.
 
 from typing import Final
 
-import msgspec
-
 from zacoustic.core.access.controls import ANYBODY, TURN_BYTES, Turn
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.access.otherruns import MARGIN_NS, OtherRuns
 from zacoustic.core.linktypes import LinkCapabilities
 
-RUN_LIMIT_NS: Final = 4 * NS_PER_S
-"""Longest time that a node transmits without a pause, ns; a single frame may be longer."""
-_LEAST_PAUSE_NS: Final = NS_PER_S * 45 // 100
-_SHORT_FRAME_BYTES: Final = 8
-_RANGING_NS: Final = NS_PER_S // 8
-"""The distance may be known to 90 m, the way there and back."""
 ANNOUNCED_RUNS: Final = 3
 """Runs for which one announcement holds."""
 _BACKLOG_FRAMES: Final = 2
 """Frames that must be to send behind the pause, so that it is one."""
-_LONG_RUN_FRAMES: Final = 3
-"""A run of so many frames is still one when it begins more than a frame late."""
-_MARGIN_NS: Final = NS_PER_S // 20
-"""A frame is aimed at so much behind the beginning of a pause, and to end as much before its
-end."""
+_LISTENED_PERIODS: Final = 2
+"""For so many runs and pauses an announcement is awaited: at 40 % loss one comes in 84 of 100
+cases."""
+_GOLDEN_RATIO: Final = 0.618
 
 
-class _Rhythm(msgspec.Struct):
-    """What is known of the pauses of another node."""
-
-    pause_at: int
-    """Beginning of one of its pauses, in our time, at its place, ns."""
-    way_ns: int
-    """Propagation delay to it, ns."""
-    heard_at: int
-    """When the last frame of it arrived, ns."""
-
-
-class Listening:
+class Listening(OtherRuns):
     """Pauses of this node and of the others.
 
     Args:
@@ -78,31 +65,18 @@ class Listening:
     """
 
     def __init__(self, capabilities: LinkCapabilities) -> None:
+        super().__init__(capabilities)
+        self.sends_full = False
+        """What waits fills frames, and announces a pause where one ends with the run."""
         self.exclusive = False
         """A transfer has the channel alone: no pauses."""
-        largest_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
-        self._largest_ns = largest_ns
-        self._gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
-        self._unit_ns = largest_ns + gap_ns
-        self._frames = max(1, (RUN_LIMIT_NS + gap_ns) // self._unit_ns)
-        self._run_ns = self._frames * self._unit_ns - gap_ns
-        self._short_ns = short_ns = capabilities.airtime_ns(
-            min(_SHORT_FRAME_BYTES, capabilities.mtu_bytes)
-        )
-        self.pause_ns = max(_LEAST_PAUSE_NS, short_ns + gap_ns + _RANGING_NS)
-        """Length of the pause, ns."""
-        longer_ns = short_ns if self._frames >= _LONG_RUN_FRAMES else 0
-        self._patience_ns = largest_ns + longer_ns
-        """How much longer than its pause a node listens when it is spoken to, at most, ns."""
-        self._latest_ns = self._patience_ns + gap_ns
-        """How much later than it was to begin a run begins, and is still one of a rhythm, ns."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
+        self._is_announced = False
+        """Others were told of the rhythm, since it began."""
         self._runs_since_announcement = ANNOUNCED_RUNS
+        self._announces = False
         self._ends_run = False
-        self._rhythms: dict[int, _Rhythm] = {}
-        self._senses_carrier = capabilities.senses_carrier
-        self._busy_since: int | None = None
         self._row_since: int | None = None
         """Since when others are heard, one sound at once behind the other, ns."""
         self._row_ends_at: int | None = None
@@ -111,11 +85,6 @@ class Listening:
         """A frame came of the sound that is, or was, heard."""
         self._burst_at: int | None = None
         """Start of the first own frame of those that followed each other at once."""
-
-    @property
-    def period_ns(self) -> int:
-        """A run and its pause, ns."""
-        return self._run_ns + self.pause_ns
 
     # This node
 
@@ -130,7 +99,7 @@ class Listening:
     def comfort_ns(self, now: int) -> int | None:
         """How long a frame that starts now had better be, at most, ns; None: no matter."""
         comforts = [
-            opens_at + self.pause_ns - 2 * _MARGIN_NS - now
+            opens_at + self.pause_ns - 2 * MARGIN_NS - now
             for opens_at in (self._opens_at(each, now) for each in self._active(now))
             if opens_at <= now < opens_at + self.pause_ns
         ]
@@ -176,7 +145,7 @@ class Listening:
         begun_at = self._run_begun_at
         if begins_anew:
             begun_at = now if begin_at is None else begin_at
-        self._runs_since_announcement = -begins_anew  # a new run is counted when it starts
+        self._announces = True
         return Turn(ANYBODY, begun_at + self._run_ns - now).encode()
 
     def handle_started(self, now: int) -> None:
@@ -188,18 +157,24 @@ class Listening:
             if self._follows(now):
                 self._runs_since_announcement += 1
             else:
-                self._runs_since_announcement = ANNOUNCED_RUNS
+                self._runs_since_announcement, self._is_announced = ANNOUNCED_RUNS, False
             self._run_begun_at = now if begin_at is None else begin_at
+        if self._announces:
+            self._announces, self._is_announced = False, True
+            self._runs_since_announcement = 0
 
     def handle_transmitted(self, started_at: int, ended_at: int) -> None:
         """That frame has ended; it began when the device was ready."""
-        if not self._continues(started_at) and not self._is_told:
+        is_told = self._is_told(started_at)
+        if not is_told and not self._continues(started_at):
             self._run_begun_at = started_at
-        self._last_ended_at = ended_at
+        self._last_ended_at = self._listens_since = ended_at
+        self._listened += 1
         if self._ends_run:
             self._ends_run = False
-            if not self._is_told:
+            if not is_told:
                 self._run_begun_at = ended_at - self._run_ns
+            self._is_announced = True
             self._runs_since_announcement = 0
 
     def handle_carrier(self, busy: bool, now: int) -> None:
@@ -210,10 +185,15 @@ class Listening:
             is_next = self._row_ends_at is not None and now <= self._row_ends_at
             if self._row_since is None or not (is_next or self._busy_since is not None):
                 self._row_since = now
+            is_run = now - self._row_since >= self._largest_ns
+            if is_run or now <= self._run_heard_until:
+                self._heard_run(now + self._unit_ns + self.pause_ns + self._latest_ns, now)
             self._busy_since = now
         elif self._busy_since is not None:
+            for rhythm in self._active(now):
+                rhythm.heard_at = self._heard_at(rhythm, now)
             self._busy_since = None
-            self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * _MARGIN_NS
+            self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * MARGIN_NS
 
     # Others
 
@@ -233,9 +213,28 @@ class Listening:
             opens_at = self._opens_at(rhythm, at)
             if at > opens_at + self._last_ns:
                 opens_at += self.period_ns
-            if opens_at - rhythm.heard_at <= self.period_ns + self._latest_ns + rhythm.way_ns:
+            if opens_at - self._heard_at(rhythm, at) <= self._memory_ns + rhythm.way_ns:
                 invited_at = max(invited_at or at, opens_at)
         return invited_at
+
+    def listens_until(self, at: int, *, is_urgent: bool, follows: bool) -> int:
+        """Return until when to listen for an announcement before a frame starts, ns; or `at`.
+
+        Whoever speaks into a run is not heard, and hears nothing of when it ends. But a run may be
+        one that is never announced, so it is not listened to for ever.
+
+        Args:
+            at: When the frame is to start.
+            is_urgent: What is said is; else an own run goes on.
+            follows: It may follow at once what was sent last.
+        """
+        goes_on = self._follows_at_once(at) if follows else not is_urgent and self._follows(at)
+        if at > self._run_heard_until or goes_on or self._active(at):
+            return at
+        # Never twice at the same place of a run: its announcement may be there.
+        part = self._listened * _GOLDEN_RATIO % 1.0
+        until = self._listens_since + round((_LISTENED_PERIODS + part) * self.period_ns)
+        return max(at, min(until, self._run_heard_until + 1))
 
     def row_began_at(self, ended_at: int) -> int:
         """Return when the first of the own frames began that ended then in a row, ns."""
@@ -256,40 +255,11 @@ class Listening:
         return any(self._hears_out(self._opens_at(each, at), at) for each in rhythms)
 
     def heard_frame(self, source: int, airtime_ns: int, now: int) -> None:
-        """A frame of `source` has arrived: its run goes on.
-
-        If it was sent in what was taken for a pause, the rhythm is another one meanwhile, and it is
-        forgotten: whoever aims at old pauses is deaf, time and again, while the new ones are told.
-        """
+        """A frame of `source` has arrived."""
         self._is_understood = True
         if self._busy_since is None and self._row_ends_at is not None:
             self._row_ends_at = min(self._row_ends_at, now)
-        rhythm = self._rhythms.get(source)
-        if rhythm is None:
-            return
-        rhythm.heard_at = now
-        middle_at = rhythm.pause_at + rhythm.way_ns + self.pause_ns // 2
-        since_ns = now - middle_at
-        if since_ns >= 0 and since_ns % self.period_ns < airtime_ns:
-            del self._rhythms[source]
-
-    def heard_pause(
-        self, source: int, begins_in_ns: int, started_at: int, way_ns: int, now: int
-    ) -> None:
-        """`source` announced a pause.
-
-        Args:
-            source: Who said it.
-            begins_in_ns: When it begins, seen from the beginning of the frame, ns.
-            started_at: Instant at which the frame began to leave there, in our time, ns.
-            way_ns: Propagation delay from there, ns.
-            now: The instant.
-        """
-        self._rhythms[source] = _Rhythm(started_at + begins_in_ns, way_ns, now)
-
-    def heard_end(self, source: int) -> None:
-        """`source` has said that it listens now until it is answered: its rhythm is over."""
-        self._rhythms.pop(source, None)
+        super().heard_frame(source, airtime_ns, now)
 
     # Below the methods above
 
@@ -297,51 +267,73 @@ class Listening:
         """Whether a frame that starts now would be in the run that there is."""
         if self._last_ended_at is None:
             return False
-        if self._is_told and now < self._run_begun_at + self._run_ns:
+        if self._is_told(now) and now < self._run_begun_at + self._run_ns:
             return True
         return now - self._last_ended_at < self.pause_ns
 
-    @property
-    def _is_told(self) -> bool:
-        """Whether others know the rhythm of this node."""
-        return self._runs_since_announcement < ANNOUNCED_RUNS
+    def _is_told(self, now: int) -> bool:
+        """Whether others know the rhythm of this node, and count on it."""
+        return self._is_announced and self._follows(now)
 
     def _told_begin_at(self, now: int) -> int | None:
-        """When a run that begins now was to begin, ns; None: nobody was told."""
-        begin_at = self._run_begun_at + self.period_ns
-        if self._is_told and begin_at <= now < begin_at + self._latest_ns:
-            return begin_at
-        return None
+        """When the run began, or was to begin, in which a frame is now, ns; None: nobody knows."""
+        if not self._is_told(now):
+            return None
+        periods = max(0, now - self._run_begun_at) // self.period_ns
+        begin_at = self._run_begun_at + periods * self.period_ns
+        return begin_at if self._keeps_phase or now < begin_at + self._latest_ns else None
 
     def _fitting(self, begun_at: int, now: int) -> int:
         """How many of the largest frames fit the rest of a run, as `frames_before_pause`."""
         left_ns = begun_at + self._frames * self._unit_ns - now
-        count = max(1, left_ns // self._unit_ns)
-        is_early = left_ns - self._unit_ns > _MARGIN_NS
-        return count + 1 if count == 1 and is_early and self._is_told else count
+        count = max(1, (left_ns + self._late_ns) // self._unit_ns)
+        is_early = left_ns - self._unit_ns > MARGIN_NS
+        return count + 1 if count == 1 and is_early and self._is_told(now) else count
 
     def _follows(self, now: int) -> bool:
         """Whether a frame that starts now comes so soon behind the last that there is a rhythm."""
         if self._last_ended_at is None:
             return False
+        if self._is_announced and self._keeps_phase:
+            return now - self._last_ended_at <= self._memory_ns
         ended_at = self._last_ended_at
-        if self._is_told:
+        if self._is_announced:
             ended_at = max(ended_at, self._run_begun_at + self._run_ns)
         return now - ended_at < self.pause_ns + self._latest_ns
 
     def _own_pause_end(self, at: int) -> int:
         """End of the own pause that has to come before a frame at `at`, ns; or earlier."""
         assert self._last_ended_at is not None
-        run_ends_at = self._run_begun_at + self._run_ns
-        fits = at + self._largest_ns <= run_ends_at
-        if fits and self._continues(at):
-            return at
-        # Nobody counts on an end of the run that nobody was told.
-        pause_at = max(self._last_ended_at, run_ends_at) if self._is_told else self._last_ended_at
-        pause_until = pause_at + self.pause_ns
-        if at < pause_until:
-            return pause_until
+        if self._continues(at):
+            run_ends_at = self._run_begun_at + self._run_ns
+            if self._fits(run_ends_at, at):
+                return max(at, self._last_at(run_ends_at, at))
+            # Nobody counts on an end of the run that nobody was told.
+            told_at = run_ends_at if self._is_told(at) else 0
+            return max(self._last_ended_at, told_at) + self.pause_ns
+        pause_until = self._last_ended_at + self.pause_ns
+        begin_at = self._told_begin_at(at)
+        if begin_at is not None:
+            run_ends_at = begin_at + self._run_ns
+            if at >= run_ends_at or (self._keeps_phase and not self._fits(run_ends_at, at)):
+                return begin_at + self.period_ns
+            pause_until = max(pause_until, begin_at)
+            return max(self._heard_out_until(pause_until), self._last_at(run_ends_at, at))
         return self._heard_out_until(pause_until)
+
+    def _last_at(self, run_ends_at: int, at: int) -> int:
+        """When the last full frame of a told run starts, so that it ends with the run; or 0, ns.
+
+        What else went in the run has left no room for a whole number of them. Behind this one the
+        pause begins, and it says so.
+        """
+        last_at = run_ends_at - self._largest_ns
+        is_last = self.sends_full and self._is_told(at) and at + self._unit_ns > last_at
+        return last_at if is_last else 0
+
+    def _fits(self, run_ends_at: int, at: int) -> bool:
+        """Whether the largest frame may start then, in a run that ends or was to end so."""
+        return at + self._largest_ns <= run_ends_at + self._late_ns
 
     def _heard_out_until(self, pause_until: int) -> int:
         """Until when the own pause is, for who was invited to speak, and spoke; or earlier, ns."""
@@ -350,22 +342,17 @@ class Listening:
         ends_at = self._row_ends_at or 0
         if self._busy_since is not None:
             ends_at = self._busy_since + self._largest_ns
-        return min(ends_at, pause_until + self._patience_ns)
-
-    def _active(self, at: int) -> list[_Rhythm]:
-        """Rhythms of nodes that still speak at an instant; it may be one to come."""
-        limit_ns = self.period_ns + self._latest_ns
-        return [each for each in self._rhythms.values() if at - each.heard_at <= limit_ns]
+        return min(ends_at, pause_until + self._patience_ns + self._detour_ns)
 
     @property
     def _last_ns(self) -> int:
         """How long after a pause opens a short frame may start, ns."""
-        return self.pause_ns - 2 * _MARGIN_NS - self._short_ns
+        return self.pause_ns - 2 * MARGIN_NS - self._short_ns
 
     def _follows_at_once(self, at: int) -> bool:
         """Whether a frame that starts then is in a row with the last one."""
         ended_at = self._last_ended_at
-        return ended_at is not None and at <= ended_at + self._gap_ns + _MARGIN_NS
+        return ended_at is not None and at <= ended_at + self._gap_ns + MARGIN_NS
 
     def _hears_out(self, opens_at: int, at: int) -> bool:
         """Whether who heard our first frame in its pause still listens for a short one."""
@@ -373,10 +360,5 @@ class Listening:
         if first_at is None or not self._senses_carrier or not self._follows_at_once(at):
             return False
         last_at = opens_at + self._last_ns
-        return opens_at <= first_at <= last_at and at <= last_at + self._patience_ns
-
-    def _opens_at(self, rhythm: _Rhythm, at: int) -> int:
-        """When a frame has to start to arrive in a pause: last time not after `at`, or next."""
-        first_at = rhythm.pause_at - rhythm.way_ns + _MARGIN_NS
-        periods = max(0, (at - first_at) // self.period_ns)
-        return first_at + periods * self.period_ns
+        latest_at = last_at + self._patience_ns + self._detour_ns
+        return opens_at <= first_at <= last_at and at <= latest_at

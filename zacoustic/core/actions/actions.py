@@ -11,6 +11,7 @@ from zacoustic.core.actions.post import GoalPost
 from zacoustic.core.actions.server import GoalServer
 from zacoustic.core.actions.wire import decode_message
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.queue import TransmitQueue
@@ -32,6 +33,7 @@ class Actions:
         journal: Keeps goals and results.
         handshake: Knows the epoch of each node, and which streams a peer defines in another way.
         begin_epoch: Begins a new boot epoch of this node; False: that would break something.
+        doubt: Whether goals of former lives are forgotten.
         stats: Counts.
         emit: Takes the events.
     """
@@ -46,6 +48,7 @@ class Actions:
         journal: JournalPort,
         handshake: Handshake,
         begin_epoch: Callable[[int], bool],
+        doubt: Doubt,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -63,7 +66,13 @@ class Actions:
             emit=emit,
         )
         self._server = GoalServer(
-            table, post=post, journal=journal, handshake=handshake, stats=stats, emit=emit
+            table,
+            post=post,
+            journal=journal,
+            handshake=handshake,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
         )
 
     # Commands of a client

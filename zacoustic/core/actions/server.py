@@ -16,8 +16,8 @@ from zacoustic.core.actions.news import (
 from zacoustic.core.actions.numbers import closes
 from zacoustic.core.actions.post import GoalLane, GoalPost
 from zacoustic.core.actions.servedgoal import CancelStage, ServedGoal, ServedStage
+from zacoustic.core.actions.takengoals import TakenGoals
 from zacoustic.core.actions.wire import (
-    GOAL_NUMBERS,
     UNKNOWN_RESULT,
     Message,
     Operation,
@@ -28,6 +28,7 @@ from zacoustic.core.actions.wire import (
     shorten_result,
 )
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
@@ -37,7 +38,6 @@ from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 _JOURNAL: Final = "goal/taken"
-_LIVES: Final = 2
 _WORTH_A_REMINDER_BYTES: Final = 8
 """From this size on a reminder, and sometimes the question that it calls forth, takes less than one
 more copy of a result."""
@@ -60,6 +60,7 @@ class GoalServer:
         post: Takes what is to be said.
         journal: Keeps the goals.
         handshake: Knows the present epoch of each client.
+        doubt: Whether goals of former lives are forgotten.
         stats: Counts.
         emit: Takes the events.
     """
@@ -71,6 +72,7 @@ class GoalServer:
         post: GoalPost,
         journal: JournalPort,
         handshake: Handshake,
+        doubt: Doubt,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -78,9 +80,10 @@ class GoalServer:
         self._post = post
         self._journal = journal
         self._handshake = handshake
+        self._doubt = doubt
         self._stats = stats
         self._emit = emit
-        self._goals: dict[GoalKey, ServedGoal] = {}
+        self._goals = TakenGoals()
         self.settling_ns = 0
         """Time within which a repetition of a frame arrives, ns."""
 
@@ -100,7 +103,7 @@ class GoalServer:
                 stage, answer = ServedStage.ENDED, UNKNOWN_RESULT
             goal = ServedGoal(key, stage, _NEVER, _NEVER)
             goal.answer, goal.is_kept = answer, True
-            self._goals[key] = goal
+            self._goals.add(goal)
 
     def link_up(self, now: int) -> None:
         """The link is up: the times of what a former life has left begin."""
@@ -249,26 +252,18 @@ class GoalServer:
 
     def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
         """Note a goal that is new; None when there are too many."""
-        for closed in [
-            other
-            for other in self._goals.values()
-            if (other.key.client, other.key.epoch, other.key.stream_id)
-            == (key.client, key.epoch, key.stream_id)
-            and closes(key.number, other.key.number)
-        ]:
-            self._forget(closed, now)
-        rivals = sum(
-            (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._goals
-        )
-        if rivals >= _LIVES * GOAL_NUMBERS:
+        for other in [*self._goals.of(key)]:
+            if other.key.epoch == key.epoch and closes(key.number, other.key.number):
+                self._forget(other, now)
+        nodes = self._table.nodes
+        if (nodes and key.client not in nodes) or not self._goals.has_room(key):
             return None
-        spec = self._table.by_id(key.stream_id).spec
-        assert isinstance(spec, ActionSpec)
-        deadline_at = now + seconds_to_ns(spec.timeout_s)
-        goal = ServedGoal(key, stage, deadline_at, deadline_at + self.settling_ns)
+        goal = ServedGoal(key, stage, 0, 0)
+        goal.deadline_at = now + seconds_to_ns(self._spec(goal).timeout_s)
+        goal.forget_at = goal.deadline_at + self.settling_ns
         present = self._handshake.peer(key.client).present_epoch
         goal.claimed_in = None if present == key.epoch else present
-        self._goals[key] = goal
+        self._goals.add(goal)
         return goal
 
     def _receive_goal(self, key: GoalKey, stream: Stream, payload: bytes, now: int) -> str | None:
@@ -280,6 +275,9 @@ class GoalServer:
         except PayloadError:
             self._refuse(goal, GoalFailure.BAD_GOAL, "the goal does not decode", now)
             return "payload"
+        if stream.spec.journal and self._doubt.covers(self._spec(goal).timeout_s, now):
+            self._refuse(goal, GoalFailure.UNKNOWN, self._doubt.reason, now)
+            return None
         count(self._stats.received, stream.stream_id)
 
         def kept(at: int) -> None:
@@ -425,7 +423,7 @@ class GoalServer:
             goal.forget_at = now + self.settling_ns
 
     def _forget(self, goal: ServedGoal, now: int) -> None:
-        del self._goals[goal.key]
+        self._goals.remove(goal)
         self._post.stop(goal.repetition, now)
         if self._stream(goal).spec.journal:
             self._journal.write(_journal_name(goal.key), None)

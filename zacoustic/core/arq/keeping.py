@@ -12,6 +12,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane
+from zacoustic.core.arq.spans import Span
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import Stream, StreamTable
@@ -24,8 +25,9 @@ class _KeptCount(msgspec.Struct, frozen=True, array_like=True):
     """A lane as the journal has it."""
 
     digest: bytes
-    lineage: int
     next_number: int
+    spans: tuple[Span, ...]
+    own: dict[int, Span] = {}
 
 
 class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,17 +35,11 @@ class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
 
     stream_id: int
     instance: tuple[int, ...]
-    lineage: int
     next_number: int
+    spans: tuple[Span, ...]
+    own: dict[int, Span]
     samples: tuple[tuple[int, KeptSample], ...]
     """With their numbers, in that order."""
-    is_valid: bool
-    """The stream is defined as it was; otherwise the lane has been deleted."""
-
-    def cancelled(self, now: int) -> Iterator[DeliveryEnded]:
-        """Yield the end of its samples, where their stream is not what it was."""
-        for _, sample in self.samples:
-            yield given_up(self.stream_id, sample.delivery_id, now)
 
 
 class Keeping:
@@ -55,6 +51,8 @@ class Keeping:
 
     def __init__(self, journal: JournalPort) -> None:
         self._journal = journal
+        self.highest_id = 0
+        """The highest delivery id that was found."""
 
     def keep(
         self,
@@ -71,7 +69,8 @@ class Keeping:
 
     def keep_count(self, stream: Stream, lane: SendLane) -> None:
         """Write down where the count of a lane stands."""
-        count = _KeptCount(stream.digest, lane.lineage, lane.next_number)
+        spans = lane.spans
+        count = _KeptCount(stream.digest, lane.next_number, tuple(spans.all), spans.own)
         self._journal.write(_name(lane), msgspec.msgpack.encode(count))
 
     def check(self, stream: Stream) -> None:
@@ -87,16 +86,24 @@ class Keeping:
                 hint="what is accepted has to survive a restart",
             )
 
-    def forget(self, lane: SendLane, sample: Outgoing) -> None:
+    def forget(
+        self, lane: SendLane, sample: Outgoing, then: Callable[[int], None] | None = None
+    ) -> None:
         """Delete a sample that has ended; the count stays."""
-        self._journal.write(f"{_name(lane)}/{sample.number}", None)
+        self._journal.write(f"{_name(lane)}/{sample.number}", None, then)
 
-    def recover(self, stored: Mapping[str, bytes], table: StreamTable) -> Iterator[KeptLane]:
+    def recover(
+        self,
+        stored: Mapping[str, bytes],
+        table: StreamTable,
+        emit: Callable[[DeliveryEnded], None],
+    ) -> Iterator[KeptLane]:
         """Yield what a former life has left.
 
         Args:
             stored: What the journal has.
             table: The streams as they are now.
+            emit: Takes the end of what nobody can read any more, when it is deleted.
         """
         numbers: dict[str, list[int]] = {}
         for key in stored:
@@ -108,22 +115,29 @@ class Keeping:
             _, stream_id, instance = name.split("/")
             count = msgspec.msgpack.decode(stored[name], type=_KeptCount)
             stream = table.get(int(stream_id))
-            is_valid = stream is not None and stream.digest == count.digest
-            keys = {number: f"{name}/{number}" for number in sorted(numbers[name])}
-            if not is_valid:
-                for key in (name, *keys.values()):
-                    self._journal.write(key, None)
+            samples = [
+                (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=KeptSample))
+                for number in sorted(numbers[name])
+            ]
+            self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
+            if stream is None or stream.digest != count.digest:
+                self._journal.write(name, None)
+                for number, sample in samples:
+                    self._give_up(f"{name}/{number}", int(stream_id), sample.delivery_id, emit)
+                continue
             yield KeptLane(
                 stream_id=int(stream_id),
                 instance=tuple(bytes.fromhex(instance)),
-                lineage=count.lineage,
                 next_number=count.next_number,
-                samples=tuple(
-                    (number, msgspec.msgpack.decode(stored[key], type=KeptSample))
-                    for number, key in keys.items()
-                ),
-                is_valid=is_valid,
+                spans=count.spans,
+                own=count.own,
+                samples=tuple(samples),
             )
+
+    def _give_up(
+        self, key: str, stream_id: int, delivery_id: int, emit: Callable[[DeliveryEnded], None]
+    ) -> None:
+        self._journal.write(key, None, lambda at: emit(given_up(stream_id, delivery_id, at)))
 
 
 def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:

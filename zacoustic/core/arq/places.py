@@ -18,6 +18,7 @@ from zacoustic.core.arq.keeping import Keeping
 from zacoustic.core.arq.numbers import NUMBER_BYTES
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane, Stage
 from zacoustic.core.arq.sendlanes import SendLanes
+from zacoustic.core.arq.spans import Span, Spans
 from zacoustic.core.events import DeliveryOutcome
 from zacoustic.core.frame import SYNC_BYTES, Control
 from zacoustic.core.keys import Instance
@@ -248,10 +249,13 @@ class LargePlaces:
         """Give its place to a large sample of a former life; False: its count is over."""
         lane = self._lanes.find(stream, instance)
         if lane is None:
-            lane = self._lanes.begin(stream, instance, place.lineage, place.number)
-        if lane.lineage != place.lineage:
+            spans = Spans([Span(place.number, place.lineage)])
+            lane = self._lanes.begin(stream, instance, spans, place.number)
+            lane.is_former = True
+        if not lane.spans.knows(place.lineage):
             return False
         sample = lane.insert(stream, _placeholder(delivery_id), place.number)
+        lane.born = max(lane.born, place.number + 1)
         sample.stage = Stage.OBJECT
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, frozenset(receivers))

@@ -1,8 +1,14 @@
 """Samples of one key of one publisher, in the order of their numbers."""
 
+from typing import Final
+
 from zacoustic.core.arq.numbers import Ack
 from zacoustic.core.arq.watch import Watch
 from zacoustic.core.events import SampleReceived
+from zacoustic.core.frame import Sync
+
+_FORMER_LINEAGES: Final = 16
+"""So many are remembered: a publisher whose journal is so many lives old is recognised."""
 
 
 class ReceiveLane:
@@ -10,12 +16,14 @@ class ReceiveLane:
 
     __slots__ = (
         "expected",
+        "former",
         "held",
         "in_sync",
         "is_settled",
         "kept",
         "large_end",
         "lineage",
+        "pending",
         "unheard",
         "watch",
     )
@@ -26,8 +34,12 @@ class ReceiveLane:
         """The next number to hand on."""
         self.kept = expected
         """Everything before this number is written down: it may be acknowledged."""
+        self.pending: list[SampleReceived] = []
+        """Samples before that number which are being written down, and handed on then."""
         self.held: dict[int, SampleReceived] = {}
         """Samples that came too early, by number."""
+        self.former: tuple[int, ...] = ()
+        """Lineages that are over, the last first: nothing of them is handed on any more."""
         self.is_settled = is_settled
         """In this life it has had a SYNC. A position that was kept may be an old one, and by it a
         number cannot be told from one that is 128 ahead."""
@@ -58,6 +70,23 @@ class ReceiveLane:
             ready.append(self.held.pop(self.expected))
             self.expected += 1
         return ready
+
+    @classmethod
+    def behind(
+        cls, before: "ReceiveLane | None", lineage: int, expected: int
+    ) -> tuple["ReceiveLane", list[SampleReceived]]:
+        """Begin another lineage; returns what the one before holds: what it lacks never comes."""
+        lane = cls(lineage, expected, is_settled=True)
+        if before is None:
+            return lane, []
+        lane.former = (before.lineage, *before.former)[:_FORMER_LINEAGES]
+        lane.pending = before.pending
+        return lane, before.hand_on(max(before.held, default=before.expected))
+
+    @property
+    def sync(self) -> Sync:
+        """Where its count stands, as it may be acknowledged."""
+        return Sync(self.lineage, self.kept)
 
     def ack(self) -> Ack:
         """Return what may be acknowledged."""

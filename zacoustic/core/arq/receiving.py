@@ -9,8 +9,10 @@ import msgspec
 
 from zacoustic.core.arq.numbers import Ack, resolve, resolve_floor
 from zacoustic.core.arq.places import Place
+from zacoustic.core.arq.positions import LaneKey, Positions
 from zacoustic.core.arq.receivelane import ReceiveLane
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
@@ -25,18 +27,7 @@ ACK_LANE: Final = 4
 ACK_HEAD_BYTES: Final = 3
 """Prefix, address and stream id."""
 _ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
-_JOURNAL: Final = "in"
 _MOST_UNHEARD: Final = 5
-
-_LaneKey = tuple[int, int, Instance]
-"""Source, stream, instance."""
-
-
-class _Position(msgspec.Struct, frozen=True, array_like=True):
-    """What a journal keeps of a lane."""
-
-    lineage: int
-    expected: int
 
 
 class Arrival(msgspec.Struct, frozen=True, kw_only=True):
@@ -77,6 +68,8 @@ class Claim(enum.Enum):
     """Something before it may still come."""
     OVER = "over"
     """It was handed on before, or given up."""
+    FORMER = "former"
+    """Its lineage is over: it will not be handed on, and whether it was is not known."""
 
 
 class _AckWaiting(Waiting):
@@ -95,6 +88,7 @@ class ReliableReceiving:
         table: Its streams.
         queue: Takes ACKs.
         journal: Keeps the positions.
+        doubt: Whether some of them are forgotten: what comes then may come again.
         rng: Draws when a repetition is acknowledged.
         emit: Takes the samples in their order, and the instant.
     """
@@ -106,17 +100,21 @@ class ReliableReceiving:
         *,
         queue: TransmitQueue,
         journal: JournalPort,
+        doubt: Doubt,
         rng: random.Random,
         emit: Callable[[SampleReceived, int], None],
     ) -> None:
         self._address = address
         self._table = table
         self._queue = queue
-        self._journal = journal
+        self._doubt = doubt
+        self._positions = Positions(journal, table)
         self._rng = rng
         self._emit = emit
-        self._lanes: dict[_LaneKey, ReceiveLane] = {}
-        self._watched: dict[_LaneKey, ReceiveLane] = {}
+        self._lanes: dict[LaneKey, ReceiveLane] = {}
+        self._left: list[LaneKey] = []
+        """Lanes of which a former life was about to hand something on."""
+        self._watched: dict[LaneKey, ReceiveLane] = {}
         """Those of which something may have to be asked for."""
         self._times: LinkTimes | None = None
 
@@ -126,32 +124,39 @@ class ReliableReceiving:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on from the positions that a former life has left."""
-        for key, value in stored.items():
-            if not key.startswith(f"{_JOURNAL}/"):
-                continue
-            _, source, stream_id, instance = key.split("/")
-            if self._table.get(int(stream_id)) is None:
-                self._journal.write(key, None)
-                continue
-            position = msgspec.msgpack.decode(value, type=_Position)
-            lane = ReceiveLane(position.lineage, position.expected, is_settled=False)
-            self._lanes[int(source), int(stream_id), tuple(bytes.fromhex(instance))] = lane
+        self._lanes.update(self._positions.recover(stored))
+        self._left = [key for key, lane in self._lanes.items() if lane.pending]
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        for key in self._left:
+            lane = self._lanes[key]
+            for sample in lane.pending:
+                self._emit(msgspec.structs.replace(sample, received_at=now), now)
+            lane.pending.clear()
+            self._positions.write(key, lane, lane.expected)
+        self._left.clear()
 
     def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
         """Take a sample of a topic; returns why it is dropped, or None."""
         sync, sample = arrival.sync, arrival.sample
+        if sync is not None and self._doubt.reason:
+            sample = msgspec.structs.replace(sample, again=True)
         key = (sample.source, stream.stream_id, sample.instance)
         lane = self._lanes.get(key)
         ready: list[SampleReceived] = []
+        if sync is not None and lane is not None and sync.lineage in lane.former:
+            # It came late, or its publisher has forgotten what it has published since.
+            self._owe(key, lane.ack(), lane.sync, now, self._turn(stream, arrival))
+            return "repeated_sample"
         if sync is not None and (lane is None or lane.lineage != sync.lineage):
-            if lane is not None:
-                # What the old count still lacks will never come.
-                ready = lane.hand_on(max(lane.held, default=lane.expected))
-            lane = self._lanes[key] = ReceiveLane(sync.lineage, sync.floor, is_settled=True)
+            lane, ready = ReceiveLane.behind(lane, sync.lineage, sync.floor)
+            self._lanes[key] = lane
         if lane is None or (sync is None and not lane.is_settled):
             self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
             return "out_of_sync"
         lane.in_sync, lane.is_settled = sync is None, True
+        before = lane.expected
         if sync is not None:
             ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
         number = resolve(arrival.low_number, lane.expected)
@@ -168,7 +173,7 @@ class ReliableReceiving:
         if is_first:
             self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
         own_turn = turn if answers else None
-        if ready:
+        if ready or lane.expected != before:  # what is given up is not asked for any more
             self._keep(key, lane, ready, stream, now, own_turn)
         else:
             self._owe_ack(key, lane, now, own_turn)
@@ -222,11 +227,11 @@ class ReliableReceiving:
         ready: list[SampleReceived] = []
         if lane is None or lane.lineage != place.lineage:
             # Of two lineages nobody but the publisher knows which one is over.
+            if lane is not None and place.lineage in lane.former:
+                return Claim.FORMER
             if not is_turn and (place.number or lane is not None):
                 return Claim.LATER
-            if lane is not None:
-                ready = lane.hand_on(max(lane.held, default=lane.expected))
-            lane = ReceiveLane(place.lineage, place.number, is_settled=True)
+            lane, ready = ReceiveLane.behind(lane, place.lineage, place.number)
             lane.in_sync = False
             self._lanes[key] = lane
         number = resolve_floor(place.number, lane.expected)
@@ -271,9 +276,10 @@ class ReliableReceiving:
             return
         lane.is_settled = True
         lane.expected = lane.kept = number + 1
-        self._write_position(key, lane, lane.expected)
+        self._positions.write(key, lane, lane.expected)
         if sample is not None:
-            self._emit(sample, now)
+            again = sample.again or bool(self._doubt.reason)
+            self._emit(msgspec.structs.replace(sample, again=again), now)
         self._hand_on_held(key, lane, stream, now)
 
     def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
@@ -306,7 +312,7 @@ class ReliableReceiving:
             times=self._times,
         )
 
-    def _count(self, key: _LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
+    def _count(self, key: LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
         """Count the answers that were said, and behind which the same comes again."""
         source, stream_id, instance = key
         if is_new:
@@ -314,13 +320,13 @@ class ReliableReceiving:
         elif self._queue.first((stream_id, ACK_LANE, source, *instance)) is None:
             lane.unheard = min(lane.unheard + 1, _MOST_UNHEARD)
 
-    def _watch(self, key: _LaneKey, lane: ReceiveLane, soon_at: int) -> None:
+    def _watch(self, key: LaneKey, lane: ReceiveLane, soon_at: int) -> None:
         assert self._times is not None
         lane.watch.plan(lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._times)
         if lane.watch.ask_at is not None:
             self._watched[key] = lane
 
-    def _hand_on_held(self, key: _LaneKey, lane: ReceiveLane, stream: Stream, now: int) -> None:
+    def _hand_on_held(self, key: LaneKey, lane: ReceiveLane, stream: Stream, now: int) -> None:
         before = lane.expected
         ready = lane.hand_on(before)
         if lane.expected > before:
@@ -331,21 +337,9 @@ class ReliableReceiving:
         assert self._times is not None
         return _Turn(self._times.ack_linger_ns)
 
-    def _write_position(
-        self,
-        key: _LaneKey,
-        lane: ReceiveLane,
-        expected: int,
-        then: Callable[[int], None] | None = None,
-    ) -> None:
-        source, stream_id, instance = key
-        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-        position = msgspec.msgpack.encode(_Position(lane.lineage, expected))
-        self._journal.write(name, position, then)
-
     def _keep(
         self,
-        key: _LaneKey,
+        key: LaneKey,
         lane: ReceiveLane,
         ready: list[SampleReceived],
         stream: Stream,
@@ -358,27 +352,32 @@ class ReliableReceiving:
         def kept(at: int) -> None:
             for sample in ready:
                 self._emit(sample, at)
+            if stream.spec.journal and ready:
+                del lane.pending[: len(ready)]
+                if self._lanes.get(key) is lane:
+                    self._positions.write(key, lane, lane.expected)
             lane.kept = max(lane.kept, expected)
             if self._lanes.get(key) is lane:
                 self._owe_ack(key, lane, at, turn)
 
         if stream.spec.journal:
-            self._write_position(key, lane, expected, kept)
+            lane.pending += ready
+            self._positions.write(key, lane, expected, kept)
         else:
             # No promise waits for it: it spares most of the repetitions after a restart.
-            self._write_position(key, lane, expected)
+            self._positions.write(key, lane, expected)
             kept(now)
 
-    def _owe_ack(self, key: _LaneKey, lane: ReceiveLane, now: int, turn: _Turn | None) -> None:
+    def _owe_ack(self, key: LaneKey, lane: ReceiveLane, now: int, turn: _Turn | None) -> None:
         """Let an ACK wait; without a turn until it is asked for what is missing."""
-        sync = None if lane.in_sync else Sync(lane.lineage, lane.kept)
+        sync = None if lane.in_sync else lane.sync
         ask_at = lane.watch.ask_at
         if turn is None and ask_at is not None:
             self._push(key, lane.ack(), sync, owed_at=ask_at, due_at=ask_at)
         else:
             self._owe(key, lane.ack(), sync, now, turn or _Turn())
 
-    def _owe(self, key: _LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
+    def _owe(self, key: LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
         """Let an ACK wait for its turn."""
         assert self._times is not None
         source, stream_id, instance = key
@@ -391,7 +390,7 @@ class ReliableReceiving:
         self._push(key, ack, sync, owed_at=owed_at, due_at=max(now, due_at))
 
     def _push(
-        self, key: _LaneKey, ack: Ack, sync: Sync | None, *, owed_at: int, due_at: int
+        self, key: LaneKey, ack: Ack, sync: Sync | None, *, owed_at: int, due_at: int
     ) -> None:
         """Queue an ACK in the place of one that waits already."""
         source, stream_id, instance = key

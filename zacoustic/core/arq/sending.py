@@ -2,12 +2,14 @@
 
 import random
 from collections.abc import Callable, Iterable, Mapping, Set
+from functools import partial
 from typing import Final
 
 import msgspec
 
-from zacoustic.core.arq.keeping import Keeping, KeptLane
-from zacoustic.core.arq.numbers import Ack, resolve_expected, resolve_floor
+from zacoustic.core.arq.contradictions import Contradictions
+from zacoustic.core.arq.keeping import Keeping
+from zacoustic.core.arq.numbers import Ack, resolve_expected
 from zacoustic.core.arq.pacing import Pacing
 from zacoustic.core.arq.places import LargePlaces
 from zacoustic.core.arq.sendlane import (
@@ -22,10 +24,11 @@ from zacoustic.core.arq.sendlanes import SendLanes
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.demand.demand import NOBODY, Demand
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
 from zacoustic.core.handshake import Handshake
-from zacoustic.core.journal import JournalPort
+from zacoustic.core.journal import LIFE_KEY, JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import TransmitReport
 from zacoustic.core.queue import TransmitQueue, Waiting
@@ -45,6 +48,7 @@ class ReliableSending:
         handshake: Knows the boot epoch, and who defines a stream in another way.
         demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
+        doubt: Whether something of former lives is forgotten.
         rng: Draws the pauses between repetitions.
         stats: Is told how long answers take.
         emit: Takes events.
@@ -59,6 +63,7 @@ class ReliableSending:
         handshake: Handshake,
         demand: Demand,
         journal: JournalPort,
+        doubt: Doubt,
         rng: random.Random,
         stats: EngineStats,
         emit: Callable[[Event], None],
@@ -68,6 +73,7 @@ class ReliableSending:
         self._handshake = handshake
         self._keeping = Keeping(journal)
         self._pacing = Pacing(table, rng, stats)
+        self._contradictions = Contradictions(self._keeping, doubt, rng, self._out_of_sync)
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
         self.places = LargePlaces(
@@ -82,7 +88,6 @@ class ReliableSending:
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._on_air: list[tuple[SendLane, Outgoing]] = []
-        self._given_up: list[KeptLane] = []
         self._next_delivery_id = 1
         self._order = 0
 
@@ -128,11 +133,10 @@ class ReliableSending:
         self._go_on(lane, now)
         return delivery_id
 
-    def next_delivery_id(self, above: int = 0) -> int:
-        """Return a delivery id that no sample has, nor any up to `above`."""
-        delivery_id = max(self._next_delivery_id, above + 1)
-        self._next_delivery_id = delivery_id + 1
-        return delivery_id
+    def next_delivery_id(self) -> int:
+        """Return a delivery id that no sample has had in any life."""
+        self._next_delivery_id += 1
+        return self._next_delivery_id - 1
 
     def delivering(self, stream_id: int) -> int:
         """Count the samples of a topic that not all receivers have acknowledged."""
@@ -143,7 +147,7 @@ class ReliableSending:
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self._pacing.times = times
-        self._settling_ns = settling_ns
+        self._settling_ns = self._contradictions.settling_ns = settling_ns
         # There will be no report of what was under way on the link before.
         for _, sample in self._on_air:
             if sample.stage is Stage.ON_AIR:
@@ -151,7 +155,7 @@ class ReliableSending:
         self._on_air.clear()
 
     def link_up(self, now: int) -> None:
-        """The link is up: what was sent before is due, and what a former life has left."""
+        """What was sent before is due."""
         for lane in self._lanes:
             lifespan_s = self._table.by_id(lane.key[0]).qos.lifespan_s
             for sample in lane.samples:
@@ -161,10 +165,6 @@ class ReliableSending:
                 if sample.expires_at is None and lifespan_s is not None and not is_large:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
             self._go_on(lane, now)
-        for kept in self._given_up:
-            for ended in kept.cancelled(now):
-                self._emit(ended)
-        self._given_up.clear()
 
     def transmitted(self, records: Iterable[Waiting], now: int) -> None:
         """Note which samples are in the transmission that begins."""
@@ -227,12 +227,14 @@ class ReliableSending:
             if not reception.in_sync:
                 return "unexpected_ack"  # it may be of another life, or about numbers long ago
             expected = resolve_expected(ack.expected, reception.expected)
-        elif sync.lineage == lane.lineage:
-            expected = resolve_floor(sync.floor, reception.expected)
         else:
-            return "unexpected_ack"
+            expected = lane.told(source, sync)
+            if expected > lane.next_number and lane.contradicts(source, sync):
+                self._contradictions.heard(stream, lane, source, sync, now)
+                self._go_on(lane, now)
         if expected > lane.next_number:
             return "unexpected_ack"
+        self._contradictions.agrees(lane, source, expected)
         if sync is not None and not reception.in_sync:
             if expected < reception.expected:
                 # It has forgotten what it had, and began at the floor: it lacks that again.
@@ -298,14 +300,12 @@ class ReliableSending:
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left."""
-        for kept in self._keeping.recover(stored, self._table):
-            for _, sample in kept.samples:
-                self.next_delivery_id(above=sample.delivery_id - 1)
-            if not kept.is_valid:
-                self._given_up.append(kept)
-                continue
+        """Go on with what a former life has left; ids of its samples are not given away again."""
+        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
+            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
+        for kept in self._keeping.recover(stored, self._table, self._emit):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
+        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
 
     # Below the methods above
 
@@ -321,7 +321,8 @@ class ReliableSending:
         while lane.samples and not lane.missing(first := lane.samples[0]):
             if first.stage is Stage.OBJECT:
                 break  # it ends with its object
-            self._end(lane, first, DeliveryOutcome.DELIVERED, now)
+            outcome = DeliveryOutcome.UNKNOWN if first.unknown else DeliveryOutcome.DELIVERED
+            self._end(lane, first, outcome, now, missing=tuple(sorted(first.unknown)))
         self._advance(lane, now)
 
     def _advance(self, lane: SendLane, now: int) -> None:
@@ -330,7 +331,7 @@ class ReliableSending:
         if paced_until is not None:
             self._paced_until = min(self._paced_until or paced_until, paced_until)
         for sample in list(lane.active()):
-            if sample.stage is Stage.BEHIND:
+            if sample.stage is Stage.BEHIND and not lane.is_blocked(sample):
                 self._queue_sample(lane, sample, now)
 
     def _queue_sample(self, lane: SendLane, sample: Outgoing, now: int) -> None:
@@ -432,19 +433,18 @@ class ReliableSending:
         if sample.stage is Stage.QUEUED:
             self._queue.discard(lane.key, sample.waiting)
         leaves_gap = lane.remove(sample)
+        lane.closing += lane.is_closing(sample, outcome)
         if sample.stage is Stage.OBJECT:
             self.places.left(sample, outcome, now)
         sample.stage = Stage.ENDED
-        if lane.is_kept:
-            self._keeping.forget(lane, sample)
-        self._emit(
-            DeliveryEnded(
-                delivery_id=sample.delivery_id,
-                stream_id=lane.key[0],
-                outcome=outcome,
-                missing=tuple(lane.missing(sample)) if missing is None else missing,
-                ended_at=now,
-                detail=detail,
-            )
-        )
+        ended = lane.ended(sample, outcome, now, detail, missing)
+        if lane.is_kept:  # no later life is to find the sample, and tell another end of it
+            self._keeping.forget(lane, sample, partial(self._forgotten, lane, sample, ended))
+        else:
+            self._emit(ended)
         return leaves_gap
+
+    def _forgotten(self, lane: SendLane, sample: Outgoing, ended: DeliveryEnded, now: int) -> None:
+        self._emit(ended)
+        lane.closing -= lane.is_closing(sample, ended.outcome)
+        self._advance(lane, now)

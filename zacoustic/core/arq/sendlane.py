@@ -7,9 +7,12 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW
+from zacoustic.core.arq.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, resolve_floor
+from zacoustic.core.arq.reception import Reception
 from zacoustic.core.arq.rhythm import SendRhythm
+from zacoustic.core.arq.spans import Spans
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.frame import Control, Sync
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import LaneKey, Waiting
@@ -18,6 +21,8 @@ from zacoustic.core.streams import Stream
 AT_ONCE: Final = 0
 """A `due_at` that is always over."""
 _DELETE: Final = bytes((Control.DELETE,))
+_DOUBTED_TRIES: Final = 8
+"""What was sent so often in vain goes with SYNC: its receiver may count in another lineage."""
 
 
 class Stage(enum.Enum):
@@ -59,23 +64,10 @@ class Outgoing:
     """
 
     __slots__ = (
-        "acknowledged",
-        "asked",
-        "delivery_id",
-        "due_at",
-        "expires_at",
-        "first_order",
-        "follows",
-        "held",
-        "marked",
-        "number",
-        "order",
-        "sent_at",
-        "sent_before_at",
-        "stage",
-        "tries",
-        "waiting",
-    )
+        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "first_order", "follows",
+        "held", "marked", "number", "order", "sent_at", "sent_before_at", "stage", "tries",
+        "unknown", "waiting",
+    )  # fmt: skip
 
     def __init__(
         self, number: int, delivery_id: int, waiting: Waiting, expires_at: int | None
@@ -87,6 +79,8 @@ class Outgoing:
         self.stage = Stage.STORING
         self.acknowledged: set[int] = set()
         """Receivers that have it and all before it."""
+        self.unknown: set[int] = set()
+        """Receivers of which nobody knows any more whether they have handed it on."""
         self.held: set[int] = set()
         """Receivers that have it, but keep it until what is before it has come."""
         self.follows = False
@@ -120,32 +114,13 @@ class SampleWaiting(Waiting):
         return self.head[:-1] + bytes((self.head[-1] | mark,))
 
 
-class Reception:
-    """What one receiver is known to have of a lane."""
-
-    __slots__ = ("expected", "in_sync", "late_ns", "settled_at", "skips_to")
-
-    def __init__(self, expected: int) -> None:
-        self.expected = expected
-        """It has told that it has everything before this number."""
-        self.in_sync = False
-        """It knows the lineage, and nothing that it waits for is gone."""
-        self.skips_to = 0
-        """It is not to have the sample before this number, and others may still lack that: until
-        it has told to await this number, it is addressed alone, with a floor of its own."""
-        self.late_ns: int | None = None
-        """How long the last round trip took at least, if the next ACK says the same again, ns."""
-        self.settled_at: int | None = None
-        """Instant from which it can be in sync: short ACKs from before have arrived by then, ns."""
-
-
 class SendLane:
     """Samples of one key in the order of their numbers.
 
     Args:
         key: Of its lane in the transmit queue: stream id first, then wildcards.
         receivers: Addresses that are to have each sample.
-        lineage: Boot epoch in which the count began.
+        spans: Their lineages.
         next_number: The number of the next sample.
         is_kept: Its samples and its count are in the journal.
         audience: Of the receivers those that want samples, as they change; None: all.
@@ -156,7 +131,7 @@ class SendLane:
         self,
         key: LaneKey,
         receivers: tuple[int, ...],
-        lineage: int,
+        spans: Spans,
         next_number: int = 0,
         *,
         is_kept: bool = False,
@@ -167,13 +142,47 @@ class SendLane:
         self.is_kept = is_kept
         self.audience = audience
         self.rhythm = rhythm
-        self.lineage = lineage
+        self.spans = spans
+        self.born = 0
+        """What has a smaller number was published by a former life."""
+        self.closing = 0
+        """So many samples of former lives were given up, and the journal has them still."""
+        self.is_former = False
+        """This life has published nothing yet: it begins a lineage of its own when it does."""
         self.next_number = next_number
         self.samples: deque[Outgoing] = deque()
         self._end = next_number
         self._marks: deque[tuple[int, int]] = deque()
         """When numbers came into use lately, and where they began."""
         self.receptions = {address: Reception(next_number) for address in receivers}
+
+    @property
+    def lineage(self) -> int:
+        """Boot epoch in which the newest samples were published."""
+        return self.spans.newest.lineage
+
+    def begin_life(self, lineage: int) -> None:
+        """This life publishes for the first time: numbers go on, in a lineage of its own."""
+        self.is_former, self.born = False, self.next_number
+        self.spans.begin(self.next_number, lineage)
+        self.spans.forget_before(self.floor)
+
+    def told(self, address: int, sync: Sync) -> int:
+        """Return the number that a receiver awaits by SYNC; above all: that cannot be."""
+        first = self.spans.heard_of(address, self._next_for(address), sync.lineage)
+        expected = resolve_floor(sync.floor, self.receptions[address].expected)
+        is_possible = first is not None and expected <= self.spans.end_of(first, self.next_number)
+        if not is_possible:
+            return self.next_number + 1
+        self.receptions[address].lineage = sync.lineage
+        return expected
+
+    def contradicts(self, address: int, sync: Sync) -> bool:
+        """Tell whether SYNC of a receiver, which `told` does not understand, cannot be."""
+        number = self._next_for(address)
+        is_present = sync.lineage == self.spans.of(address, number).lineage
+        lacks = any(address not in each.acknowledged for each in self.samples)
+        return lacks and (is_present or not self.spans.knows(sync.lineage))
 
     @property
     def floor(self) -> int:
@@ -261,8 +270,51 @@ class SendLane:
         return sample.stage is Stage.SENT and bool(self.lacking(sample))
 
     def lacking(self, sample: Outgoing) -> list[int]:
-        """Return the receivers that are not known to have it."""
-        return [address for address in self.missing(sample) if address not in sample.held]
+        """Return the receivers that are not known to have it, and may have it now."""
+        first = self.spans.first_of(sample.number)
+        return [
+            address
+            for address in self.missing(sample)
+            if address not in sample.held and not self._waits(address, first)
+        ]
+
+    def ended(
+        self,
+        sample: Outgoing,
+        outcome: DeliveryOutcome,
+        now: int,
+        detail: str,
+        missing: tuple[int, ...] | None,
+    ) -> DeliveryEnded:
+        """Return what is told of a sample that ends."""
+        return DeliveryEnded(
+            delivery_id=sample.delivery_id,
+            stream_id=self.key[0],
+            outcome=outcome,
+            missing=tuple(self.missing(sample)) if missing is None else missing,
+            ended_at=now,
+            detail=detail,
+        )
+
+    def is_closing(self, sample: Outgoing, outcome: DeliveryOutcome) -> bool:
+        """Tell whether the end of a sample must be safe before a later lineage is begun.
+
+        Else a life that finds it again would take what is heard of that lineage for its delivery.
+        """
+        is_given_up = outcome is not DeliveryOutcome.DELIVERED
+        return self.is_kept and sample.number < self.born and is_given_up
+
+    def _waits(self, address: int, first: int) -> bool:
+        """Tell whether a receiver lacks something of a lineage before that of this number."""
+        return bool(first) and (self.closing > 0 or self.floor_of(address) < first)
+
+    def _some_wait(self, sample: Outgoing) -> bool:
+        first = self.spans.first_of(sample.number)
+        return any(self._waits(address, first) for address in self.missing(sample))
+
+    def is_blocked(self, sample: Outgoing) -> bool:
+        """Tell whether all receivers of a sample lack something of an earlier lineage."""
+        return bool(self.missing(sample)) and not self.lacking(sample)
 
     def missing(self, sample: Outgoing) -> list[int]:
         """Return the receivers that have not acknowledged a sample and all before it."""
@@ -319,12 +371,21 @@ class SendLane:
         """Make the record of a sample one for these receivers, with SYNC where one needs it."""
         waiting = sample.waiting
         skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
-        lacking = next(([each] for each in skip), lacking)
+        alone = next(skip, None)
+        is_private = bool(self.spans.own) or self._some_wait(sample)
+        if alone is None and is_private:
+            alone = lacking[0]  # the others must not hear this lineage yet, or not at all
+        lacking = lacking if alone is None else [alone]
         waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
-        waiting.sync, waiting.for_one_node = b"", False
+        waiting.sync, waiting.for_one_node = b"", is_private
+        span = self.spans.of(lacking[0], sample.number)
         for address in lacking:
             reception = self.receptions[address]
-            if sample.number - reception.expected >= WINDOW:
+            if reception.lineage not in (None, span.lineage):
+                self.lose_sync(address)
+                reception.expected = max(reception.expected, span.first)
+            reception.lineage = span.lineage
+            if sample.number - reception.expected >= WINDOW or sample.tries >= _DOUBTED_TRIES:
                 reception.in_sync = False
         if all(self.receptions[address].in_sync for address in lacking):
             return
@@ -333,7 +394,7 @@ class SendLane:
             # What others still lack does not concern it, but they may not read this.
             floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
-        waiting.sync = Sync(self.lineage, floor).encode()
+        waiting.sync = Sync(span.lineage, max(floor, span.first)).encode()
 
     def address_anew(self) -> list[Outgoing]:
         """Make the records that are queued ones for who lacks them; returns those for nobody."""
@@ -379,6 +440,10 @@ class SendLane:
     def _has_large(self) -> bool:
         """A large sample is on its way: its receiver awaits no rhythm, and asks for nothing."""
         return any(each.stage is Stage.OBJECT for each in self.samples)
+
+    def _next_for(self, address: int) -> int:
+        """Return the oldest number that a receiver lacks, or the newest one."""
+        return max(0, min(self.floor_of(address), self.next_number - 1))
 
     def _told(self, address: int) -> int:
         return self.receptions[address].expected

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from zacoustic.core.arq.keeping import KeptLane
 from zacoustic.core.arq.rhythm import SendRhythm
 from zacoustic.core.arq.sendlane import SendLane, Stage
+from zacoustic.core.arq.spans import Span, Spans
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
@@ -44,13 +45,17 @@ class SendLanes:
     def of(self, stream: Stream, instance: Instance) -> SendLane:
         """Return a lane; a new one begins its count in this life."""
         lane = self.find(stream, instance)
-        return lane or self.begin(stream, instance, self._handshake.epoch, 0)
+        if lane is None:
+            return self.begin(stream, instance, Spans([Span(0, self._handshake.epoch)]), 0)
+        if lane.is_former:
+            lane.begin_life(self._handshake.epoch)
+        return lane
 
     def begin(
         self,
         stream: Stream,
         instance: Instance,
-        lineage: int,
+        spans: Spans,
         number: int,
         *,
         is_kept: bool | None = None,
@@ -59,7 +64,7 @@ class SendLanes:
         lane = SendLane(
             (stream.stream_id, RELIABLE_LANE, *instance),
             self._receivers(stream),
-            lineage,
+            spans,
             number,
             is_kept=stream.spec.journal if is_kept is None else is_kept,
             audience=self._demand.audience(stream),
@@ -71,11 +76,14 @@ class SendLanes:
     def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
         """Go on with a lane of a former life; returns it with its samples, all to be sent."""
         first = min((number for number, _ in kept.samples), default=kept.next_number)
-        lane = self.begin(stream, kept.instance, kept.lineage, first, is_kept=True)
+        spans = Spans(kept.spans, kept.own)
+        spans.forget_before(first)
+        lane = self.begin(stream, kept.instance, spans, first, is_kept=True)
+        lane.is_former = True
         for number, each in kept.samples:
             lane.next_number = number
             lane.add(stream, each, queued_at=0, expires_at=None).stage = Stage.BEHIND
-        lane.next_number = kept.next_number
+        lane.next_number = lane.born = kept.next_number
         return lane
 
     def check(self, stream: Stream) -> None:

@@ -90,6 +90,11 @@ class Audiences:
         life = self._handshake.peer(source).epoch
         if life is None:
             return "unconfirmed"
+        if not self._is_listed(source):
+            return "not_subscriber"
+        if not self._is_of_use(source, letter.page):
+            self._answer(source, letter, now)  # nothing is kept of it, but its writer can stop
+            return None
         held = self._held.get((source, letter.page))
         if held is None or not held.is_same(life, letter):
             if held is not None and self._is_older(held, life, letter.version, now):
@@ -111,6 +116,9 @@ class Audiences:
             if name != _KEY or len(kept) != _KEPT_BYTES or kept[4:] != self._table.digest:
                 continue
             source, page = map(int, rest.split("/"))
+            if not (self._is_listed(source) and self._is_of_use(source, page)):
+                self._journal.write(key, None)
+                continue
             version, streams = kept[2], kept[3]
             epoch = int.from_bytes(kept[:2], "big")
             self._held[source, page] = _Held(epoch, version, streams, None)
@@ -139,6 +147,17 @@ class Audiences:
         if now >= held.read_at + self._handshake.settling_ns:
             return False  # it would have arrived by now
         return (version - held.version) % VERSIONS > VERSIONS // 2
+
+    def _is_listed(self, source: int) -> bool:
+        """Tell whether a node is one of the fleet, as far as its nodes are listed."""
+        return not self._table.nodes or source in self._table.nodes
+
+    def _is_of_use(self, source: int, page: int) -> bool:
+        """Tell whether a node may subscribe to anything of a page here."""
+        return any(
+            page_of(stream.stream_id) == page and self._is_possible(source, stream.stream_id)
+            for stream in self._table
+        )
 
     def _is_possible(self, source: int, stream_id: int) -> bool:
         stream = self._table.get(stream_id)

@@ -172,7 +172,7 @@ class Demand:
 
     def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
         """A sample came from `source`, for this node alone or for others too."""
-        if stream.is_on_demand:
+        if stream.is_on_demand and source in self.publishers(stream):
             self._wishes.sample_received(source, stream.stream_id, now, is_alone=is_alone)
 
     def publisher_restarted(self, source: int, now: int) -> None:

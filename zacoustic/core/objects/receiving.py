@@ -68,6 +68,7 @@ class IncomingObjects:
         self._endings = Endings(gate, journal)
         self._told: dict[Place, Feedback] = {}
         self._losses: dict[int, float] = {}
+        self._alone: set[Place] = set()
         self._replies = Replies(rng, self._is_sayable)
 
     def __len__(self) -> int:
@@ -114,6 +115,8 @@ class IncomingObjects:
             else:
                 self._has_turn(place, fragment.data)
         elif not self._endings.is_of_ended(place, fragment):
+            if place not in self._transfers and _is_for_others(fragment, received):
+                return None
             if place not in self._transfers and self._gate.admit(source, 0).reason is not None:
                 return None  # whatever it is, it is not for this node
             reason = self._collect(place, fragment, received, now)
@@ -278,6 +281,9 @@ class IncomingObjects:
             if state.unwritten:
                 self._write_group(place, state)
             return
+        if claim is Claim.FORMER:
+            self._refuse(place, Reason.CANCELLED)
+            return
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         is_over = claim is Claim.OVER
         if admission.keeps:
@@ -366,7 +372,7 @@ class IncomingObjects:
         source = place[0]
         state = self._transfers.get(place)
         refusal = self._endings.refusal(place)
-        alone = received.destination != BROADCAST
+        alone = self._is_alone(place, fragment, received)
         is_unwanted = refusal is not None and bool(refusal.unwanted_of)
         if refusal is not None and is_unwanted:
             self._gate.unwanted(source, refusal.unwanted_of, is_alone=alone)
@@ -398,6 +404,14 @@ class IncomingObjects:
                 repeats=self._told.get(place) == self._feedback(place),
             )
 
+    def _is_alone(self, place: Place, fragment: Fragment, received: ReceivedFrame) -> bool:
+        """Tell whether an object comes for this node alone; see `_is_for_others`."""
+        if received.destination != BROADCAST:
+            self._alone.add(place)
+        elif fragment.call is not Call.WINDOW:
+            self._alone.discard(place)
+        return place in self._alone
+
     def _report(self, place: Place, state: Transfer, outcome: ObjectState, detail: str) -> None:
         incoming = state.incoming
         manifest = incoming.manifest
@@ -414,3 +428,11 @@ class IncomingObjects:
                 detail=detail,
             )
         )
+
+
+def _is_for_others(fragment: Fragment, received: ReceivedFrame) -> bool:
+    """Tell whether a fragment may be of an object for another node, and opens none here.
+
+    The last one of a run is broadcast wherever there are others, to tell them of the pause.
+    """
+    return fragment.call is Call.WINDOW and received.destination == BROADCAST

@@ -6,7 +6,7 @@ to the start of the next, and the other durations follow from slots and the prop
 
 import msgspec
 
-from zacoustic.core.access.listening import RUN_LIMIT_NS
+from zacoustic.core.access.otherruns import RUN_LIMIT_NS
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.objects.wire import FEEDBACK_BYTES

@@ -22,6 +22,7 @@ import msgspec
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.composer import Composed
+from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Damaged, Envelope, Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.journal import JournalPort
@@ -62,13 +63,22 @@ class RmwDesertProtocols(Protocols):
         epoch: int,
         *,
         rules: TransmitRules,
+        doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
         emit: Callable[[Event], None],
     ) -> None:
         super().__init__(
-            address, table, epoch, rules=rules, journal=journal, stats=stats, rng=rng, emit=emit
+            address,
+            table,
+            epoch,
+            rules=rules,
+            doubt=doubt,
+            journal=journal,
+            stats=stats,
+            rng=rng,
+            emit=emit,
         )
         self._table = table
         self._calls = DesertCalls(address, table, queue=self.queue, stats=stats, rng=rng, emit=emit)

@@ -26,8 +26,9 @@ def is_reliable(stream: Stream) -> bool:
 class NothingTwice(Witness):
     """No node gets a sample twice.
 
-    A reliable one never, and in all lives of a node that keeps a journal; a best-effort one not
-    later than the settling time, within which a modem may repeat a frame.
+    A reliable one never, and in all lives of a node that keeps a journal, but for one that says so:
+    a crash came as it was handed on; a best-effort one not later than the settling time, within
+    which a modem may repeat a frame.
     """
 
     def begins(self, telling: "Telling") -> None:
@@ -41,7 +42,7 @@ class NothingTwice(Witness):
         """Compare with the first time."""
         publication = arrived.publication
         first = self._first.setdefault((arrived.node, publication.number), arrived)
-        if first is arrived:
+        if first is arrived or (arrived.again and first.life < arrived.life):
             return
         if is_reliable(publication.stream):
             if first.life == arrived.life or _keeps(publication.stream):
@@ -60,7 +61,7 @@ class InOrder(Witness):
     def received(self, arrived: Arrived) -> None:
         """Compare with the one before."""
         publication = arrived.publication
-        if not is_reliable(publication.stream):
+        if not is_reliable(publication.stream) or arrived.again:
             return
         stream_id = publication.stream.stream_id
         lane = (arrived.node, publication.node, stream_id, publication.instance)

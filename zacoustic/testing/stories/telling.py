@@ -277,11 +277,16 @@ class Telling:
         ):
             self._complain(node, f"{event} on {stream.name}; published: {known}")
             return None
-        return self._arrived(known, node)
+        return self._arrived(known, node, again=isinstance(event, SampleReceived) and event.again)
 
-    def _arrived(self, publication: Publication, node: int) -> Arrived:
-        network = self.network
-        return Arrived(publication=publication, node=node, life=network.life(node), at=network.now)
+    def _arrived(self, publication: Publication, node: int, *, again: bool = False) -> Arrived:
+        return Arrived(
+            publication=publication,
+            node=node,
+            life=self.network.life(node),
+            at=self.network.now,
+            again=again,
+        )
 
     def _serve(self, node: int, cast: Cast, event: RequestReceived) -> None:
         """Answer with the ticket of the request, a little later."""

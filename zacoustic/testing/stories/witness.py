@@ -55,6 +55,8 @@ class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """In which life."""
     at: int
     """When."""
+    again: bool = False
+    """It says of itself that it may have been handed over before, by a life that was cut short."""
 
 
 class Witness:

@@ -41,8 +41,8 @@ def _paragraphs(report: Report) -> Iterator[str]:
         yield align(_STREAMS, rows, right=_RIGHT)
         why = f" ({report.unsaid}; --profile names a modem like it)" if report.unsaid else ""
         yield (
-            "bytes: smallest–largest record, stream id included; airtime: of the largest one "
-            f"alone in a frame, {report.profile}{why}, at most {report.mtu_bytes} bytes"
+            "bytes: smallest–largest record, stream id included; airtime: of the largest one alone "
+            f"in a frame; {report.profile}{why} takes frames of up to {report.mtu_bytes} bytes"
         )
     bits = [_bits_cells(row, row.bits) for row in report.streams if row.bits is not None]
     if bits:

@@ -40,6 +40,13 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
         )
     yield from _clash(config, health)
     yield from _tables(config, running)
+    doubt = _part(health, "journal").get("doubt")
+    if doubt:
+        yield Finding(
+            what=f"the journal of the running gateway is in doubt: {doubt}",
+            why="it may have forgotten what it accepted and executed in former lives",
+            cure="look at the disk; put copies back only if zacoustic journal backup made them",
+        )
     failure = _part(health, "journal").get("failure")
     if failure:
         yield Finding(

@@ -206,6 +206,7 @@ class _GatewayBoard:
             battery_v=modem.battery_v,
             firmware=modem.firmware,
             journal=journal.failure or ("kept" if journal.kept else "none"),
+            journal_doubt=journal.doubt,
             digest=streams.digest,
             frames_sent=link.frames_transmitted,
             frames_heard=link.frames_received,

@@ -180,6 +180,7 @@ class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
 
     kept: bool = False
     failure: str = ""
+    doubt: str = ""
 
 
 class DroppedDocument(msgspec.Struct, frozen=True, kw_only=True):

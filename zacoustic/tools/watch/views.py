@@ -192,6 +192,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Of the modem."""
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
+    journal_doubt: str
+    """Why it may be less than what was written last; empty: it is not."""
     digest: str
     """Of the stream table."""
     frames_sent: int

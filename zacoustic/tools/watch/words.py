@@ -87,6 +87,8 @@ def state_words(view: GatewayView) -> str:
         words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
+    if view.journal_doubt:
+        words.append(f"journal in doubt: {view.journal_doubt}")
     return ", ".join(words)
 
 

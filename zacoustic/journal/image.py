@@ -1,0 +1,92 @@
+"""What the two files of a database hold together, without opening them: nothing is changed on disk.
+
+SQLite writes a log of pages beside the file, and copies them into the file now and then. Whoever
+opens a database lets it do that, and so destroys the evidence where one of the two is damaged. So
+the pages of the log are laid over those of the file in memory, by the rules that SQLite itself
+has: frames count as long as salt and running check are right, up to the last one that ends a
+commit.
+"""
+
+import struct
+from typing import Final
+
+PAGE_BYTES: Final = 4096
+"""Page size of the files."""
+
+_LOG_HEADER: Final = struct.Struct(">8I")
+_FRAME_HEADER: Final = struct.Struct(">6I")
+_MAGIC: Final = 0x377F0682
+"""The lowest bit says in which order the running check reads bytes: 1 is big-endian."""
+_CHECKED_BYTES: Final = 24, 8
+"""Of the header of the log, and of each frame, so much is in the check."""
+_VERSIONS_AT: Final = slice(18, 20)
+"""Where a database says whether it has a log."""
+_MOST_PAGES: Final = 1 << 18
+"""A gigabyte: what a damaged log says beyond that is not believed."""
+_MASK: Final = 0xFFFFFFFF
+
+
+def image_of(main: bytes, log: bytes, *, strict: bool = True) -> bytes:
+    """Return a database of one file, without a log; what is damaged in the two is so in it.
+
+    Args:
+        main: The file.
+        log: The log; empty: there is none.
+        strict: The running check of the log counts; otherwise all that has the right salt.
+    """
+    pages, pages_count = _committed(log, strict=strict)
+    image = bytearray(main)
+    if pages_count is not None:
+        image = image[: pages_count * PAGE_BYTES].ljust(pages_count * PAGE_BYTES, b"\0")
+        for number, page in pages.items():
+            if number <= pages_count:
+                image[(number - 1) * PAGE_BYTES : number * PAGE_BYTES] = page
+    if len(image) > _VERSIONS_AT.stop:
+        image[_VERSIONS_AT] = b"\1\1"
+    return bytes(image)
+
+
+def _committed(log: bytes, *, strict: bool) -> tuple[dict[int, bytes], int | None]:
+    """Return the newest committed pages by number, and how many the database has; None: no log."""
+    if len(log) < _LOG_HEADER.size:
+        return {}, None
+    magic, _, page_bytes, _, salt1, salt2, *check = _LOG_HEADER.unpack_from(log)
+    if strict and (magic & ~1 != _MAGIC or page_bytes != PAGE_BYTES):
+        return {}, None
+    order = ">" if magic & 1 else "<"
+    checked, checked_of_frame = _CHECKED_BYTES
+    running = _check(order, log[:checked], (0, 0)) if strict else (0, 0)
+    if strict and running != tuple(check):
+        return {}, None
+    committed: dict[int, bytes] = {}
+    coming: dict[int, bytes] = {}
+    pages_count: int | None = None
+    at = _LOG_HEADER.size
+    while at + _FRAME_HEADER.size + PAGE_BYTES <= len(log):
+        number, ends_with, *rest = _FRAME_HEADER.unpack_from(log, at)
+        begin = at + _FRAME_HEADER.size
+        page = log[begin : begin + PAGE_BYTES]
+        if strict:
+            running = _check(order, log[at : at + checked_of_frame] + page, running)
+            if rest != [salt1, salt2, *running] or number == 0:
+                break
+        elif rest[:2] != [salt1, salt2] or not 0 < number <= _MOST_PAGES:
+            at = begin + PAGE_BYTES
+            continue
+        coming[number] = page
+        if ends_with and ends_with <= _MOST_PAGES:
+            committed |= coming
+            coming.clear()
+            pages_count = ends_with
+        at = begin + PAGE_BYTES
+    return committed, pages_count
+
+
+def _check(order: str, data: bytes, before: tuple[int, int]) -> tuple[int, int]:
+    """Go on with the running check."""
+    first, second = before
+    words = struct.unpack(f"{order}{len(data) // 4}I", data)
+    for even, odd in zip(words[::2], words[1::2], strict=True):
+        first = (first + even + second) & _MASK
+        second = (second + odd + first) & _MASK
+    return first, second

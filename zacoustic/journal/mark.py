@@ -1,0 +1,115 @@
+"""The mark beside a journal: how many commits it has, so that a part that is missing is missed.
+
+The log of a database ends where it ends: whoever cuts it off, deletes it, or puts an older file
+back, leaves something that is whole and too old. So each commit is counted in the journal, and
+behind each commit the count is written here, in two places by turns, each with a check of its own.
+The disk is not waited for: a journal is never behind its mark, whatever a loss of power leaves.
+
+The mark is also what a node locks: a second one is refused, and the kernel unlocks it with the
+process.
+"""
+
+import contextlib
+import os
+import struct
+import zlib
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+_PLACE: Final = struct.Struct(">4sB3x8sQ")
+_CHECK: Final = struct.Struct(">I")
+_MAGIC: Final = b"zacm"
+_SECTOR_BYTES: Final = 512
+_PLACES: Final = 2
+
+
+class Marked(msgspec.Struct, frozen=True):
+    """What a mark says of a journal."""
+
+    address: int
+    """The node."""
+    identity: bytes
+    """Eight bytes, drawn when the journal was made."""
+    commits: int
+    """How many commits it had then."""
+
+
+class Mark:
+    """The mark of one journal, locked for as long as it is open.
+
+    Args:
+        path: File of the journal; the mark has a name of its own beside it.
+
+    Raises:
+        BlockingIOError: Somebody else has locked it.
+        OSError: It cannot be opened or made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = mark_path(path)
+        """Its file."""
+        self._descriptor = _open(self.path)
+        try:
+            _lock(self._descriptor)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def read(self) -> Marked | None:
+        """Return what it says; None: nothing that is readable."""
+        return _read(os.pread(self._descriptor, _PLACES * _SECTOR_BYTES, 0))
+
+    def write(self, marked: Marked) -> None:
+        """Write what it says from now on.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        place = _PLACE.pack(_MAGIC, marked.address, marked.identity, marked.commits)
+        at = marked.commits % _PLACES * _SECTOR_BYTES
+        os.pwrite(self._descriptor, place + _CHECK.pack(zlib.crc32(place)), at)
+
+    def close(self) -> None:
+        """Unlock it."""
+        os.close(self._descriptor)
+
+
+def mark_path(path: Path) -> Path:
+    """Return the file of a journal's mark."""
+    return path.with_name(f"{path.name}-mark")
+
+
+def read_mark(path: Path) -> Marked | None:
+    """Return what the mark of a journal says, without locking it; None: nothing."""
+    try:
+        return _read(mark_path(path).read_bytes())
+    except OSError:
+        return None
+
+
+def _read(content: bytes) -> Marked | None:
+    found = []
+    for begin in range(0, _PLACES * _SECTOR_BYTES, _SECTOR_BYTES):
+        place = content[begin : begin + _PLACE.size]
+        check = content[begin + _PLACE.size : begin + _PLACE.size + _CHECK.size]
+        if len(place) == _PLACE.size and check == _CHECK.pack(zlib.crc32(place)):
+            magic, address, identity, commits = _PLACE.unpack(place)
+            if magic == _MAGIC:
+                found.append(Marked(address, identity, commits))
+    return max(found, key=lambda each: each.commits, default=None)
+
+
+def _open(path: Path) -> int:
+    with contextlib.suppress(PermissionError):
+        return os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    return os.open(path, os.O_RDONLY)
+
+
+def _lock(descriptor: int) -> None:
+    try:
+        import fcntl
+    except ModuleNotFoundError:  # Windows: SQLite's own lock has to do
+        return
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
