@@ -297,7 +297,7 @@ def test_node_that_does_not_answer_in_time_is_exit_code_3(
         (["stream", "--node", "2", "--id", "300"], "stream_id is 300; allowed: 1..175"),
         (["stream", "--node", "2", "--id", "3", "--on", "--off"], "not allowed with argument"),
         (["stream", "--node", "2", "--id", "3", "--rate", "0"], "--rate 0.0; allowed: above 0"),
-        (["stream", "--node", "2", "--id", "3", "--rate", "1e-9"], "min_interval_s is 1e+09"),
+        (["stream", "--node", "2", "--id", "3", "--rate", "1e-9"], "--rate 1e-09; allowed: "),
         (["stream", "--node", "2", "--id", "3", "--priority", "x"], "--priority x; allowed: real_"),
         (["stream", "--node", "2", "--id", "3", "--reset", "--rate", "1"], "--reset; allowed: not"),
     ],

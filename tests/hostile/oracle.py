@@ -37,7 +37,8 @@ class Oracle:
         doubles: Best-effort samples may come twice: the modem hands frames over twice.
         strangers: Another fleet has the same addresses. Frames that do not say whose they are, as
             most do once two nodes know each other, are taken for those of this fleet until frames
-            are sealed: what strangers give is ignored here, and an ACK of theirs is believed.
+            are sealed: what strangers give is ignored here, an ACK of theirs is believed, and so is
+            their count.
     """
 
     def __init__(self, addresses: tuple[int, ...], *, doubles: bool, strangers: bool) -> None:
@@ -86,7 +87,8 @@ class Oracle:
             self.complain(f"{where}: given was {told!r:.120}")
         lives = given.handed_on.setdefault(node, [])
         is_again = life in lives if stream_id in (fleet.LIGHT,) else bool(lives)
-        is_allowed = node in self.forgetful or (stream_id in fleet.BEST_EFFORT and self._doubles)
+        is_best_effort = stream_id in fleet.BEST_EFFORT
+        is_allowed = node in self.forgetful or self._strangers or (is_best_effort and self._doubles)
         if is_again and not is_allowed:
             self.complain(f"{where}: a second time, given at {given.at_s:.1f} s")
         lives.append(life)

@@ -1,11 +1,11 @@
 """What anybody can say under the addresses of others takes no room for ever."""
 
-from tests.core.rig import End
+from tests.core.rig import End, Rig
 from zacoustic.core.actions.news import GoalReceived
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.demand.wire import Subscribe
-from zacoustic.core.events import SubscribersChanged
-from zacoustic.core.qos import Forward, Qos
+from zacoustic.core.events import SampleReceived, SubscribersChanged
+from zacoustic.core.qos import Forward, Qos, Reliability
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, TopicSpec
 
@@ -50,3 +50,24 @@ def test_goals_of_nobody_are_not_taken_and_those_of_all_are_bounded() -> None:
         assert len(end.journal) <= most + 10
         if nodes:
             assert {event.goal.client for event in taken} == {2}
+
+
+def test_number_far_ahead_does_not_stop_a_reliable_topic_for_ever() -> None:
+    """What lies behind it is given up, and the publisher hears of that, so it can go on."""
+    log = TopicSpec(
+        stream_id=10, name="log", journal=True, qos=Qos(reliability=Reliability.RELIABLE, depth=8)
+    )
+    tables = {address: StreamTable([log], nodes=LISTED) for address in LISTED}
+    rig = Rig(tables)
+    rig.publish(2, 10, b"first")
+    rig.run(60.0)
+    assert [event.value for event in rig[1].got(SampleReceived)] == [b"first"]
+    # Number 30 of the same count, with nothing behind it that could be handed on.
+    rig[1].hear(bytes((10, 30)) + b"forged", rig.now, source=2, destination=1)
+    for _ in range(3):
+        rig.publish(2, 10, b"next")
+        rig.run(600.0)
+    rig.run(3600.0)
+    assert rig[2].engine.delivering(10) == 0
+    assert rig.run(3600.0) == []  # nobody repeats anything
+    assert rig[1].got(SampleReceived)[-1].value == b"next"

@@ -334,7 +334,7 @@ def test_more_is_planned_than_fits(tmp_path: Path) -> None:
         status = {**STREAMS[0], "topic": "auv1/status", "min_interval_s": 0.5}
         told = await complaint(write(tmp_path, streams=[status, STREAMS[1]]))
         assert "auv1/status alone takes" in told.text
-        assert "auv1/status: every" in told.findings[0]["cure"]
+        assert "auv1/status: min_interval_s: " in told.findings[0]["cure"]
 
     run(main())
 

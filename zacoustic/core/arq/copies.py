@@ -97,6 +97,6 @@ def aimed_pause(
     invited_at = times.listening.next_invitation_at(at, since + times.first_round_trip_ns)
     if invited_at is None:
         return pause_ns
-    rounds = 1 + tries // MOST_COPIES[priority]
+    rounds = -(-tries // MOST_COPIES[priority])
     later = rng.randrange(min(rounds, _MOST_PAUSES))
     return invited_at - at + later * times.listening.period_ns

@@ -156,6 +156,7 @@ class ReliableReceiving:
             self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
             return "out_of_sync"
         lane.in_sync, lane.is_settled = sync is None, True
+        before = lane.expected
         if sync is not None:
             ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
         number = resolve(arrival.low_number, lane.expected)
@@ -172,7 +173,7 @@ class ReliableReceiving:
         if is_first:
             self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
         own_turn = turn if answers else None
-        if ready:
+        if ready or lane.expected != before:  # what is given up is not asked for any more
             self._keep(key, lane, ready, stream, now, own_turn)
         else:
             self._owe_ack(key, lane, now, own_turn)
