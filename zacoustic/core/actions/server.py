@@ -420,7 +420,8 @@ class GoalServer:
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True
-            goal.forget_at = now + self.settling_ns
+            # Until its deadline the goal itself may come late, or once more, and shall not run again.
+            goal.forget_at = max(now, goal.deadline_at) + self.settling_ns
 
     def _forget(self, goal: ServedGoal, now: int) -> None:
         self._goals.remove(goal)

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.access.listening import Listening
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, SHORTEST_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority
 
@@ -92,7 +92,8 @@ class LinkTimes:
         """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
-        self.confirm_linger_s: float = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        linger_s = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be nothing
         """How long a confirm waits: what is repeated with its request would fall under it, again
         and again."""
         self.doubt_ns = short_ns
