@@ -420,7 +420,7 @@ class GoalServer:
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True
-            # Until its deadline the goal itself may come late, or once more, and shall not run again.
+            # Its frame may come once more until its deadline, and it shall not run again.
             goal.forget_at = max(now, goal.deadline_at) + self.settling_ns
 
     def _forget(self, goal: ServedGoal, now: int) -> None:

@@ -108,6 +108,10 @@ class LinkTimes:
         )
         """What to reckon with before anything is measured, from the end of the sample's frame."""
 
+    def copy_ns(self, size_bytes: int) -> int:
+        """Return what one more copy of a record takes, with the gap behind it, ns, at least 1."""
+        return max(1, self.airtime_ns(size_bytes) + self.gap_ns)
+
     def ask_round_trip_ns(self, frame_ns: int) -> int:
         """Return how long what was asked for needs to come, in a frame of that airtime."""
         return 2 * self.way_ns + self.ack_slot_ns + frame_ns + self.doubt_ns
