@@ -346,7 +346,7 @@ class Objects:
             stream_id=sending.stream_id,
             record=fragment.encode(),
             header_bytes=FRAGMENT_HEADER_BYTES,
-            is_first=fragment.index == 0,
+            is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
             ends_run=fragment.call is Call.WINDOW,
         )
