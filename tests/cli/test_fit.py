@@ -1,6 +1,7 @@
 """`zacoustic fit`: a model out of recordings, whether it helps, and what is wrong with a line."""
 
 import json
+import random
 from pathlib import Path
 from typing import Any
 
@@ -201,3 +202,57 @@ def test_a_name_that_may_mean_several_topics_is_refused(
     code, _, err = fit(capsys, recording, "--config", fleet)
     assert code == 2
     assert 'line 1: "nav" may mean auv1/nav, auv2/nav; allowed: a whole name, or an id' in err
+
+
+WILD = {
+    "address": 1,
+    "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv"}],
+    "types": [
+        {
+            "name": "Wild",
+            "fields": [
+                {"name": "nonce", "type": "uint32"},
+                {"name": "stamp", "type": "uint64"},
+                {"name": "lat", "type": "float64", "range": [-90, 90], "step": 1e-6},
+                {"name": "lon", "type": "float64", "range": [-180, 180], "step": 1e-6},
+                {
+                    "name": "level", "type": "float32", "range": [0, 10], "step": 0.1,
+                    "outside": "clamp",
+                },
+            ],
+        }
+    ],
+    "streams": [
+        {"id": 10, "topic": "wild", "type": "Wild", "codec": "dense", "publishers": [2],
+         "subscribers": [1]}
+    ],
+}  # fmt: skip
+
+
+def test_numbers_that_jump_over_all_their_range_are_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng, lines = random.Random(5), []
+    stamp, place = 1_700_000_000_000_000_000, [43.0, 15.0]
+    for number in range(300):
+        stamp += 10**9 + round(rng.gauss(0, 1e6))
+        place = [each + rng.gauss(1e-5, 1e-6) for each in place]
+        if rng.random() < 0.05:  # a fix after dead reckoning, or none at all
+            place = [rng.uniform(-80, 80), rng.uniform(-170, 170)]
+        value = {
+            "nonce": rng.getrandbits(32), "stamp": stamp, "lat": place[0], "lon": place[1],
+            "level": rng.choice((5.0, 50.0, 1e300, -1e300)),
+        }  # fmt: skip
+        lines.append(json.dumps({"t": number, "s": "wild", "v": value}))
+    recording, model = tmp_path / "wild.jsonl", tmp_path / "wild.model.json"
+    recording.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    fleet = tmp_path / "fleet.json5"
+    section = WILD | {"links": []}
+    fleet.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+    code, out, err = fit(capsys, recording, "--config", fleet, "--output", model, "--json")
+    assert code in (0, 1), err
+    report = json.loads(out)
+    assert report["streams"][0]["samples"] == 300, report
+    section = WILD | {"links": [], "model": model.name}
+    fleet.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
+    assert read_config(fleet).table.model is not None

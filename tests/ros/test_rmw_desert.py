@@ -1,6 +1,7 @@
 """Interfaces of ROS as rmw_desert has them: the packets that left its socket, by their types."""
 
 import json
+import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -9,6 +10,17 @@ import pytest
 
 from tests.core.rmw_desert import vectors
 from zacoustic.config import config_from_mapping
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine import Engine
+from zacoustic.core.events import SampleReceived
+from zacoustic.core.linktypes import (
+    LinkCapabilities,
+    LinkState,
+    ReceivedFrame,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.payload import PayloadError
 from zacoustic.core.rmw_desert.codec import RmwDesertCodec
 from zacoustic.core.types import TypeSpec
 from zacoustic.core.wireprofile import WireProfile
@@ -65,6 +77,57 @@ def test_the_large_ones_and_services_are_among_them() -> None:
     assert len(KNOWN) > 60
     assert {"nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu", "sensor_msgs/msg/JointState"} <= names
     assert {"example_interfaces/srv/AddTwoInts_Request", "std_srvs/srv/Trigger_Response"} <= names
+
+
+@pytest.mark.parametrize("name", ["std_msgs/msg/Byte", "own/msg/Flags", "own/msg/Deep"])
+def test_a_message_of_octets_alone_has_no_field_and_no_zero(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "own" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Flags.msg").write_text("byte flag\nbyte[] flags\nbyte[3] more\n", encoding="utf-8")
+    (folder / "Deep.msg").write_text("own/Flags flags\nbyte last\n", encoding="utf-8")
+    (folder / "Whole.msg").write_text("own/Flags flags\nuint8 last\n", encoding="utf-8")
+    interfaces = Interfaces("jazzy", tmp_path)
+    mapper = TypeMapper(interfaces, wire=WireProfile.RMW_DESERT)
+    codec = RmwDesertCodec(mapper.map(name).spec)
+    assert codec.encode({}) == b""
+    assert codec.decode(b"") == {}
+    assert (codec.smallest_bytes, codec.largest_bytes) == (0, 0)
+    with pytest.raises(PayloadError):
+        codec.decode(b"\x00")
+    assert RmwDesertCodec(mapper.map("own/msg/Whole").spec).encode({"last": 5}) == b"\x05"
+    # Where there is no member at all, ROS gives it one.
+    assert RmwDesertCodec(mapper.map("std_msgs/msg/Empty").spec).encode({}) == b"\x00"
+
+
+def test_octets_cross_as_a_packet_of_kind_and_id() -> None:
+    """Driven as a program does: a vehicle's packet becomes a sample, a sample its packet."""
+    section = {
+        "address": 1,
+        "links": [{"locator": "desert/127.0.0.1:4000", "wire": "rmw_desert"}],
+        "streams": [{"id": 5, "topic": "/flag", "type": "std_msgs/msg/Byte", "ros": {}}],
+        "ros": {"distro": "jazzy"},
+    }
+    table = config_from_mapping(section, source="test").table
+    link = LinkCapabilities(mtu_bytes=512, bit_rate_bps=1000.0, addressed=False)
+    engine = Engine(address=1, table=table, epoch=1, rng=random.Random(1))
+    engine.handle_link_state(LinkState.UP, 0, link)
+    engine.publish(5, {}, 0)
+    for write in iter(engine.poll_journal, None):
+        engine.handle_journal_committed(write.write_id, 0)
+    engine.handle_timeout(NS_PER_S)
+    sent = engine.poll_transmit(NS_PER_S)
+    assert sent is not None
+    assert sent.frame_bytes == b"\x00\x05"
+    report = TransmitReport(
+        transmission_id=sent.transmission_id, outcome=TransmitOutcome.SENT,
+        started_at=NS_PER_S, finished_at=2 * NS_PER_S,
+    )  # fmt: skip
+    engine.handle_transmit_report(report, 2 * NS_PER_S)
+    heard = ReceivedFrame(frame_bytes=b"\x00\x05", received_at=3 * NS_PER_S)
+    engine.handle_frame(heard, 3 * NS_PER_S)
+    events = iter(engine.poll_event, None)
+    assert [each.value for each in events if isinstance(each, SampleReceived)] == [{}]
+    assert not engine.stats.dropped
 
 
 def test_fixed_arrays_of_octets_are_listed_and_bytes_are_left_out(tmp_path: Path) -> None:

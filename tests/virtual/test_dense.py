@@ -317,3 +317,34 @@ def test_whatever_goes_wrong_nothing_is_decoded_wrongly(
         if not voyage.restarts and not voyage.water.scenario.faults.corrupt:
             # What is received can be decoded, whatever else was lost, repeated or late.
             assert voyage.dropped("dense") == 0, voyage.seed
+
+
+@pytest.mark.parametrize(("jitter_ns", "most_bytes"), [(0, 3.0), (1_000_000, 5.5)])
+def test_a_stamp_in_nanoseconds_costs_what_its_jitter_does(
+    jitter_ns: int, most_bytes: float
+) -> None:
+    stamped = TypeSpec(name="Stamped", fields=(FieldSpec(name="stamp", type="uint64"),))
+    table = StreamTable(
+        [
+            TopicSpec(
+                stream_id=10, name="auv/stamped", type_name="Stamped", codec="dense",
+                subscribers=(2,),
+            ),
+            TopicSpec(stream_id=12, name="shore/word", subscribers=(1,)),
+        ],
+        types=TypeTable([stamped]),
+        nodes={1: "auv", 2: "shore"},
+    )  # fmt: skip
+    rng, stamp, published = random.Random(4), 1_700_000_000_000_000_000, []
+    water = VirtualNetwork(line(0.0, 500.0, channel="none"), table, digest=False)
+    for number in range(120):
+        stamp += 10_000_000_000 + round(rng.gauss(0, jitter_ns))
+        published.append(stamp)
+        water.at(10 * number, partial(water.publish, 1, 10, {"stamp": stamp}))
+        water.at(10 * number + 5, partial(water.publish, 2, 12, b""))
+    water.run(until_s=395)
+    before_bytes = water.engine(1).stats.bytes_transmitted
+    water.run(until_s=1300)
+    assert [each.value["stamp"] for each in water.samples(2, 10)] == published
+    # With the acknowledgements of the words, and all else that a frame has.
+    assert (water.engine(1).stats.bytes_transmitted - before_bytes) / 80 <= most_bytes

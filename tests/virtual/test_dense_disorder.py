@@ -138,6 +138,7 @@ class Voyage:
             self.wrong.append((address, event, expected))
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("part", range(4))
 def test_what_is_late_or_doubled_is_never_read_as_something_else(
     part: int, count: Callable[[int], int]

@@ -179,5 +179,5 @@ class CopiedSamples:
 
 def _in_row(record: Waiting, times: LinkTimes, detour_ns: int) -> int:
     """How many copies go in a row, of which some are heard by who is not in the run, too."""
-    copy_ns = times.airtime_ns(record.size_bytes) + times.gap_ns
+    copy_ns = times.copy_ns(record.size_bytes)
     return _COPIES_IN_ROW + -(-detour_ns // copy_ns)

@@ -132,12 +132,19 @@ class TypeMapper:
         nested: dict[str, TypeSpec] = {}
         parts: list[_Part] = []
         attributes = [attribute for attribute, _ in definition.fields]
-        for member, attribute in zip(self._interfaces.members(name), attributes, strict=True):
+        members = self._interfaces.members(name)
+        has_members = [member.name != NO_MEMBER for member in members]
+        for member, attribute in zip(members, attributes, strict=True):
             here = [below for rule in rules if (below := rule.below(member.name))]
             parts.append(self._part(member, attribute, called, here, nested))
         fields = tuple(part.field for part in parts if part.field is not None)
         try:
-            spec = TypeSpec(name=called, fields=fields, nested=tuple(nested.values()))
+            spec = TypeSpec(
+                name=called,
+                fields=fields,
+                nested=tuple(nested.values()),
+                is_hidden=self._on_desert and not fields and all(has_members),
+            )
         except ConfigError as error:
             raise ConfigError(f"{called}: {error.args[0]}", hint=error.hint) from None
         mapped = Mapped(spec=spec, read=_reader(parts), write=_writer(parts, definition.cls))
@@ -184,7 +191,7 @@ class TypeMapper:
         if is_several:
             made = [made] * (member.count if member.is_array else 0)
         if not inner.spec.fields:
-            if self._on_desert:
+            if self._on_desert and not inner.spec.is_hidden:
                 self._refuse(f"{called}.{member.name}: a message without members in another one")
             if member.is_sequence:
                 raise ConfigError(f"{called}.{member.name}: a sequence of what has no members")

@@ -1,13 +1,16 @@
 """Models: fitted to some missions, they help on others, and say nothing of another type."""
 
+import math
+
 import msgspec
 import pytest
 
 from tests.telemetry.exchange import dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import STREAM_IDS, by_id
-from zacoustic.core.dense import DenseCodec, Model, fit
+from zacoustic.core.dense import DenseCodec, DenseSample, Model, fit
 from zacoustic.core.dense.prior import Companion
+from zacoustic.core.types import FieldSpec, TypeSpec
 from zacoustic.errors import ConfigError
 
 NAMES = ("nav", "ctd", "log")
@@ -72,3 +75,14 @@ def test_a_model_of_an_earlier_version_is_refused_with_what_it_lacks(model: Mode
             place[before] = place.pop(now)
     with pytest.raises(msgspec.ValidationError, match=r"missing required field `log_scales`"):
         msgspec.convert(learnt, Model)
+
+
+def test_infinities_that_are_clamped_are_fitted_at_the_ends_of_their_range() -> None:
+    level = FieldSpec(name="level", type="float32", range=(0, 10), step=0.1, outside="clamp")
+    spec = TypeSpec(name="Level", fields=(level,))
+    levels = [5.0, math.inf, -math.inf, 50.0] * 40
+    model = fit([({7: spec}, [(number, 7, {"level": each}) for number, each in enumerate(levels)])])
+    codec = DenseCodec({7: spec}, model=model)
+    encoded = codec.encode([DenseSample(7, {"level": -math.inf})], 64)
+    assert encoded is not None
+    assert codec.decode(encoded.frame).samples == ((7, {"level": 0.0}),)

@@ -420,7 +420,8 @@ class GoalServer:
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True
-            goal.forget_at = now + self.settling_ns
+            # Its frame may come once more until its deadline, and it shall not run again.
+            goal.forget_at = max(now, goal.deadline_at) + self.settling_ns
 
     def _forget(self, goal: ServedGoal, now: int) -> None:
         self._goals.remove(goal)

@@ -44,7 +44,7 @@ def follow(
     record.copies += 1
     most = MOST_COPIES.get(priority, 1)
     if most > 1 and times.listening is not None:
-        copy_ns = times.airtime_ns(record.size_bytes) + times.gap_ns
+        copy_ns = times.copy_ns(record.size_bytes)
         most += -(-times.listening.detour_ns(record.destination, at) // copy_ns)
     is_heard_out = times.listening is not None and times.listening.is_heard_out(at + times.gap_ns)
     record.is_copy = is_heard_out and record.copies < most

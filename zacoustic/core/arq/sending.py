@@ -2,7 +2,6 @@
 
 import random
 from collections.abc import Callable, Iterable, Mapping, Set
-from functools import partial
 from typing import Final
 
 import msgspec
@@ -127,14 +126,15 @@ class ReliableSending:
             )
         else:
             sample.stage = Stage.BEHIND
-        # By the number, not by how many there are: a receiver reckons so, and forgets the same.
-        while lane.samples[0].number <= sample.number - stream.qos.depth:
-            self._end(lane, lane.samples[0], DeliveryOutcome.SUPERSEDED, now)
+        # By the number: a receiver reckons so, where it may hear of this one before what it lacks.
+        while (first := lane.samples[0]).number <= sample.number - stream.qos.depth:
+            end = self.places.give_up if first.number < lane.born else self._end
+            end(lane, first, DeliveryOutcome.SUPERSEDED, now)
         self._go_on(lane, now)
         return delivery_id
 
     def next_delivery_id(self) -> int:
-        """Return a delivery id that no sample has had in any life."""
+        """Return a delivery id that was never given away."""
         self._next_delivery_id += 1
         return self._next_delivery_id - 1
 
@@ -439,7 +439,7 @@ class ReliableSending:
         sample.stage = Stage.ENDED
         ended = lane.ended(sample, outcome, now, detail, missing)
         if lane.is_kept:  # no later life is to find the sample, and tell another end of it
-            self._keeping.forget(lane, sample, partial(self._forgotten, lane, sample, ended))
+            self._keeping.forget(lane, sample, lambda at: self._forgotten(lane, sample, ended, at))
         else:
             self._emit(ended)
         return leaves_gap

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.access.listening import Listening
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.clock import NS_PER_S, SHORTEST_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Priority
 
@@ -92,7 +92,8 @@ class LinkTimes:
         """How long an ACK is put off, however long a publisher goes on."""
         self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
         """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
-        self.confirm_linger_s: float = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        linger_s = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be nothing
         """How long a confirm waits: what is repeated with its request would fall under it, again
         and again."""
         self.doubt_ns = short_ns
@@ -106,6 +107,10 @@ class LinkTimes:
             2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
         )
         """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+    def copy_ns(self, size_bytes: int) -> int:
+        """Return what one more copy of a record takes, with the gap behind it, ns, at least 1."""
+        return max(1, self.airtime_ns(size_bytes) + self.gap_ns)
 
     def ask_round_trip_ns(self, frame_ns: int) -> int:
         """Return how long what was asked for needs to come, in a frame of that airtime."""

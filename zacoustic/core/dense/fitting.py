@@ -20,13 +20,27 @@ from zacoustic.core.dense.adaptation import (
     StreamState,
     step_class,
 )
-from zacoustic.core.dense.curve import MOST_HOLD, OCTAVE, POINT_BITS, SCALE_BITS
+from zacoustic.core.dense.curve import (
+    MOST_HOLD,
+    MOST_LOG_SCALE,
+    OCTAVE,
+    POINT_BITS,
+    SCALE_BITS,
+)
 from zacoustic.core.dense.layout import Content, Layout, Row
 from zacoustic.core.dense.leastsquares import LEAST_ENERGY
-from zacoustic.core.dense.prior import Companion, First, Learnt, Model, StreamPrior
+from zacoustic.core.dense.prior import (
+    LARGEST,
+    LARGEST_ENERGY,
+    Companion,
+    First,
+    Learnt,
+    Model,
+    StreamPrior,
+)
 from zacoustic.core.dense.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.dense.writer import Writer
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.types import OutsideNumbers, TypeSpec
 from zacoustic.errors import ConfigError
 
 Recording = Sequence[tuple[float, int, Any]]
@@ -67,6 +81,7 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
     single = several = 0
     for types, recording in missions:
         layouts = {stream_id: Layout(type_spec) for stream_id, type_spec in types.items()}
+        outsides = {stream_id: OutsideNumbers(type_spec) for stream_id, type_spec in types.items()}
         for stream_id, layout in layouts.items():
             stream = fitting.setdefault(stream_id, _StreamFitting(layout))
             if [each.size for each in layout.columns] != stream.model.sizes:
@@ -77,7 +92,8 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
         for at_s, stream_id, value in recording:
             if stream_id not in layouts:
                 continue
-            parts = layouts[stream_id].split(types[stream_id].validate(value))
+            within = outsides[stream_id].bound(types[stream_id].validate(value))
+            parts = layouts[stream_id].split(within)
             fitting[stream_id].add(*parts, latest, stream_id)
             latest[stream_id] = parts[0]
             rows[stream_id].append(parts[0])
@@ -169,7 +185,7 @@ class _StreamFitting:
             return First(center=0, scale=0, held=held, hold=hold)
         others = [value for value in values if value != held or not hold] or values
         center = others[len(others) // 2]
-        scale = _mean_distance(others, center) * _WIDER[0] // _WIDER[1]
+        scale = min(_mean_distance(others, center) * _WIDER[0] // _WIDER[1], LARGEST)
         return First(
             center=center << POINT_BITS,
             scale=scale,
@@ -207,6 +223,8 @@ class _StreamFitting:
             left = [own * 16 - offset - (other * slope >> 12) for other, own in pairs]
             miss = (sum(abs(each) for each in left) << SCALE_BITS - POINT_BITS) // len(left)
             miss = max(miss, 1 << SCALE_BITS - 1) * _WIDER[0] // _WIDER[1]
+            if max(miss, abs(slope), abs(offset)) > LARGEST:
+                continue
             if miss * _WORTH < (best.scale * _WORTH if best is not None else scale):
                 best = Companion(
                     stream_id=other_id, column=column, slope=slope, offset=offset, scale=miss
@@ -251,6 +269,8 @@ class _StreamFitting:
                 try:
                     state = model.code(writer, list(row), reference, steps)
                 except TooFarError:
+                    if moving:
+                        fresh.velocity = model.strides(row, reference.row, steps) or velocity
                     states.append(fresh)
                     continue
                 adaptations = {place: state.adaptations[place]}
@@ -302,12 +322,17 @@ class _Mean:
     def learnt(self) -> Learnt:
         count = self.count
         means = {name: tuple(each // count for each in sums) for name, sums in self._sums.items()}
-        means["log_scales"] = tuple(each + _WIDER_START for each in means["log_scales"])
+        means["log_scales"] = tuple(
+            min(each + _WIDER_START, MOST_LOG_SCALE) for each in means["log_scales"]
+        )
         means["energies"] = tuple(
-            max(each // _RESTLESS, LEAST_ENERGY) for each in means["energies"]
+            min(max(each // _RESTLESS, LEAST_ENERGY), LARGEST_ENERGY) for each in means["energies"]
         )
         return Learnt(
-            weights=tuple(tuple(weight // count for weight in row) for row in self._weights),
+            weights=tuple(
+                tuple(min(max(weight // count, -LARGEST), LARGEST) for weight in row)
+                for row in self._weights
+            ),
             **means,
         )
 

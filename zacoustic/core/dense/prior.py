@@ -15,7 +15,10 @@ from zacoustic.core.dense.leastsquares import LEAST_ENERGY
 from zacoustic.core.dense.rowmodel import RowModel
 from zacoustic.errors import ConfigError
 
-_LARGEST: Final = 1 << 40  # of any number in a model; more is damage
+LARGEST: Final = (1 << 40) - 1
+"""Of any number in a model, but for those below; more is damage."""
+LARGEST_ENERGY: Final = 1 << 62
+"""Of an energy: that of the widest numbers is the square of millions of steps."""
 _CHANCE: Final = 1 << 16
 
 
@@ -131,7 +134,7 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
         if not fits:
             raise ConfigError(f"{key}.learnt.{place}: another number of entries than the type has")
         for numbers, least, most in (
-            (learnt.energies, LEAST_ENERGY, _LARGEST),
+            (learnt.energies, LEAST_ENERGY, LARGEST_ENERGY),
             (learnt.log_scales, 0, MOST_LOG_SCALE),
             (learnt.widths, 0, (1 << WIDTH_BITS) - 1),
             (learnt.nearer, 0, _CHANCE),
@@ -139,10 +142,10 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
         ):
             if not all(least <= number <= most for number in numbers):
                 raise ConfigError(f"{key}.learnt.{place}: a number out of bounds")
-        if not all(-_LARGEST < number < _LARGEST for row in learnt.weights for number in row):
+        if not all(-LARGEST <= number <= LARGEST for row in learnt.weights for number in row):
             raise ConfigError(f"{key}.learnt.{place}.weights: a number out of bounds")
     for first in prior.firsts:
-        if not 0 <= first.scale < _LARGEST or not 0 <= first.hold < _CHANCE:
+        if not 0 <= first.scale <= LARGEST or not 0 <= first.hold < _CHANCE:
             raise ConfigError(f"{key}.firsts: a number out of bounds")
     order = [*model.symbols, *model.numbers]
     for column, first in enumerate(prior.firsts):
@@ -153,7 +156,7 @@ def check_prior(prior: StreamPrior, model: RowModel, stream_id: int) -> None:
         if known is not None and companion.column not in known:
             raise ConfigError(f"{key}.firsts[{column}].companion: a column that is coded later")
         numbers = (companion.column, companion.scale, abs(companion.slope), abs(companion.offset))
-        if companion.scale < 1 or not all(0 <= number < _LARGEST for number in numbers):
+        if companion.scale < 1 or not all(0 <= number <= LARGEST for number in numbers):
             raise ConfigError(f"{key}.firsts[{column}].companion: a number out of bounds")
     chances = (*prior.steadiness, *prior.more, *((prior.present,) if prior.present else ()))
     if not all(0 < chance < _CHANCE for chance in chances):

@@ -105,6 +105,13 @@ def _steps(rate: int) -> list[int]:
 _SCALE_STEPS: Final = _steps(_SCALE_RATE)
 _WIDTH_STEPS: Final = _steps(_WIDTH_RATE)
 
+# A number of more values than this is seen from its reference, as far as so many values around.
+_WIDE: Final = LARGEST_SIZE
+_WINDOW: Final = 1 << 40
+# A stride of so many steps is not left to least squares: the number is seen from where it leads.
+_STRIDE: Final = _WIDE >> 2
+_MOST_MOVED: Final = 1 << 28  # least squares learn of no greater way, 1/16 of a step
+
 _LEAST_STEADY: Final = 1 << 8
 _MOST_STEADY: Final = (1 << 16) - (1 << 8)
 START_STEADY: Final = (1 << 16) - (1 << 12)
@@ -132,17 +139,16 @@ class RowModel:
         )
         self._plan = [
             # Seen from the reference where the field goes round, so that both ways are near, and
-            # where it has more values than a curve can have; else from the least value.
+            # where it is wide; else from the least value.
             (
                 n,
                 columns[n].size,
-                min(columns[n].size, LARGEST_SIZE)
-                if columns[n].wraps or columns[n].size > LARGEST_SIZE
-                else 0,
+                min(columns[n].size, _WINDOW) if columns[n].wraps or columns[n].size > _WIDE else 0,
                 columns[n].guard,
             )
             for n in self.numbers
         ]
+        self._large = [n for n in self.numbers if columns[n].size > _WIDE and not columns[n].wraps]
         self._levels = [
             (n, zero)
             for n in self.numbers
@@ -189,6 +195,19 @@ class RowModel:
             adaptations={**reference.adaptations, place: learnt},
             steadiness=steadiness,
         )
+
+    def strides(self, row: Row, old_row: Row, steps: int) -> list[int] | None:
+        """Return the velocity of a row that is not coded against another one; None: not known.
+
+        It is that of the numbers which are too far from each other to be, and 0 for all others.
+        """
+        found: list[int] | None = None
+        for n in self._large:
+            new, old = row[n], old_row[n]
+            if new is not None and old is not None and abs(new - old) >= _STRIDE * steps:
+                found = found or [0] * len(row)
+                found[n] = (new - old << POINT_BITS) // steps
+        return found
 
     def code_plainly(self, coder: Coder, row: Row) -> None:
         """Write or read a row with every value as likely as any other."""
@@ -265,6 +284,14 @@ class RowModel:
         trends = old_velocity or velocity
         if steps != 1:
             trends = [way * steps for way in trends]
+        strides: dict[int, int] = {}
+        if old_velocity is not None:
+            for n in self._large:
+                stride = trends[n] >> POINT_BITS
+                if not -_STRIDE < stride < _STRIDE:
+                    strides[n] = stride
+            if strides:
+                trends = [0 if n in strides else way for n, way in enumerate(trends)]
         manners, widths = before.manners[:], before.widths[:]
         explained = Explained(self.shape, before.weights, before.energies)
         follow, near = explained.follow, coder.near
@@ -290,21 +317,26 @@ class RowModel:
             width = widths[situation]
             grade = log_scale + width >> GRADE_SHIFT
             if span:
+                stride = strides.get(n, 0)
                 half = span >> 1
-                offset = (row[n] or 0) - old + half
-                if self.columns[n].wraps:
+                offset = (row[n] or 0) - old - stride + half
+                if span == size or self.columns[n].wraps:
                     offset %= size
                 if not coder.is_reader and not 0 <= offset < span:
                     raise TooFarError
                 center = (half << POINT_BITS) + expected
                 change = near(span, center, grade, half, hold, offset) - half
-                row[n] = (old + change) % size
+                row[n] = (old + stride + change) % size
             else:
                 center = (old << POINT_BITS) + expected
                 row[n] = new = near(size, center, grade, old, hold, row[n] or 0)
                 change = new - old
             moved = change << POINT_BITS
             velocity[n] = moved // steps
+            if span:
+                velocity[n] = (stride + change << POINT_BITS) // steps
+                if not -_MOST_MOVED < moved < _MOST_MOVED:
+                    moved = _MOST_MOVED if moved > 0 else -_MOST_MOVED
             following = follow(moved)
 
             # Learn. A wild value must not make the curve wide for long.

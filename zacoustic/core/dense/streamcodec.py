@@ -160,7 +160,7 @@ class StreamCodec:
         known_rest = self._no_rest if reference is None else reference.rest
         return StreamState(
             row=[old if new is None else new for new, old in zip(row, known, strict=True)],
-            velocity=None,
+            velocity=None if reference is None else self.model.strides(row, reference.row, steps),
             rest=self._rest.code(coder, row, rest, known_rest, plainly=way == _PLAIN),
             adaptations=self.model.priors if reference is None else reference.adaptations,
             steadiness=self._steadiness if reference is None else reference.steadiness,

@@ -11,7 +11,8 @@ fixed array (`length`)                   those of its elements, in place; a coun
                                          is read, and not written
 bounded array                            the number of elements, then theirs
 bytes                                    as an array of uint8: their number, then one for each
-no field at all                          one, a zero: ROS gives an empty message one member
+no member at all                         one, a zero: ROS gives an empty message one member
+nothing but octets                       none: it does not send octets
 =======================================  =========================================================
 
 `compile_writer` and `compile_reader` are closures made once per type. The writer checks nothing;
@@ -58,7 +59,7 @@ EMPTY: Final = b"\x00"
 
 def compile_writer(type_spec: TypeSpec) -> Write:
     """Make the writer of the values of a type, as `TypeSpec.validate` returns them."""
-    return compile_walk(type_spec, _scalar_writer, EMPTY)
+    return compile_walk(type_spec, _scalar_writer, b"" if type_spec.is_hidden else EMPTY)
 
 
 def _scalar_writer(field: FieldSpec) -> Write:
@@ -96,7 +97,7 @@ _WRITERS: Final[dict[str, Write]] = {
 def compile_reader(type_spec: TypeSpec) -> Read:
     """Make the reader of the values of a type; what it returns is still to be validated."""
     if not type_spec.fields:
-        return _read_empty
+        return _read_nothing if type_spec.is_hidden else _read_empty
     plan = [(field.name, _field_reader(type_spec, field)) for field in type_spec.fields]
 
     def read(buffer: bytes, offset: int) -> tuple[dict[str, Any], int]:
@@ -174,6 +175,10 @@ def _float_reader(field: FieldSpec) -> Read:
     return read
 
 
+def _read_nothing(buffer: bytes, offset: int) -> tuple[dict[str, Any], int]:
+    return {}, offset
+
+
 def _read_empty(buffer: bytes, offset: int) -> tuple[dict[str, Any], int]:
     number, end = read_integer(buffer, offset)
     if number:
@@ -223,7 +228,7 @@ def compile_counter(type_spec: TypeSpec) -> Count:
     else: a text above `TEXT_LIMIT_BYTES` or with a NUL, and a sequence of booleans.
     """
     if not type_spec.fields:
-        return lambda value, path: 1
+        return lambda value, path: 0 if type_spec.is_hidden else 1
     plan = [(field.name, _field_counter(type_spec, field)) for field in type_spec.fields]
 
     def count(value: dict[str, Any], path: str) -> int:

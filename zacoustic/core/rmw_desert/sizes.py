@@ -13,7 +13,8 @@ _OCTET_BYTES = 2
 def sizes_bytes(type_spec: TypeSpec) -> Sizes:
     """Sizes of the smallest and of the largest message of a type, bytes, without its head."""
     if not type_spec.fields:
-        return len(EMPTY), len(EMPTY)
+        size_bytes = 0 if type_spec.is_hidden else len(EMPTY)
+        return size_bytes, size_bytes
     sizes = [_field_bytes(type_spec, field) for field in type_spec.fields]
     largest = [high for _, high in sizes if high is not None]
     is_bounded = len(largest) == len(sizes)
@@ -53,7 +54,8 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
 def item_counts(type_spec: TypeSpec) -> Sizes:
     """Least and most items of a message of a type, without its head; None: no bound."""
     if not type_spec.fields:
-        return 1, 1
+        count = 0 if type_spec.is_hidden else 1
+        return count, count
     counts = [_field_items(type_spec, field) for field in type_spec.fields]
     most = [high for _, high in counts if high is not None]
     is_bounded = len(most) == len(counts)

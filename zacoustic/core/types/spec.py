@@ -39,6 +39,8 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """The fields in the order in which they travel; none: a type with one value, of no bytes."""
     nested: "tuple[TypeSpec, ...]" = ()
     """The resolved types that `fields` names."""
+    is_hidden: bool = False
+    """It has members, and a foreign wire has nothing for any of them: no fields, and no bytes."""
 
     def __post_init__(self) -> None:
         """Check names, nested types and defaults.

@@ -82,7 +82,12 @@ class TypeTable:
             nested[field.type] = self._resolve(field.type, (*outer, name))
         try:
             # Made anew, since `structs.replace` of older versions does not check what it makes.
-            resolved = TypeSpec(name=name, fields=spec.fields, nested=tuple(nested.values()))
+            resolved = TypeSpec(
+                name=name,
+                fields=spec.fields,
+                nested=tuple(nested.values()),
+                is_hidden=spec.is_hidden,
+            )
         except ConfigError as error:
             raise ConfigError(f"{self._path}[{position}].{error}") from None
         self._resolved[name] = resolved
