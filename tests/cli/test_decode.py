@@ -246,3 +246,19 @@ def test_frames_as_arguments_are_taken_in_their_order(
     frames = [frame.hex() for frame in strings(3)]
     assert main(["decode", *frames, "--config", str(fleet), "--source", "2"]) == 0
     assert capsys.readouterr().out.count("auv1/nav: {") == 3
+
+
+def test_a_file_of_a_fleet_is_no_nodes_and_needs_no_address(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = write_config(tmp_path / "fleet.json5")
+    section = json.loads(fleet.read_text(encoding="utf-8"))
+    del section["plugins"]["acoustic"]["address"]
+    fleet.write_text(json.dumps(section), encoding="utf-8")
+    assert main(["decode", "--config", str(fleet), strings(1)[0].hex(), "--source", "2"]) == 0
+    assert "missing" not in capsys.readouterr().err
+    # With a router that is not there: the file is read before.
+    nowhere = ["--connect", "tcp/127.0.0.1:1"]
+    for verb in (["record", "-o", str(tmp_path / "a.mcap")], ["topics"], ["silence"]):
+        assert main([*verb, "--config", str(fleet), *nowhere]) != 0
+        assert "address" not in capsys.readouterr().err

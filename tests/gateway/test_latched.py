@@ -6,14 +6,27 @@ What ROS sees of it is in test_ros_topics.py.
 from contextlib import AsyncExitStack
 from typing import Any, Final
 
+import pytest
 import zenoh
 import zenoh.ext
 
-from tests.gateway.islands import Heard, Water, get, hear, island, matched, run
+from tests.gateway.islands import (
+    Heard,
+    Water,
+    config_of,
+    get,
+    hear,
+    island,
+    matched,
+    run,
+    zenoh_config,
+    zenoh_router,
+)
 from tests.gateway.rosnode import LATCHED, Node, ros_session
 from tests.gateway.rospair import SECTION as ROS_SECTION
 from tests.gateway.rospair import STRING
 from zacoustic.config import config_from_mapping
+from zacoustic.gateway import Gateway
 from zacoustic.gateway.kept import KeptSamples
 from zacoustic.gateway.lastvalues import LastValue
 from zacoustic.island.marker import is_marked
@@ -74,6 +87,62 @@ def test_a_late_subscriber_of_zenoh_has_the_last_samples_at_once() -> None:
             assert [await ctd.payload(), await ctd.payload()] == [b"2", b"3"]
             assert await Heard(late, "auv1/raw/sonar", history=2).payload() == b"ping"
             assert (await get(late, "auv1/map")).payload("auv1/map") == b"the map"
+
+    run(main())
+
+
+@pytest.mark.parametrize("mode", ["client", "peer"])
+def test_late_joiners_have_it_whatever_the_mode_of_the_gateway(mode: str) -> None:
+    async def main() -> None:
+        water = Water()
+        with zenoh_router() as port:
+            async with AsyncExitStack() as stack:
+                link = water.medium.link(1)
+                shore = zenoh.open(zenoh_config("client", connect=port))
+                stack.callback(shore.close)
+                settings = zenoh_config(mode, connect=port)
+                gateway = Gateway(config_of(1, settings, SECTION), link=link)
+                await stack.enter_async_context(gateway)
+                early = await hear(shore, "auv1/map")
+                async with island(2, water, section=SECTION) as b:
+                    with b.client() as auv:
+                        await matched(auv, "auv1/map")
+                        auv.put("auv1/map", b"the map")
+                        assert await early.payload() == b"the map"
+                late = zenoh.open(zenoh_config("client", connect=port))
+                stack.callback(late.close)
+                assert await Heard(late, "auv1/map", history=1).payload() == b"the map"
+
+    run(main())
+
+
+def test_late_joiners_have_nothing_of_a_key_that_was_deleted() -> None:
+    async def main() -> None:
+        water = Water()
+        async with AsyncExitStack() as stack:
+            a = await stack.enter_async_context(island(1, water, section=SECTION))
+            shore = stack.enter_context(a.client())
+            early = await hear(shore, "auv1/raw/**")
+            b = await stack.enter_async_context(island(2, water, section=SECTION))
+            auv = stack.enter_context(b.client())
+            await matched(auv, "auv1/raw/ctd")
+            await matched(auv, "auv1/raw/sonar")
+            auv.put("auv1/raw/sonar", b"ping")
+            assert await early.payload() == b"ping"
+            auv.put("auv1/raw/ctd", b"1")
+            assert await early.payload() == b"1"
+            auv.delete("auv1/raw/ctd")
+            assert (await early.next()).kind == zenoh.SampleKind.DELETE
+            late = Heard(stack.enter_context(a.client()), "auv1/raw/ctd", history=2)
+            other = Heard(stack.enter_context(a.client()), "auv1/raw/sonar", history=2)
+            assert await other.payload() == b"ping"
+            # It is as if nothing had been there; and what comes later is kept as ever.
+            auv.put("auv1/raw/ctd", b"2")
+            assert await early.payload() == b"2"
+            assert await late.payload() == b"2"
+            later = Heard(stack.enter_context(a.client()), "auv1/raw/ctd", history=2)
+            assert await later.payload() == b"2"
+            assert [each.payload.to_bytes() for each in late.samples] == [b"2"]
 
     run(main())
 

@@ -300,8 +300,9 @@ class Drive:
         match event:
             case SampleReceived():
                 oracle.hand_on(
-                    node, life, event.source, event.stream_id, event.instance, event.value
-                )
+                    node, life, event.source, event.stream_id, event.instance, event.value,
+                    again=event.again,
+                )  # fmt: skip
             case RequestReceived() if event.call.client in self.hostile.addresses:
                 oracle.hand_on(node, life, event.call.client, event.call.stream_id, (), event.value)
                 self._later(

@@ -71,8 +71,13 @@ class Oracle:
         stream_id: int,
         instance: tuple[int, ...],
         value: Any,
+        *,
+        again: bool = False,
     ) -> int | None:
-        """An application was handed a sample, a request or a goal; returns its ticket."""
+        """An application was handed a sample, a request or a goal; returns its ticket.
+
+        `again`: it was told that it may have had it before its node was killed.
+        """
         ticket = fleet.ticket_of(value)
         given = None if ticket is None else self.given.get(ticket)
         where = f"node {node} gets {value!r:.60} of node {source} on stream {stream_id}"
@@ -89,6 +94,7 @@ class Oracle:
         is_again = life in lives if stream_id in (fleet.LIGHT,) else bool(lives)
         is_best_effort = stream_id in fleet.BEST_EFFORT
         is_allowed = node in self.forgetful or self._strangers or (is_best_effort and self._doubles)
+        is_allowed |= again and life > max(lives, default=life)
         if is_again and not is_allowed:
             self.complain(f"{where}: a second time, given at {given.at_s:.1f} s")
         lives.append(life)

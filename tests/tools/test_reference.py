@@ -1,5 +1,6 @@
 """`zacoustic schema` prints what reading a file takes, and docs/reference.md is its output."""
 
+import copy
 import json
 import re
 from pathlib import Path
@@ -10,7 +11,7 @@ import msgspec
 import pytest
 
 from zacoustic.cli import main
-from zacoustic.config import read_config
+from zacoustic.config import config_from_mapping, read_config
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
 from zacoustic.core.access.spec import METHODS
 from zacoustic.errors import ConfigError
@@ -105,3 +106,85 @@ def test_what_is_wrong_in_itself_does_not_fit(
 ) -> None:
     assert not validator.is_valid({"plugins": {"acoustic": section}})
     assert validator.is_valid({"plugins": {"acoustic": {"address": 1}}, "mode": "router"})
+
+
+WHOLE: Final[dict[str, Any]] = {
+    "address": 1,
+    "nodes": [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}],
+    "links": [
+        {"locator": "sim/127.0.0.1:7000",
+         "access": {"method": "polling", "poller": 1, "nodes": [2], "turn_s": 5.0}}
+    ],
+    "types": [
+        {"name": "Nav", "fields": [
+            {"name": "lat", "type": "float64", "range": [-90, 90], "step": "1/60000",
+             "outside": "clamp"},
+            {"name": "beams", "type": "uint8", "max_length": 4},
+        ]}
+    ],
+    "streams": [
+        {"id": 10, "topic": "nav", "type": "Nav", "codec": "dense", "stamp": "age",
+         "priority": "data_low", "depth": 3, "max_airtime": 0.5, "publishers": [2],
+         "durability": "transient_local", "forward": "on_demand", "reliability": "best_effort"},
+        {"id": 20, "service": "arm", "server": 2, "request": "Nav", "response": "Nav",
+         "codec": "packed", "timeout_s": 5},
+    ],
+    "ranging": [{"to": 2, "every_s": 60}],
+    "quiet": [{"from": "22:00", "to": "06:00"}],
+    "objects": {"max_waiting": 8},
+    "heartbeat_s": 60,
+    "orders_from": [1],
+}  # fmt: skip
+WRONG: Final[list[tuple[str, Any]]] = [
+    ("address", 0),
+    ("address", 255),
+    ("nodes.0.address", 999),
+    ("links.0.access.poller", 0),
+    ("links.0.access.nodes", [255]),
+    ("links.0.access.turn_s", 6),
+    ("links.0.wire", "nativ"),
+    ("types.0.fields.0.step", 0),
+    ("types.0.fields.0.step", "1/0"),
+    ("types.0.fields.0.step", "a/b"),
+    ("types.0.fields.0.outside", "cut"),
+    ("types.0.fields.1.max_length", 0),
+    ("streams.0.id", 176),
+    ("streams.0.codec", "dens"),
+    ("streams.1.codec", "dense"),
+    ("streams.0.stamp", "ages"),
+    ("streams.0.priority", "urgent"),
+    ("streams.0.depth", 0),
+    ("streams.0.max_airtime", 1.5),
+    ("streams.0.publishers", [0]),
+    ("streams.0.durability", "transient"),
+    ("streams.0.forward", "ondemand"),
+    ("streams.0.reliability", "best"),
+    ("streams.0.lifespan_s", 0),
+    ("streams.0.min_interval_s", -1),
+    ("streams.1.timeout_s", 0),
+    ("ranging.0.every_s", 0),
+    ("quiet.0.from", "24:00"),
+    ("objects.max_waiting", 65),
+    ("heartbeat_s", 0),
+    ("orders_from", [300]),
+]
+
+
+def test_a_whole_file_fits(validator: jsonschema.Draft202012Validator) -> None:
+    validator.validate({"plugins": {"acoustic": WHOLE}})
+    config_from_mapping(WHOLE, source="test")
+
+
+@pytest.mark.parametrize(("path", "value"), WRONG, ids=[f"{path}={each}" for path, each in WRONG])
+def test_limits_and_words_are_in_the_schema(
+    path: str, value: object, validator: jsonschema.Draft202012Validator
+) -> None:
+    section = copy.deepcopy(WHOLE)
+    *steps, key = path.split(".")
+    place: Any = section
+    for step in steps:
+        place = place[int(step) if step.isdigit() else step]
+    place[key] = value
+    assert not validator.is_valid({"plugins": {"acoustic": section}})
+    with pytest.raises(ConfigError):  # the schema allows nothing less than reading does
+        config_from_mapping(section, source="test")

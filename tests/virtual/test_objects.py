@@ -73,6 +73,17 @@ def test_a_photo_arrives(loss: float) -> None:
     assert network.engine(1).is_idle
 
 
+def test_what_crosses_as_objects_is_counted_once_each_as_transmitted_and_received() -> None:
+    network = VirtualNetwork(line(0, 1500, channel="none", loss={"frame": 0.3}), table(depth=4))
+    for number in range(3):
+        network.at(1 + number, partial(network.publish, 2, PHOTO, payload(3000, number)))
+    network.at(5, partial(network.publish, 2, PHOTO, b"small"))
+    network.run(until_s=4000)
+    assert len(network.samples(1, PHOTO)) == 4
+    assert network.engine(2).stats.transmitted[PHOTO] == 4
+    assert network.engine(1).stats.received[PHOTO] == 4
+
+
 def test_sender_tells_what_was_on_the_air_before_the_receiver_says_what_it_has(count: Any) -> None:
     for seed in range(count(100)):
         water = line(0, 1500, channel="none", loss={"frame": 0.2}, seed=seed)

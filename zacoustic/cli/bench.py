@@ -51,7 +51,7 @@ class TelemetryBench(Command):
             ConfigError: A file or an argument is wrong.
         """
         from zacoustic.tools.crossing import IN_PARTS
-        from zacoustic.tools.telemetry.fleet import read_fleet
+        from zacoustic.tools.fleetfile import read_fleet
         from zacoustic.tools.telemetry.measuretext import as_text
         from zacoustic.tools.telemetry.measuring import measure
         from zacoustic.tools.telemetry.recording import read_recordings

@@ -70,9 +70,9 @@ class DecodeCommand(Command):
 
         table = None
         if arguments.config is not None:
-            from zacoustic.config import read_config
+            from zacoustic.tools.fleetfile import read_fleet
 
-            table = read_config(arguments.config).table
+            table = read_fleet(arguments.config).table
         code = EXIT_OK
         files = [each for each in arguments.frames if arguments.log or _is_file(each)]
         if arguments.log and not files:

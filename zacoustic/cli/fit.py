@@ -46,7 +46,7 @@ class FitCommand(Command):
         """
         import msgspec
 
-        from zacoustic.tools.telemetry.fleet import read_fleet
+        from zacoustic.tools.fleetfile import read_fleet
         from zacoustic.tools.telemetry.modelling import fit_recordings
         from zacoustic.tools.telemetry.modeltext import as_text
         from zacoustic.tools.telemetry.recording import read_recordings

@@ -80,10 +80,10 @@ class PingCommand(Command):
 
 
 async def _ping(arguments: argparse.Namespace, done: "list[Ping]") -> None:
-    from zacoustic.config import read_config
+    from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.pinging import pings
 
-    config = None if arguments.config is None else read_config(arguments.config)
+    config = None if arguments.config is None else read_fleet(arguments.config)
     node = _address(arguments.node, config)
     async with _pinger(arguments, config) as pinger:
         async for ping in pings(

@@ -156,11 +156,11 @@ async def _follower(
     if not arguments.wait or arguments.link is not None:
         yield None
         return
-    from zacoustic.config import read_config
+    from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.following import GatewayFollower
     from zacoustic.tools.watch.watching import Watch
 
-    config = None if arguments.config is None else read_config(arguments.config)
+    config = None if arguments.config is None else read_fleet(arguments.config)
     stream = node.find_stream(arguments.key)
     async with Watch(config, arguments.connect) as watch:
         yield GatewayFollower(watch, arguments.key if stream is None else stream.name)

@@ -55,10 +55,10 @@ class RecordCommand(Command):
 
 
 async def _record(arguments: argparse.Namespace) -> "RecordedKeys":
-    from zacoustic.config import read_config
+    from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.recordings.zenohrecord import record_network
 
-    config = None if arguments.config is None else read_config(arguments.config)
+    config = None if arguments.config is None else read_fleet(arguments.config)
     stop = asyncio.Event()
     with stopped_by_signals(stop), contextlib.ExitStack() as stack:
         if (duration_s := vars(arguments)["for"]) is not None:

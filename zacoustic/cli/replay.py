@@ -154,10 +154,10 @@ def _through(arguments: argparse.Namespace) -> int:
 
 
 async def _play(arguments: argparse.Namespace) -> "Played":
-    from zacoustic.config import read_config
+    from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.recordings.playing import play
 
-    config = None if arguments.config is None else read_config(arguments.config)
+    config = None if arguments.config is None else read_fleet(arguments.config)
     stop = asyncio.Event()
     with stopped_by_signals(stop):
         return await play(

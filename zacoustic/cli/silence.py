@@ -113,8 +113,8 @@ def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], s
         ConfigError: An argument is wrong.
         DeliveryError, ServiceError: There is no such node, or it refuses.
     """
-    from zacoustic.config import read_config
     from zacoustic.core.orders.words import ORDERS_TIMEOUT_S
+    from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.orders import give_order
 
     check_positive(arguments, "timeout")
@@ -125,7 +125,7 @@ def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], s
         timeout_s = _HERE_S if arguments.node is None else _BEYOND_S
     if timeout_s > ORDERS_TIMEOUT_S:
         raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {ORDERS_TIMEOUT_S:g}")
-    config = None if arguments.config is None else read_config(arguments.config)
+    config = None if arguments.config is None else read_fleet(arguments.config)
     answers = asyncio.run(
         give_order(config, arguments.connect, order, node=arguments.node, timeout_s=timeout_s)
     )

@@ -89,11 +89,11 @@ def read_watch(arguments: argparse.Namespace) -> "Config | None":
     Raises:
         ConfigError: The file or an argument is wrong.
     """
-    from zacoustic.config import read_config
+    from zacoustic.tools.fleetfile import read_fleet
 
     if arguments.node is not None and not 1 <= arguments.node <= 254:
         raise ConfigError(f"--node {arguments.node}; allowed: 1..254")
-    return None if arguments.config is None else read_config(arguments.config)
+    return None if arguments.config is None else read_fleet(arguments.config)
 
 
 def chosen(watch: "Watch", node: int | None) -> "list[GatewayView]":

@@ -33,7 +33,7 @@ from zacoustic.core.port import LinkPort
 from zacoustic.core.qos import Priority
 from zacoustic.core.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.ranging import Ranging
-from zacoustic.core.stats import NO_STREAM, Cause, EngineStats
+from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
 
 
 class Composed(msgspec.Struct, frozen=True, kw_only=True):
@@ -207,6 +207,8 @@ class Composer:
                 len(taken.record)
             ):
                 destination = BROADCAST  # that a pause follows concerns everybody
+        if taken.is_first:
+            count(self._stats.transmitted, taken.stream_id)
         cause = Cause.REPAIR if taken.is_repair else Cause.PAYLOAD
         self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
         data_bytes = len(taken.record) - taken.header_bytes

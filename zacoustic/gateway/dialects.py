@@ -129,6 +129,8 @@ class TopicDialect(ABC):
 
     def delete(self, key: str, source: int) -> None:
         """Delete a key on the island."""
+        if self._latched is not None:
+            self._latched.forget(key)
         self._island.delete(
             key, priority=self.stream.qos.priority, attachment=Marker(acoustic=source).encode()
         )

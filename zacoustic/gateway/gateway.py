@@ -28,6 +28,7 @@ from zacoustic import registry
 from zacoustic.config import Config, read_config
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
+from zacoustic.core.qos import Durability
 from zacoustic.errors import ConfigError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects
@@ -150,7 +151,8 @@ class Gateway:
             state = await recover(self._journal)
             if self._record is not None:
                 await self._open_recording(self._record)
-            if self.config.ros is not None:
+            table, latched = self.config.table, Durability.TRANSIENT_LOCAL
+            if self.config.ros or any(each.qos.durability is latched for each in table):
                 stamp_samples(self._zenoh_config)
             island = await Island.open(self._zenoh_config)
             self._junction = junction = await self._join(island, state)

@@ -5,6 +5,7 @@ A cache is declared in the worker, and what arrives before that waits.
 
 import threading
 from collections import deque
+from functools import partial
 
 from zacoustic.core.qos import Priority
 from zacoustic.island.latching import Latched, latched_publisher
@@ -51,6 +52,17 @@ class LatchedPublisher:
                 return
         publisher.put(payload, encoding=encoding, attachment=attachment)
 
+    def clear(self) -> Latched | None:
+        """Forget all samples; on the loop. What is put later waits for the next `declare`.
+
+        Returns:
+            What still has them, to be undeclared in the worker.
+        """
+        with self._guard:
+            publisher, self._publisher = self._publisher, None
+            self._waiting.clear()
+        return publisher
+
     def undeclare(self) -> None:
         """Take it back; in the worker. What is put later waits for the next `declare`."""
         with self._guard:
@@ -83,6 +95,12 @@ class LatchedKeys:
         if is_new and self._is_declared:
             self._island.worker.submit(cache.declare)
 
+    def forget(self, key: str) -> None:
+        """Have nothing any more for who joins late, of a key that was deleted; on the loop."""
+        cache = self._caches.get(key)
+        if cache is not None:
+            self._island.worker.submit(partial(self._renew, cache, cache.clear()))
+
     def declare(self, *keys: str) -> None:
         """Declare the caches that there are, and those of these keys; in the worker."""
         self._is_declared = True
@@ -96,6 +114,13 @@ class LatchedKeys:
         self._is_declared = False
         for cache in list(self._caches.values()):
             cache.undeclare()
+
+    def _renew(self, cache: LatchedPublisher, full: Latched | None) -> None:
+        """Zenoh's cache cannot be emptied: take it back, and declare another one."""
+        if full is not None:
+            full.undeclare()  # type: ignore[no-untyped-call]
+        if self._is_declared:
+            cache.declare()
 
     def _cache(self, key: str) -> LatchedPublisher:
         # Made by the loop or by the worker, whoever is first; `setdefault` is one step.

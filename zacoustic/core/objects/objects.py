@@ -69,6 +69,8 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True):
     """The bytes."""
     header_bytes: int
     """How many of them are not payload."""
+    is_first: bool = False
+    """With it an object begins."""
     is_repair: bool = False
     """It is a repair fragment."""
     ends_run: bool = False
@@ -344,6 +346,7 @@ class Objects:
             stream_id=sending.stream_id,
             record=fragment.encode(),
             header_bytes=FRAGMENT_HEADER_BYTES,
+            is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
             ends_run=fragment.call is Call.WINDOW,
         )

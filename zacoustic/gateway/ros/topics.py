@@ -132,7 +132,9 @@ class RosTopicDialect(TopicDialect):
         return self._teller(self.stream_key(last.key)).attachment(last.age_s)
 
     def delete(self, key: str, source: int) -> None:
-        """Do nothing: ROS has no deletes."""
+        """Have nothing for who joins late; who is there is not told: ROS has no deletes."""
+        if self._latched is not None:
+            self._latched.forget(key)
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
         """Declare the publishers of what comes from beyond the water; in the worker."""

@@ -18,6 +18,7 @@ from zacoustic.core.rules import TransmitRules
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
+from zacoustic.tools.fleetfile import read_fleet
 from zacoustic.tools.fleets import configs_of, tables_of
 from zacoustic.tools.plan.offers import (
     Offer,
@@ -119,7 +120,7 @@ def _of_scenario(path: Path, mapping: object) -> Fleet:
 
 
 def _of_config(path: Path, water: Water) -> Fleet:
-    first = _first_config(path)
+    first = read_fleet(path)
     addresses = sorted(first.nodes) or _two_of(first.address)
     configs = {address: read_config(path, address=address) for address in addresses}
     scenario = Scenario(
@@ -141,19 +142,6 @@ def _of_config(path: Path, water: Water) -> Fleet:
         offers=offers,
         notes=notes,
     )
-
-
-def _first_config(path: Path) -> Config:
-    """Read the file for some node of it: for that of the file, or for the first that it lists."""
-    try:
-        return read_config(path)
-    except ConfigError as error:
-        for address in range(1, 255):
-            try:
-                return read_config(path, address=address)
-            except ConfigError:
-                continue
-        raise error from None
 
 
 def _two_of(address: int) -> list[int]:

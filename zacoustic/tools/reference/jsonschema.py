@@ -10,6 +10,7 @@ import msgspec
 from zacoustic.config.complaints import allowed_at
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
 from zacoustic.core.access.spec import METHODS
+from zacoustic.tools.reference.limits import limit
 from zacoustic.tools.reference.meanings import meanings_of
 
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
@@ -52,4 +53,5 @@ def _describe(schema: dict[str, Any], record: type[msgspec.Struct], path: str) -
         said = meanings.get(field.name, "")
         allowed = allowed_at(f".{path}.{field.encode_name}")
         entry = schema["properties"][field.encode_name]
+        limit(entry, allowed, is_topic=record is TopicEntry)
         entry["description"] = f"{said} Allowed: {allowed}." if allowed else said

@@ -1,7 +1,9 @@
-"""The stream table of a configuration, for who is no node of it and opens no modem."""
+"""The configuration of a fleet, for who is no node of it and opens no modem."""
 
 from collections.abc import Mapping
 from pathlib import Path
+
+import msgspec
 
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.json5 import read_zenoh_config
@@ -9,8 +11,8 @@ from zacoustic.json5 import read_zenoh_config
 _ANYBODY = 1
 
 
-def read_fleet(path: str, *, with_model: bool) -> Config:
-    """Read what a fleet has agreed on.
+def read_fleet(path: str | Path, *, with_model: bool = True) -> Config:
+    """Read what a fleet has agreed on; a file without `address` is read for its first node.
 
     Args:
         path: Of the configuration.
@@ -19,14 +21,15 @@ def read_fleet(path: str, *, with_model: bool) -> Config:
     Raises:
         ConfigError: As `zacoustic.config.read_config`.
     """
-    _, section = read_zenoh_config(path)
+    zenoh_config, section = read_zenoh_config(path)
     if isinstance(section, Mapping):
         section = dict(section)
         if not with_model:
             section.pop("model", None)
         if "address" not in section:
             section["address"] = _first_address(section.get("nodes"))
-    return config_from_mapping(section, source=path, folder=Path(path).parent)
+    config = config_from_mapping(section, source=str(path), folder=Path(path).parent)
+    return msgspec.structs.replace(config, zenoh_config=zenoh_config)
 
 
 def _first_address(nodes: object) -> object:
