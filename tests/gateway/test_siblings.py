@@ -96,6 +96,30 @@ def test_one_put_is_one_transmission_and_one_delivery_without_echo() -> None:
     run(main())
 
 
+def test_gateways_of_one_island_do_not_speak_at_one_instant() -> None:
+    """An event on the island makes samples for both, and a receiver would hear neither."""
+
+    async def main() -> None:
+        water = Water(profile="evologics_s2c_18_34", time_scale=4.0)
+        async with AsyncExitStack() as stack:
+            router = stack.enter_context(zenoh_router())
+            first = await stack.enter_async_context(island(1, water, join=router))
+            second = await stack.enter_async_context(island(3, water, join=router))
+            await until(lambda: alive(first) == alive(second) == (1, 3), first.changed)
+            vehicle = await stack.enter_async_context(island(2, water))
+            shore = stack.enter_context(first.client())
+            heard = await hear(stack.enter_context(vehicle.client()), "fleet/*/status")
+            for node in ("shore", "buoy"):
+                await matched(shore, f"fleet/{node}/status")
+            for number in range(5):
+                payloads = {f"{node} {number}".encode() for node in ("shore", "buoy")}
+                for node in ("shore", "buoy"):
+                    shore.put(f"fleet/{node}/status", f"{node} {number}".encode())
+                assert {await heard.payload(), await heard.payload()} == payloads
+
+    run(main())
+
+
 def test_standby_takes_over_when_the_active_gateway_is_gone() -> None:
     async def main() -> None:
         async with fleet() as here:

@@ -6,7 +6,8 @@ heard goes eight times, four copies in each of two pauses (`zacoustic.core.acces
 40 % loss one of a thousand is lost. It is numbered for that, by SYNC, so that it is handed on
 once; what is published while nobody is in a run goes once, without a number.
 
-A newer sample of its key ends the copies of one that was sent.
+A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
+that restarts knows no numbers, and would take an old one for new.
 """
 
 from collections import deque
@@ -14,6 +15,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.frame import SYNC_BYTES, Sync
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.keys import Instance
@@ -29,17 +31,22 @@ _MOST_IN_THE_DARK: Final = 6
 _MOST_KEYS: Final = 1024
 """Of so many keys the numbers are known that came last."""
 _MOST_NUMBERS: Final = 8
+COPIED_NS: Final = 30 * NS_PER_S
+"""So long after its publication a sample that was sent goes again, at most, ns."""
 
 
 class _Copied:
     """A sample and what is left to send of it."""
 
-    __slots__ = ("copies_left", "due_at", "in_the_dark", "key", "qos", "record", "was_sent")
+    __slots__ = (
+        "copies_left", "due_at", "ends_at", "in_the_dark", "key", "qos", "record", "was_sent"
+    )  # fmt: skip
 
-    def __init__(self, key: LaneKey, record: Waiting, qos: Qos, copies: int) -> None:
+    def __init__(self, key: LaneKey, record: Waiting, qos: Qos, copies: int, ends_at: int) -> None:
         self.key = key
         self.record = record
         self.qos = qos
+        self.ends_at = ends_at
         self.copies_left = copies
         self.in_the_dark = _MOST_IN_THE_DARK
         self.was_sent = False
@@ -81,7 +88,7 @@ class CopiedSamples:
             record.sync = Sync(self._handshake.epoch, self._next_number).encode()
             self._next_number += 1
             record.dense_value = None
-            self._copied[id(record)] = _Copied(key, record, qos, copies)
+            self._copied[id(record)] = _Copied(key, record, qos, copies, now + COPIED_NS)
         self._queue.push(key, record, qos)
 
     def drop_stream(self, stream_id: int) -> None:
@@ -109,7 +116,7 @@ class CopiedSamples:
                 each.in_the_dark -= 1  # nobody pauses for it, as far as is known
             else:
                 each.copies_left -= 1
-            if each.copies_left <= 0 or listening is None:
+            if each.copies_left <= 0 or listening is None or at > each.ends_at:
                 self._end(each)
                 continue
             record.cause = Cause.REPEAT
@@ -127,7 +134,8 @@ class CopiedSamples:
         """Queue what is due, and forget what is too old or was pushed out of the queue."""
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
-            if expires_at is not None and expires_at <= now:
+            is_over = each.was_sent and each.ends_at <= now
+            if is_over or (expires_at is not None and expires_at <= now):
                 self._end(each)
             elif each.due_at is not None and each.due_at <= now:
                 each.due_at = None

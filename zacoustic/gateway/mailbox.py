@@ -55,6 +55,12 @@ class Mailbox:
         self._by_key: dict[str, deque[Parcel]] = {}
         self._held_bytes = 0
 
+    @property
+    def oldest_at(self) -> int | None:
+        """Instant at which the oldest of its samples came, ns; None: it has none."""
+        with self._guard:
+            return min((kept[0].arrived_at for kept in self._by_key.values()), default=None)
+
     def post(self, parcel: Parcel) -> None:
         """Keep a sample."""
         with self._guard:

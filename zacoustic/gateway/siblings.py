@@ -22,6 +22,10 @@ forwards its own. And what comes from a sibling through the water is delivered b
 island has it already; this still holds `RETIRED_S` after the sibling is gone, for what it
 had on the air. A service whose server is a sibling is left to that one.
 
+What several of them forward may come of one event on the island, at one instant: then their frames
+would meet at every receiver, each time, and best-effort samples have no second try. So each waits
+with those until the gateways before it can have said a frame (`Topics.drain`).
+
 When a token of the list disappears the next lowest takes over; when one appears the higher one
 stands by.
 """
@@ -55,6 +59,11 @@ class Siblings:
     def alive(self) -> tuple[int, ...]:
         """Addresses of the gateways on this island, this one included, ascending."""
         return tuple(sorted(self._alive))
+
+    @property
+    def rank(self) -> int:
+        """How many gateways of this island have a lower address."""
+        return self.alive.index(self.address)
 
     def update(self, address: int, *, is_alive: bool) -> bool:
         """Note that a gateway appeared or disappeared; tells whether that is news."""

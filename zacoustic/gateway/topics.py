@@ -4,14 +4,18 @@ What they look like there is a matter of the topic's dialect. A sample that cann
 its type does not allow is counted and complained about; it harms nothing.
 """
 
+import asyncio
 from collections.abc import Callable, Mapping
+from typing import Final
 
 import msgspec
 import zenoh
 
-from zacoustic.core.clock import Clock
+from zacoustic.core.clock import Clock, ns_to_seconds, seconds_to_ns
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import SampleReceived
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.qos import Priority, Reliability
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.errors import PayloadInvalidError, ZacousticError
@@ -22,6 +26,9 @@ from zacoustic.gateway.lastvalues import LastValue, LastValues
 from zacoustic.gateway.mailbox import Mailbox, Parcel
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.island.queries import Answer, HeldQuery
+
+_APART_S: Final = 0.1
+"""Between the frames of two gateways of one island: for the time that an event takes to both."""
 
 
 class Topics:
@@ -49,6 +56,7 @@ class Topics:
         ring: Callable[[], None],
     ) -> None:
         self.last_values = LastValues()
+        self._alarm: asyncio.TimerHandle | None = None
         self._kept = kept
         self._table = table
         self._siblings = siblings
@@ -98,10 +106,22 @@ class Topics:
         self._ring()
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Publish what the island has sent."""
+        """Publish what the island has sent, when it is the turn of this gateway."""
+        later: list[int] = []
         for stream_id, mailbox in self._mailboxes.items():
+            stream = self._table.by_id(stream_id)
+            due_at = (mailbox.oldest_at or now) + self._turn_ns(stream, engine.capabilities)
+            if due_at > now:
+                later.append(due_at)
+                continue
             for parcel in mailbox.take():
-                self._forward(engine, self._table.by_id(stream_id), parcel, now)
+                self._forward(engine, stream, parcel, now)
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+        if later:
+            later_s = ns_to_seconds(min(later) - now)
+            self._alarm = asyncio.get_running_loop().call_later(later_s, self._ring)
 
     def deliver(self, event: SampleReceived) -> None:
         """Put a sample from the water on the island, and keep it for `answer`."""
@@ -165,6 +185,17 @@ class Topics:
                 name = self._table.by_id(stream_id).name
                 found[name] = {reason: count for reason, count in lost.items() if count}
         return found
+
+    def _turn_ns(self, stream: Stream, link: LinkCapabilities | None) -> int:
+        """How long a sample waits for what gateways before this one make of the same event."""
+        can_wait = (
+            stream.qos.reliability is Reliability.BEST_EFFORT
+            and stream.qos.priority is not Priority.REAL_TIME
+        )
+        if link is None or not can_wait:
+            return 0
+        frame_ns = link.airtime_ns(link.mtu_bytes) + seconds_to_ns(link.gap_s + _APART_S)
+        return self._siblings.rank * frame_ns
 
     def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
         dialect = self.dialects[stream.stream_id]

@@ -40,7 +40,7 @@ KEPT: Final = 2 * REACH
 knows of all that may outdate what it refers to."""
 
 ANSWERS: Final = 4 * REACH
-"""For how many frames after an acknowledgement another one is expected."""
+"""For how many frames after an acknowledgement another one is expected, and names matter."""
 
 REMEMBERED: Final = 256
 """Of how many frames the source does not use the marks again."""
@@ -79,6 +79,7 @@ class Speaker:
         self._forgotten = -REACH  # when a frame was sent last that is no longer among them
         self._referred: dict[int, tuple[int, bytes]] = {}  # by name: when last, and to what
         self._answered = -ANSWERS  # when somebody acknowledged something
+        self._said = -REACH  # when a name was said last
         self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
 
     def encode(
@@ -92,7 +93,11 @@ class Speaker:
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
         """
         reference = self._reference(set(listeners))
-        return self._codec.encode(samples, room, reference, refuses=self._refuses)
+        # As long as nobody acknowledges anything, no name is ever said: all are as good.
+        matters_until = max(self._answered + ANSWERS, self._said + REACH)
+        is_choosy = reference is not None or matters_until > self._count
+        refuses = self._refuses if is_choosy else None
+        return self._codec.encode(samples, room, reference, refuses=refuses)
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
@@ -101,6 +106,7 @@ class Speaker:
         digest = snapshot.digest
         if reference is not None and reference.name is not None:
             self._referred[reference.name] = self._count, reference.digest
+            self._said = self._count
         sent = self._sent.get(digest)
         if sent is not None:
             sent.last = self._count
@@ -114,7 +120,9 @@ class Speaker:
             self._forgotten = oldest.last
             if oldest.snapshot.name is not None:
                 self._named[oldest.snapshot.name].remove(oldest)
-        self._marks[snapshot.mark] = digest
+        is_clear = self._marks.setdefault(snapshot.mark, digest) == digest
+        if not is_clear:  # nobody can say which of them is meant
+            self._marks[snapshot.mark] = b""
         if len(self._marks) > REMEMBERED:
             del self._marks[next(iter(self._marks))]
 
@@ -155,17 +163,13 @@ class Speaker:
         if meant != digest and last + REACH > self._count:
             return True
         same = self._sent.get(digest)
-        # Nobody who has never acknowledged anything will be told names; all are as good then.
-        is_choosy = self._answered + ANSWERS > self._count
         for other in self._named.get(name, ()):
             if same is not None and other is not same and other.last > same.first:
                 return True  # who missed it before would hold it now, and all others the other one
             if same is None and (
                 snapshot.is_outdated_by(other.snapshot)
                 or (
-                    is_choosy
-                    and other.last + REACH > self._count
-                    and not other.snapshot.is_outdated_by(snapshot)
+                    other.last + REACH > self._count and not other.snapshot.is_outdated_by(snapshot)
                 )
             ):
                 return True
