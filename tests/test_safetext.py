@@ -84,7 +84,7 @@ def test_verbs_print_through_one_place() -> None:
     past = [
         f"{path.name}:{node.lineno}: {ast.unparse(node.func)}"
         for path in sorted(folder.glob("*.py"))
-        if path.name != "printing.py"
+        if path.name not in ("printing.py", "atwork.py")  # the latter prints nothing of others
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call)
         and ast.unparse(node.func)

@@ -425,6 +425,10 @@ class Engine:
         """Count the reliable samples of a stream that have not ended."""
         return self._protocols.sending.delivering(stream_id)
 
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Tell whether a reliable sample has not ended."""
+        return self._protocols.sending.is_delivering(delivery_id)
+
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
         return self._protocols.pending(stream_id)

@@ -123,7 +123,8 @@ class Outstanding:
     def _lost(self, engine: Engine, recovered: set[GoalKey], now: int) -> Iterator[Event]:
         """Say how each thing ends that nothing is left of."""
         for delivery_id, (stream_id, is_stored) in self._samples.items():
-            if not is_stored:
+            # One that was stored may have ended, and the engine was lost before it could say so.
+            if not is_stored or not engine.is_delivering(delivery_id):
                 yield DeliveryEnded(
                     delivery_id=delivery_id,
                     stream_id=stream_id,

@@ -142,6 +142,12 @@ class ReliableSending:
         """Count the samples of a topic that not all receivers have acknowledged."""
         return sum(len(lane.samples) for lane in self._lanes if lane.key[0] == stream_id)
 
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Tell whether a sample has not ended."""
+        return any(
+            sample.delivery_id == delivery_id for lane in self._lanes for sample in lane.samples
+        )
+
     # For the link
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:

@@ -71,6 +71,7 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     expired: int = 0
     refused: int = 0
     cancelled: int = 0
+    unknown: int = 0
     deadline_missed: int | None = None
     sent_at_unix_s: float | None = None
     sent_period_s: float | None = None
