@@ -30,6 +30,9 @@ silent     a node is ordered to be silent, while clocks jump and computers reboo
 CALM_S: Final = 7200.0
 """How long nothing goes wrong, and nothing is said, at the end, s."""
 
+LONGEST_REST_S: Final = 60.0
+"""Longest time for which a node that was killed is down, s."""
+
 _MODEMS: Final = (
     Modem(),
     Modem(senses_carrier=False),
@@ -97,7 +100,7 @@ def hostile(seed: int) -> Hostile:
     ]
     drawn: dict[str, Any] = {
         "seed": seed, "channel": "none", "nodes": nodes, "links": links,
-        "faults": _faults(rng, kind, addresses, busy_s),
+        "faults": _faults(rng, kind, addresses, busy_s, restarts),
     }  # fmt: skip
     return Hostile(
         seed=seed,
@@ -114,7 +117,11 @@ def hostile(seed: int) -> Hostile:
 
 
 def _faults(
-    rng: random.Random, kind: str, addresses: tuple[int, ...], busy_s: float
+    rng: random.Random,
+    kind: str,
+    addresses: tuple[int, ...],
+    busy_s: float,
+    restarts: list[tuple[float, int, bool]],
 ) -> dict[str, Any]:
     faults: dict[str, Any] = {"until_s": busy_s}
     if kind == "late":
@@ -144,4 +151,14 @@ def _faults(
             }
             for address in addresses
         ]  # fmt: skip
+        for clock in faults["clocks"] if kind == "silent" else ():
+            # A clock that is set while its computer is off, and then taken for right, tells nobody.
+            clock["jumps"] = [
+                jump
+                for jump in clock["jumps"]
+                if not any(
+                    node == clock["node"] and at_s <= jump["at_s"] <= at_s + LONGEST_REST_S
+                    for at_s, node, _ in restarts
+                )
+            ]
     return faults
