@@ -50,9 +50,10 @@ from zacoustic.errors import ConfigError
 
 _REFERRING, _ALONE, _SINGLE = 0, 1, 2
 _KINDS: Final = ends_of(28, 3, 1)
-# A frame for itself is in one of these forms, and how often it is in each.
-_FORMS_ALONE: Final = 0, 1, FORMS - 1
-_ALONE_ENDS: Final = ends_of(62, 1, 1)
+# A frame for itself is in one of these forms, and how often it is in each: with a bit more for the
+# rarer one, a sample would cost three bytes more than packed.
+_FORMS_ALONE: Final = 0, FORMS - 1
+_ALONE_ENDS: Final = ends_of(31, 1)
 _NOTHING: Final[Mapping[int, Snapshot]] = MappingProxyType({})
 _NAME_BITS: Final = 5  # of a short name; of a long one, all but the last
 _SPARE_BITS: Final = 8  # a frame dearer than its samples plainly by so much: try other kinds
@@ -151,6 +152,7 @@ class DenseCodec:
         reference: Snapshot | None = None,
         *,
         refuses: Callable[["Encoded"], bool] | None = None,
+        invested: int = 0,
     ) -> Encoded | None:
         """Write a frame.
 
@@ -160,6 +162,7 @@ class DenseCodec:
             reference: A frame that every receiver holds.
             refuses: Tells of a frame whether it must not have its name: then it is written in
                 another form.
+            invested: What a frame with the reference may cost more than one without, bytes.
 
         Returns:
             None where not even the first sample fits, or there is none.
@@ -167,7 +170,7 @@ class DenseCodec:
         Raises:
             PayloadInvalidError: A value is not of its stream's type.
         """
-        aim = _Aim(reference, refuses)
+        aim = _Aim(reference, refuses, invested)
         pieces: list[_Piece] = []
         fits: Encoded | None = None
         low, high = 0, len(samples)
@@ -264,7 +267,7 @@ class DenseCodec:
         if len(pieces) == 1:
             others.append(self._single(pieces[0], alone))
         for other in others:
-            if best is None or len(other.frame) + _invested_bytes(best, plain) < len(best.frame):
+            if best is None or len(other.frame) + aim.invested_bytes(best, plain) < len(best.frame):
                 best = other
         return best
 
@@ -318,15 +321,25 @@ class _Aim:
     Args:
         reference: A frame that every receiver holds.
         refuses: Tells whether a frame must not have its name.
+        invested: What it may cost more than one without a reference, bytes.
     """
 
-    __slots__ = ("reference", "refuses")
+    __slots__ = ("_invested", "reference", "refuses")
 
     def __init__(
-        self, reference: Snapshot | None, refuses: Callable[[Encoded], bool] | None
+        self,
+        reference: Snapshot | None,
+        refuses: Callable[[Encoded], bool] | None,
+        invested: int = 0,
     ) -> None:
         self.reference = reference
         self.refuses = refuses
+        self._invested = invested
+
+    def invested_bytes(self, encoded: Encoded, plain_bits: int) -> int:
+        """How many bytes a frame may cost more: none where that would be too much beside plain."""
+        is_dear = 8 * len(encoded.frame) > plain_bits + 2 * _SPARE_BITS
+        return 0 if encoded.reference is None or is_dear else self._invested
 
     def finish(
         self,
@@ -355,12 +368,6 @@ def _code_form(coder: Coder, presence: Presence, refers: bool, form: int) -> tup
     if refers:
         return presence.code_form(coder, form)
     return _FORMS_ALONE[coder.pick(_ALONE_ENDS, _FORMS_ALONE.index(form))], presence
-
-
-def _invested_bytes(encoded: Encoded, plain_bits: int) -> int:
-    """How many bytes a frame may have more than one without a reference, which learns nothing."""
-    is_dear = 8 * len(encoded.frame) > plain_bits + 2 * _SPARE_BITS
-    return 0 if encoded.reference is None or is_dear else 1
 
 
 def _steps(tick: int | None, last: int | None) -> tuple[int, int]:

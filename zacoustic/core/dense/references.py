@@ -42,6 +42,11 @@ knows of all that may outdate what it refers to."""
 ANSWERS: Final = 4 * REACH
 """For how many frames after an acknowledgement another one is expected, and names matter."""
 
+# So much a frame with a reference may cost more than one without: it goes on learning. That pays
+# as long as acknowledgements come.
+_INVESTED_BYTES: Final = 1
+_FRESH: Final = 16
+
 REMEMBERED: Final = 256
 """Of how many frames the source does not use the marks again."""
 
@@ -97,7 +102,8 @@ class Speaker:
         matters_until = max(self._answered + ANSWERS, self._said + REACH)
         is_choosy = reference is not None or matters_until > self._count
         refuses = self._refuses if is_choosy else None
-        return self._codec.encode(samples, room, reference, refuses=refuses)
+        spared = _INVESTED_BYTES if self._answered + _FRESH > self._count else 0
+        return self._codec.encode(samples, room, reference, refuses=refuses, invested=spared)
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
@@ -179,6 +185,8 @@ class Speaker:
         """The newest frame that all hold and that can be named; None: there is none."""
         if listeners:
             for each in reversed(self._sent.values()):
+                if each.last + REACH < self._count:
+                    break
                 if (
                     listeners <= each.holders
                     and each.first - REACH > self._forgotten
