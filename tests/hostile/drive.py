@@ -221,7 +221,7 @@ class Drive:
         self.oracle.killed(node, life, kept)
         if kind == "restored":
             epoch = journal.entries.get(EPOCH_KEY)
-            journal.entries = dict(self._copies.get(node, {}))
+            journal.put_back(self._copies.get(node, {}))  # unnoticed, as an image of the disk
             if EPOCH_KEY not in journal.entries and epoch is not None:
                 journal.entries[EPOCH_KEY] = epoch
             self._forget(node)
