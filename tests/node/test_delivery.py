@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.node.fleet import SECTION, water
+from tests.node.fleet import SECTION, WaterServer, water
 from tests.runtime.loop_checks import run
 from zacoustic import (
     Config,
@@ -277,9 +277,9 @@ def test_reliable_topic_needs_somebody_who_is_listed() -> None:
 
 
 def test_blocking_delivery_waits_with_a_limit() -> None:
-    with water() as medium:
-        shore = blocking.Node(1, config=reliable_config(), link=medium.link(1))
-        auv = blocking.Node(2, config=reliable_config(2), link=medium.link(2))
+    with WaterServer() as locator:  # a medium serves one loop, and each of these nodes has its own
+        shore = blocking.Node(1, config=reliable_config(), link=locator)
+        auv = blocking.Node(2, config=reliable_config(2), link=locator)
         with shore:
             publisher = shore.create_publisher(bytes, "orders")
             delivery = publisher.publish(b"x")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.node.fleet import config, run_on_zenoh, water
+from tests.node.fleet import WaterServer, config, run_on_zenoh, water
 from tests.node.test_across import three_nodes
 from tests.runtime.loop_checks import run
 from zacoustic import (
@@ -129,9 +129,9 @@ def test_orders_from_zenoh_reach_all_nodes() -> None:
 
 def test_orders_without_asyncio() -> None:
     with (
-        water() as medium,
-        blocking.Node("shore", config=config(), link=medium.link(1)) as shore,
-        blocking.Node("auv1", config=config(), link=medium.link(2)),
+        WaterServer() as locator,
+        blocking.Node("shore", config=config(), link=locator) as shore,
+        blocking.Node("auv1", config=config(), link=locator),
     ):
         assert shore.order("auv1", SILENCE).silent
         assert not shore.order("auv1", RESUME).silent
