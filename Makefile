@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test test-browser screenshot soak bench clean distclean
+.PHONY: help demo auv test test-browser screenshot soak bench shape clean distclean
 .PHONY: venv-run venv-console venv-test format lint types contracts unit examples package
 
 # A sourced ROS 2 workspace puts its own packages, and plug-ins for pytest among them, before ours.
@@ -25,6 +25,7 @@ help:
 	@echo "make screenshot     the picture of that console in the README, taken anew (ten minutes)"
 	@echo "make soak    the tests whose hundredth runs in make test, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
+	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
 	@echo "make clean   remove caches and build results; make distclean removes .venv as well"
 
 demo: venv-run
@@ -56,6 +57,9 @@ bench: venv-test
 	    test -f "$$script" || { echo "no benchmarks yet"; break; }; \
 	    echo; echo "== $$script"; $(VENV_PYTHON) "$$script"; \
 	done
+
+shape: venv-test
+	@$(VENV_PYTHON) .ci/shape.py
 
 clean:
 	rm -rf build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
