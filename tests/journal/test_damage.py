@@ -301,9 +301,12 @@ def test_backup_of_a_journal_in_use_is_whole_and_says_what_it_is(
         journal.commit([write(f"call/{number}", bytes(500))])
     assert main(["journal", "backup", str(path), str(copy)]) == 0
     journal.commit([write("call/0", None)])
-    assert main(["journal", "check", str(path)]) == 0
-    journal.close()
     capsys.readouterr()
+    assert main(["journal", "check", str(path)]) == 0
+    verdict, contents = capsys.readouterr().out.splitlines()
+    assert verdict.endswith(": in order")
+    assert contents.startswith("commits ")
+    journal.close()
     assert main(["journal", "check", str(copy), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["is_backup"] is True

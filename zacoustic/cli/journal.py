@@ -4,12 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import msgspec
-
 from zacoustic.cli.arguments import OBJECT_PER_LINE, add_json
-from zacoustic.cli.printing import print_line
+from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 from zacoustic.errors import ConfigError
+from zacoustic.safetext import one_line
 
 if TYPE_CHECKING:
     from zacoustic.journal.backup import JournalReport
@@ -61,5 +60,9 @@ class JournalCommand(Command):
             report = backup(arguments.journal, arguments.copy)
         else:
             report = check(arguments.journal, arguments.address)
-        print_line(msgspec.to_builtins(report), "\n".join(report.lines()), as_json=arguments.json)
+        print_result(report, _as_text, as_json=arguments.json)
         return EXIT_FAILED if report.doubt else EXIT_OK
+
+
+def _as_text(report: "JournalReport") -> str:
+    return "\n".join(one_line(line) for line in report.lines())
