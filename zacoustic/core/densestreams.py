@@ -6,9 +6,9 @@ is who listens:
 - A string refers to one that all its listeners hold: the one node of a unicast frame, in a
   broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
   So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
-- A link may hand a frame over late, within the settling time behind the longest way. Of strings that
-  count (`zacoustic.core.dense.references`) so few are sent in that time that none is mistaken for
-  another one; what is more stands apart.
+- A link may hand a frame over late, within the settling time behind the longest way. Of strings
+  that count (`zacoustic.core.dense.references`) so few are sent in that time that none is mistaken
+  for another one; what is more stands apart.
 - A node tells the newest string that it has of a source in frames that go there anyway, in three
   bytes (`DenseAck`), and never makes a frame for that.
 - What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
