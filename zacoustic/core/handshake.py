@@ -180,6 +180,15 @@ class Handshake:
             confirm_at = peer.confirm_at + self.patience_ns
             peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
 
+    def answers_within(self, address: int, duration_ns: int) -> None:
+        """Say to a node no sooner again what may have an answer under way by then.
+
+        Args:
+            address: The node.
+            duration_ns: How long its answers take behind a device that decides when it transmits.
+        """
+        self._peers[address].answers_within_ns = duration_ns
+
     # What this node hears
 
     def begin_frame(self, source: int, now: int) -> None:

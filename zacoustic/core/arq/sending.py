@@ -71,7 +71,7 @@ class ReliableSending:
         self._queue = queue
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, rng, stats)
+        self._pacing = Pacing(table, rng, stats, handshake)
         self._contradictions = Contradictions(self._keeping, doubt, rng, self._out_of_sync)
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
@@ -370,6 +370,7 @@ class ReliableSending:
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note what a receiver has, and repeat at once what it must have missed."""
         latest: Outgoing | None = None
+        had_gap = any(source in each.held for each in lane.samples)
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
                 continue  # its own feedback tells
@@ -389,7 +390,9 @@ class ReliableSending:
             self._pacing.answered_again(lane, source)
         else:
             is_last = latest.order == self._order
-            order = self._pacing.first_acknowledged(lane, latest, source, now, is_last=is_last)
+            order = self._pacing.first_acknowledged(
+                lane, latest, source, now, is_last=is_last, had_gap=had_gap
+            )
             self._pacing.answered(source, now)
             lane.due_soon(source, before=order)
         self._refresh(lane)
