@@ -17,9 +17,9 @@ from zacoustic.core.arq.places import LargePlaces, Place
 from zacoustic.core.arq.receiving import Claim, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.sendlane import Outgoing
+from zacoustic.core.deliveries import DeliveryEvent, DeliveryOutcome, DeliveryStored, SampleReceived
 from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.encoding import decode_prefix
-from zacoustic.core.events import DeliveryOutcome, DeliveryStored, Event, SampleReceived
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
@@ -77,7 +77,7 @@ class LargeSamples:
         journal: JournalPort,
         stats: EngineStats,
         rng: random.Random,
-        emit: Callable[[Event], None],
+        emit: Callable[[ObjectProgress | DeliveryEvent], None],
     ) -> None:
         self._address = address
         self._table = table

@@ -12,8 +12,8 @@ from zacoustic.core.arq.places import Place
 from zacoustic.core.arq.positions import LaneKey, Positions
 from zacoustic.core.arq.receivelane import ReceiveLane
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
