@@ -135,7 +135,7 @@ async def _follow(
     handle: "Handle", arguments: argparse.Namespace, interrupted: asyncio.Event
 ) -> int:
     """Wait for the end; the first interrupt cancels the goal, the second the waiting."""
-    from zacoustic.core.actions.news import GoalStatus
+    from zacoustic.core.events import GoalStatus
 
     end = asyncio.create_task(handle.result(timeout_s=arguments.timeout))
     await _first(end, interrupted)

@@ -11,22 +11,21 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.calls import (
+from zacoustic.core.callrecords import (
     CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
-    Answer,
+    CallFailure,
+    CallKey,
     CallKind,
-    Served,
-    ServerCalls,
     encode_call_byte,
     encode_error,
     encode_name,
 )
+from zacoustic.core.calls import Answer, RequestReceived, Served, ServerCalls
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, split_age
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Priority, Qos, Stamp
@@ -76,7 +75,7 @@ class Answering:
         journal: JournalPort,
         doubt: Doubt,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        emit: Callable[[RequestReceived], None],
     ) -> None:
         self._address = address
         self._table = table

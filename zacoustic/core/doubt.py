@@ -14,13 +14,25 @@ The store finds most of this out by itself, and says so by an entry; subscribers
 from collections.abc import Callable, Mapping
 from typing import Final
 
+import msgspec
+
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import Event, JournalDoubted
 from zacoustic.core.journal import DOUBT_KEY, JournalPort
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 
 _LEAST_NS: Final = seconds_to_ns(60)
+
+
+class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal may be less than what was written last: it is damaged, or was put back.
+
+    The node has begun anew with what is right in it. What came before, and whose outcome it does
+    not know, it does not do again: see `zacoustic.core.doubt`.
+    """
+
+    reason: str
+    """What was found, and by whom, one line."""
 
 
 class Doubt:
@@ -40,7 +52,7 @@ class Doubt:
         table: StreamTable,
         stored: Mapping[str, bytes],
         journal: JournalPort,
-        emit: Callable[[Event], None],
+        emit: Callable[[JournalDoubted], None],
     ) -> None:
         self._address = address
         self._table = table

@@ -32,9 +32,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Opened
-from zacoustic.core.events import CallFailure, CallKey, Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.events import Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.journal import BOOT_KEY, JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
@@ -171,7 +173,7 @@ class Engine:
             self._trace.note(now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason)
         for news in self._protocols.handshake.news:
             self._events.append(news)
-            self._trace.note_news(now, news)
+            self._trace_news(news, now)
         self._protocols.handshake.news.clear()
 
     def handle_transmit_report(self, report: TransmitReport, now: int) -> None:
@@ -451,3 +453,12 @@ class Engine:
         """Return the nodes heard so far, and whether each has confirmed our table."""
         known = self._protocols.handshake.peers()
         return {address: peer.confirmed_us for address, peer in known.items()}
+
+    # Below the methods above
+
+    def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
+        if isinstance(news, PeerSeen):
+            detail = "same_table" if news.same_table else "other_table"
+            self._trace.note(now, "peer", peer=news.address, detail=detail)
+        else:
+            self._trace.note(now, "differ", peer=news.address, streams=(news.stream_id,))

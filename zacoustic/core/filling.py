@@ -104,7 +104,7 @@ class Filling:
             records, self._samples = [*self._records, *self._samples], []
             self._records = records = _open_end_last(records, introduced=self._introduced)
             return b"".join(self._record(item, item is records[-1], stats) for item in records)
-        self._dense.sent(string)
+        self._dense.sent(string, self._now)
         self._attribute_string(len(string.frame), stats)
         records_bytes = b"".join(self._record(item, False, stats) for item in self._records)
         return records_bytes + string.frame

@@ -4,9 +4,10 @@ import random
 from collections.abc import Callable
 from typing import Final
 
+import msgspec
+
 from zacoustic.core.access import Wanted
 from zacoustic.core.airtime import AirtimeCaps
-from zacoustic.core.events import NothingHeard
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
 from zacoustic.core.measurements import Measurements
@@ -23,6 +24,17 @@ _GIVE_WAY_PERIODS = 2
 
 UNHEARD_FRAMES: Final = 20
 """So many frames that are sent without hearing anything are worth a word."""
+
+
+class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+
+    frames: int
+    """How many were sent."""
+    up_at: int
+    """Instant from which on the link is up, ns."""
+    changed_at: int
+    """Instant, ns."""
 
 
 class Transmitter:

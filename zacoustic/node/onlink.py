@@ -51,6 +51,7 @@ from zacoustic.node.listeners import Listeners
 from zacoustic.node.ordersonlink import LinkOrders
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.permitlog import PermitLog
+from zacoustic.replacement.intact import Intact
 from zacoustic.runtime import LinkRunner
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ class LinkCarrier:
             )
 
         self._runner = LinkRunner(
-            renew(state.boot_epoch, state.entries),
+            Intact(renew, state.boot_epoch, state.entries),
             link,
             self._deliver,
             renew=renew,

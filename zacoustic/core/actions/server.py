@@ -5,20 +5,16 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.actions.news import (
-    ActionEvent,
-    CancelRequested,
-    GoalFailure,
-    GoalKey,
-    GoalReceived,
-    GoalStatus,
-)
+from zacoustic.core.actions.news import ActionEvent, CancelRequested, GoalReceived
 from zacoustic.core.actions.numbers import closes
 from zacoustic.core.actions.post import GoalLane, GoalPost
 from zacoustic.core.actions.servedgoal import CancelStage, ServedGoal, ServedStage
 from zacoustic.core.actions.takengoals import TakenGoals
 from zacoustic.core.actions.wire import (
     UNKNOWN_RESULT,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
     Message,
     Operation,
     Refusal,

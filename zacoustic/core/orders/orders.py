@@ -6,19 +6,38 @@ from typing import Final, assert_never
 import msgspec
 
 from zacoustic.core.answering import ANSWER_LANE
+from zacoustic.core.callrecords import CallFailure, CallKey
+from zacoustic.core.calls import RequestReceived
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived, StreamTuned
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.orders.ledger import Ledger, Standing
 from zacoustic.core.orders.tunings import Tunings
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, SERIALS, Order, OrderKind, OrderState
 from zacoustic.core.protocols import Protocols
+from zacoustic.core.qos import Priority
 from zacoustic.core.silence import Silence
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LocalError
 
 NOBODY: Final = 0
 """In place of an address: an order of the node's own island, or program."""
+
+
+class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
+    """It was ordered how a topic of this node is sent, and the journal has it."""
+
+    stream_id: int
+    """The topic's stream."""
+    on: bool
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float
+    """Least time between two samples of one key on the water, s."""
+    priority: Priority
+    """Zenoh's priority."""
+    ordered_by: int
+    """Address of the node that has ordered it; 0: it was ordered here."""
+    changed_at: int
+    """Instant, ns."""
 
 
 class Orders:
@@ -32,7 +51,7 @@ class Orders:
         obeys: Addresses of the nodes whose orders it obeys; None: those of the table's list.
         stored: What the journal has kept.
         journal: Keeps the rest.
-        emit: Takes events.
+        emit: Takes `StreamTuned`.
     """
 
     def __init__(
@@ -44,7 +63,7 @@ class Orders:
         obeys: frozenset[int] | None,
         stored: Mapping[str, bytes],
         journal: JournalPort,
-        emit: Callable[[Event], None],
+        emit: Callable[[StreamTuned], None],
     ) -> None:
         self.tunings = Tunings(
             address,

@@ -21,7 +21,7 @@ from zacoustic.core.actions.wire import (
 )
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
-from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
+from zacoustic.core.callrecords import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content, server_of, split_age
 from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
