@@ -282,6 +282,11 @@ class ReliableReceiving:
             self._emit(msgspec.structs.replace(sample, again=again), now)
         self._hand_on_held(key, lane, stream, now)
 
+    def hand_on_left(self, sample: SampleReceived | None, now: int) -> None:
+        """Hand on a large sample that a former life was about to; None: it is unreadable."""
+        if sample is not None:
+            self._emit(sample, now)
+
     def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
         """A former life has written down that it handed a large sample on."""
         key = (source, stream_id, instance)

@@ -134,6 +134,10 @@ class Objects:
                 self._outgoing.forget(transfer)
         return handed_on
 
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        self._incoming.link_up(now)
+
     # Commands
 
     def publish(
