@@ -458,6 +458,12 @@ class Engine:
         is_busy = port is not None and port.is_busy
         return not is_busy and self._protocols.is_idle and self.poll_timeout() is None
 
+    @property
+    def owes_acknowledgement(self) -> bool:
+        """Something waits that says what has come, and this node may transmit."""
+        may_speak = self.link_state is LinkState.UP and not self.silence.is_silent(self._now)
+        return may_speak and self._protocols.owes_acknowledgement(self._now)
+
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
         return self._protocols.sending.delivering(stream_id)

@@ -226,6 +226,10 @@ class Protocols:
         """Nothing waits."""
         return not self.queue and self.large.objects.is_idle
 
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return self.queue.has_acknowledgement or self.large.objects.owes_answer(now)
+
     # Commands
 
     def publish(

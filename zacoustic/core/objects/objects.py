@@ -256,6 +256,10 @@ class Objects:
         instants = [self._incoming.due_at(now), self._fragment_due_at(now)]
         return min((at for at in instants if at is not None), default=None)
 
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether a source is to be told what has come of an object."""
+        return self._incoming.due_at(now) is not None
+
     def offer(self, now: int) -> Offer | None:
         """Return what is due now: an answer before a fragment."""
         if self._timing is None:
