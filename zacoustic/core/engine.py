@@ -32,9 +32,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.envelope import Opened
+from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.hosttime import HostTime
@@ -51,7 +52,10 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.measurements import Measurements
+from zacoustic.core.orders.ledger import Ledger
 from zacoustic.core.orders.orders import Orders
+from zacoustic.core.orders.tunings import Tunings
+from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.rules import TransmitRules
@@ -132,13 +136,44 @@ class Engine:
         self.silence = Silence(rules.quiet, stored, host=self.clock, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self.orders = Orders(
-            address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
+            address,
+            table,
+            protocols.services,
+            protocols.handshake,
+            Tunings(
+                address,
+                table,
+                queue=protocols.queue,
+                objects=protocols.objects,
+                stored=stored,
+                journal=journal,
+            ),
+            Ledger(stored, journal),
+            self.silence,
+            rules.orders_from,
+            emit,
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
+
+        def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
+            return LinkPort(
+                capabilities,
+                address,
+                rng,
+                rules.access,
+                envelope=envelope,
+                measurements=self.measurements,
+            )
+
         self._transmitter = Transmitter(
-            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements,
+            protocols,
+            self.silence,
+            self.clock,
+            AirtimeCaps(rules.max_airtime),
+            self.stats,
+            make_port,
             emit,
-        )  # fmt: skip
+        )
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -422,6 +457,12 @@ class Engine:
         port = self._transmitter.port
         is_busy = port is not None and port.is_busy
         return not is_busy and self._protocols.is_idle and self.poll_timeout() is None
+
+    @property
+    def owes_acknowledgement(self) -> bool:
+        """Something waits that says what has come, and this node may transmit."""
+        may_speak = self.link_state is LinkState.UP and not self.silence.is_silent(self._now)
+        return may_speak and self._protocols.owes_acknowledgement(self._now)
 
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""

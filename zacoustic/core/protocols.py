@@ -37,6 +37,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.objects.objects import Objects
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import LaneKey, TransmitQueue
@@ -216,9 +217,18 @@ class Protocols:
         return not self._epochs_to_keep or bool(self._journal.failure)
 
     @property
+    def objects(self) -> Objects:
+        """Samples that are larger than a frame, on the channel."""
+        return self.large.objects
+
+    @property
     def is_idle(self) -> bool:
         """Nothing waits."""
         return not self.queue and self.large.objects.is_idle
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return self.queue.has_acknowledgement or self.large.objects.owes_answer(now)
 
     # Commands
 
