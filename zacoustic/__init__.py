@@ -151,7 +151,6 @@ __all__ = [
 
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
-    "zacoustic.core.actions.news": ("GoalStatus",),
     "zacoustic.core.events": (
         "ClockStateChanged",
         "DeadlineMissed",
@@ -159,6 +158,7 @@ _HOMES = {
         "DeliveryEnded",
         "DeliveryOutcome",
         "EngineRestarted",
+        "GoalStatus",
         "JournalDoubted",
         "JournalStateChanged",
         "LinkStateChanged",

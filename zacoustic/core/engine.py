@@ -32,9 +32,10 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.airtime import AirtimeCaps
 from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.envelope import Opened
+from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.hosttime import HostTime
@@ -51,7 +52,10 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.measurements import Measurements
+from zacoustic.core.orders.ledger import Ledger
 from zacoustic.core.orders.orders import Orders
+from zacoustic.core.orders.tunings import Tunings
+from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.rules import TransmitRules
@@ -132,13 +136,44 @@ class Engine:
         self.silence = Silence(rules.quiet, stored, host=self.clock, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self.orders = Orders(
-            address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
+            address,
+            table,
+            protocols.services,
+            protocols.handshake,
+            Tunings(
+                address,
+                table,
+                queue=protocols.queue,
+                objects=protocols.objects,
+                stored=stored,
+                journal=journal,
+            ),
+            Ledger(stored, journal),
+            self.silence,
+            rules.orders_from,
+            emit,
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
+
+        def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
+            return LinkPort(
+                capabilities,
+                address,
+                rng,
+                rules.access,
+                envelope=envelope,
+                measurements=self.measurements,
+            )
+
         self._transmitter = Transmitter(
-            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements,
+            protocols,
+            self.silence,
+            self.clock,
+            AirtimeCaps(rules.max_airtime),
+            self.stats,
+            make_port,
             emit,
-        )  # fmt: skip
+        )
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)

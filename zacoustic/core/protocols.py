@@ -37,6 +37,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.objects.objects import Objects
 from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import LaneKey, TransmitQueue
@@ -214,6 +215,11 @@ class Protocols:
         Nor will one where the store cannot be written: it has drawn this one, and draws the next.
         """
         return not self._epochs_to_keep or bool(self._journal.failure)
+
+    @property
+    def objects(self) -> Objects:
+        """Samples that are larger than a frame, on the channel."""
+        return self.large.objects
 
     @property
     def is_idle(self) -> bool:

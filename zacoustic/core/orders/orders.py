@@ -1,6 +1,6 @@
 """The orders of one node: those that it gives, and those that it obeys."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Final, assert_never
 
 import msgspec
@@ -9,12 +9,12 @@ from zacoustic.core.answering import ANSWER_LANE
 from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.calls import RequestReceived
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.journal import JournalPort
+from zacoustic.core.handshake import Handshake
 from zacoustic.core.orders.ledger import Ledger, Standing
 from zacoustic.core.orders.tunings import Tunings
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, SERIALS, Order, OrderKind, OrderState
-from zacoustic.core.protocols import Protocols
 from zacoustic.core.qos import Priority
+from zacoustic.core.services import Services
 from zacoustic.core.silence import Silence
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LocalError
@@ -46,11 +46,12 @@ class Orders:
     Args:
         address: Address of the node.
         table: Its streams.
-        protocols: Whose services carry orders, and whose topics are tuned.
+        services: They carry orders.
+        handshake: Knows how long an answer may take.
+        tunings: What was ordered of topics.
+        ledger: What was obeyed.
         silence: The gate in front of all transmissions.
         obeys: Addresses of the nodes whose orders it obeys; None: those of the table's list.
-        stored: What the journal has kept.
-        journal: Keeps the rest.
         emit: Takes `StreamTuned`.
     """
 
@@ -58,29 +59,23 @@ class Orders:
         self,
         address: int,
         table: StreamTable,
-        protocols: Protocols,
+        services: Services,
+        handshake: Handshake,
+        tunings: Tunings,
+        ledger: Ledger,
         silence: Silence,
         obeys: frozenset[int] | None,
-        stored: Mapping[str, bytes],
-        journal: JournalPort,
         emit: Callable[[StreamTuned], None],
     ) -> None:
-        self.tunings = Tunings(
-            address,
-            table,
-            queue=protocols.queue,
-            objects=protocols.large.objects,
-            stored=stored,
-            journal=journal,
-        )
+        self.tunings = tunings
         """What was ordered of topics; to be read only."""
         self._address = address
         self._table = table
         self._obeys = obeys
-        self._services = protocols.services
-        self._handshake = protocols.handshake
+        self._services = services
+        self._handshake = handshake
         self._silence = silence
-        self._ledger = Ledger(stored, journal)
+        self._ledger = ledger
         self._emit = emit
         self._serial = 0
         stream = table.get(ORDERS_STREAM_ID)
