@@ -263,6 +263,9 @@ class GoalServer:
         return goal
 
     def _receive_goal(self, key: GoalKey, stream: Stream, payload: bytes, now: int) -> str | None:
+        assert isinstance(stream.spec, ActionSpec)
+        if stream.spec.journal and self._doubt.suspends(stream.spec.timeout_s, now):
+            return "suspended"
         goal = self._take(key, ServedStage.TAKEN, now)
         if goal is None:
             return "too_many_goals"
