@@ -122,6 +122,7 @@ class LinkRunner:
         self._alarm = Alarm(clock, self._expire)
         self._is_servicing = False
         self._is_closing = False
+        self._is_deaf = False
         self._ended = asyncio.Event()
         self._closed = asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
@@ -186,6 +187,10 @@ class LinkRunner:
             self._closed.set()
             self._ended.set()
 
+    def stop_hearing(self) -> None:
+        """Drop what the link hears from now on, as if this were closed; it still transmits."""
+        self._is_deaf = True
+
     def apply(self, command: Callable[[Engine, int], T]) -> T:
         """Run a command on the engine now, and what follows from it.
 
@@ -237,6 +242,8 @@ class LinkRunner:
             self.watch(frame, self._instant())
         now = self._instant()
         replacement = self._replacement
+        if self._is_deaf:
+            return
         if replacement is not None and replacement.faults.refuses(frame.frame_bytes, now):
             return
         self._guarded(lambda: self.engine.handle_frame(frame, now), frame=frame.frame_bytes)

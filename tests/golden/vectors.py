@@ -14,7 +14,6 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.actions.wire import (
     REMINDER,
     UNKNOWN_RESULT,
@@ -25,17 +24,18 @@ from zacoustic.core.actions.wire import (
     encode_result,
 )
 from zacoustic.core.arq.numbers import Ack
-from zacoustic.core.calls import (
-    NAMED,
-    CallKind,
-    encode_call_byte,
-    encode_error,
-    encode_name,
-)
+from zacoustic.core.callrecords import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
-from zacoustic.core.events import CallFailure, CallKey, RequestReceived
+from zacoustic.core.events import (
+    CallFailure,
+    CallKey,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
+    RequestReceived,
+)
 from zacoustic.core.frame import (
     ASSURED,
     VOUCHED,

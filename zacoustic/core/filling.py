@@ -12,10 +12,10 @@ them does; the string is written at the end, where it is not larger than the rec
 
 from zacoustic.core.age import encode_age
 from zacoustic.core.dense import Encoded
-from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Control
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import Waiting
+from zacoustic.core.sources import DenseSource
 from zacoustic.core.stats import Cause, EngineStats, count
 
 
@@ -35,7 +35,7 @@ class Filling:
         destination: int,
         room_bytes: int,
         now: int,
-        dense: DenseStreams,
+        dense: DenseSource,
         *,
         introduced: bool,
     ) -> None:

@@ -50,8 +50,9 @@ vouch is a confirmation, from when its sender decodes frames without a TAG. It i
 import random
 from typing import Final
 
+import msgspec
+
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     ASSURED,
@@ -76,6 +77,28 @@ PATIENCE_UNITS: Final = 16
 """So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
 1000 m 24 s, longer than from one report of a vehicle to the next."""
 _ASK_HELLO: Final = 0
+
+
+class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A node told its epoch for the first time, or it restarted."""
+
+    address: int
+    """The node."""
+    epoch: int
+    """Its boot epoch."""
+    same_table: bool
+    """Its table has the digest of ours."""
+    wire_version: int
+    """The version it speaks; another than ours is not understood."""
+
+
+class StreamsDiffer(msgspec.Struct, frozen=True, kw_only=True):
+    """A node defines a stream in another way: it is stopped between the two, the others go on."""
+
+    address: int
+    """The node."""
+    stream_id: int
+    """The stream that differs, or that one of the two does not have."""
 
 
 class Handshake:

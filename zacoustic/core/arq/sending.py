@@ -22,9 +22,9 @@ from zacoustic.core.arq.sendlane import (
 from zacoustic.core.arq.sendlanes import SendLanes
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.deliveries import DeliveryEnded, DeliveryEvent, DeliveryOutcome, DeliveryStored
 from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import LIFE_KEY, JournalPort
@@ -65,7 +65,7 @@ class ReliableSending:
         doubt: Doubt,
         rng: random.Random,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        emit: Callable[[DeliveryEvent], None],
     ) -> None:
         self._table = table
         self._queue = queue
