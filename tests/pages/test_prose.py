@@ -9,7 +9,7 @@ import pytest
 from tests.pages.blocks import PAGES, ROOT
 
 COLUMNS: Final = 100
-WIDE: Final = {"docs/links.md", "docs/wire.md"}
+WIDE: Final = {"docs/links.md"}
 """Pages that are still to be rewritten."""
 GLOSSARY: Final = ROOT / "docs" / "glossary.md"
 
