@@ -35,6 +35,7 @@ from typing import Final
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.generators import Generators
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.journal import BOOT_KEY, JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
@@ -72,7 +73,7 @@ class Engine:
         address: Address of this node, 1…254.
         table: Its streams.
         epoch: Boot epoch, 0…65535: another one in each life of the node.
-        rng: Source of all randomness.
+        rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
@@ -101,6 +102,7 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
+        generators = Generators(rng)
         self._journal = journal = JournalPort()
         self.doubt = Doubt(address, table, stored, journal, emit)
         """Whether something of former lives is forgotten; to be read only."""
@@ -112,7 +114,7 @@ class Engine:
             doubt=self.doubt,
             journal=journal,
             stats=self.stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self.ranging = protocols.ranging
@@ -134,8 +136,8 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         self._transmitter = Transmitter(
-            address, protocols, self.silence, self.clock, rules, self.stats, rng, self.measurements,
-            emit,
+            address, protocols, self.silence, self.clock, rules, self.stats,
+            generators.of("access"), self.measurements, emit,
         )  # fmt: skip
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)

@@ -6,7 +6,6 @@ same way. So is the count of the key (`zacoustic.core.arq`), in which a large sa
 between the small ones. An object that is complete before any of that is known waits for it.
 """
 
-import random
 from collections.abc import Callable, Mapping, Set
 from typing import Final
 
@@ -20,6 +19,7 @@ from zacoustic.core.arq.sendlane import Outgoing
 from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.encoding import decode_prefix
 from zacoustic.core.events import DeliveryOutcome, DeliveryStored, Event, SampleReceived
+from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
@@ -60,7 +60,7 @@ class LargeSamples:
         receiving: Has those of the others', and takes samples.
         journal: Keeps what is to survive.
         stats: Counts.
-        rng: Source of randomness.
+        generators: One for each component that draws.
         emit: Takes events.
     """
 
@@ -76,7 +76,7 @@ class LargeSamples:
         receiving: ReliableReceiving,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[Event], None],
     ) -> None:
         self._address = address
@@ -93,7 +93,7 @@ class LargeSamples:
         self.objects = Objects(
             epoch=handshake.epoch,
             limits=limits,
-            rng=rng,
+            generators=generators,
             gate=self,
             owner=self,
             emit=self._progress,

@@ -7,7 +7,6 @@ Here the native wire is spoken. Another wire profile overrides what is said and 
 the rest asleep: `zacoustic.core.rmw_desert.protocols`.
 """
 
-import random
 from collections.abc import Callable, Mapping, Set
 
 from zacoustic.core.actions.actions import Actions
@@ -24,6 +23,7 @@ from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
+from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.keys import Instance
@@ -57,7 +57,7 @@ class Protocols:
         doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
         stats: Counts.
-        rng: Source of all randomness.
+        generators: One for each component that draws.
         emit: Takes events.
     """
 
@@ -71,7 +71,7 @@ class Protocols:
         doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[Event], None],
     ) -> None:
         self._address = address
@@ -81,10 +81,10 @@ class Protocols:
         self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(address, epoch, table, rng)
-        self.contact = Contact(address, table, rules.contact, rng, emit)
-        self.ranging = Ranging(address, table, rng, emit)
-        self.repeater = Repeater(queue, rng, handshake.introduce)
+        self.handshake = handshake = Handshake(address, epoch, table, generators.of("handshake"))
+        self.contact = Contact(address, table, rules.contact, generators.of("contact"), emit)
+        self.ranging = Ranging(address, table, generators.of("ranging"), emit)
+        self.repeater = Repeater(queue, generators.of("repeater"), handshake.introduce)
         self.demand = Demand(
             address,
             table,
@@ -106,7 +106,7 @@ class Protocols:
             demand=self.demand,
             journal=journal,
             doubt=doubt,
-            rng=rng,
+            generators=generators,
             stats=stats,
             emit=emit,
         )
@@ -116,7 +116,7 @@ class Protocols:
             queue=queue,
             journal=journal,
             doubt=doubt,
-            rng=rng,
+            rng=generators.of("receiving"),
             emit=self._hand_on,
         )
         self.large = LargeSamples(
@@ -129,7 +129,7 @@ class Protocols:
             receiving=self.receiving,
             journal=journal,
             stats=stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self.copied = CopiedSamples(queue, handshake)

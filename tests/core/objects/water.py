@@ -11,6 +11,7 @@ import msgspec
 from zacoustic.core.access.listening import Listening
 from zacoustic.core.arq.receiving import Claim
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.generators import Generators
 from zacoustic.core.journal import JournalPort, JournalWrite
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.objects.gate import Admission, ObjectReceived
@@ -63,7 +64,7 @@ class Node:
         self.objects = Objects(
             epoch=epoch,
             limits=water.limits,
-            rng=random.Random(f"{water.seed}/{address}/{epoch}"),
+            generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
             gate=self,
             owner=self,
             emit=self.progress.append,

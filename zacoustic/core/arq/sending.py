@@ -1,6 +1,5 @@
 """The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
 
-import random
 from collections.abc import Callable, Iterable, Mapping, Set
 from typing import Final
 
@@ -26,6 +25,7 @@ from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
+from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import LIFE_KEY, JournalPort
 from zacoustic.core.keys import Instance
@@ -48,7 +48,7 @@ class ReliableSending:
         demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         doubt: Whether something of former lives is forgotten.
-        rng: Draws the pauses between repetitions.
+        generators: One for each component that draws.
         stats: Is told how long answers take.
         emit: Takes events.
     """
@@ -63,7 +63,7 @@ class ReliableSending:
         demand: Demand,
         journal: JournalPort,
         doubt: Doubt,
-        rng: random.Random,
+        generators: Generators,
         stats: EngineStats,
         emit: Callable[[Event], None],
     ) -> None:
@@ -71,8 +71,10 @@ class ReliableSending:
         self._queue = queue
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, rng, stats)
-        self._contradictions = Contradictions(self._keeping, doubt, rng, self._out_of_sync)
+        self._pacing = Pacing(table, generators.of("pacing"), stats)
+        self._contradictions = Contradictions(
+            self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
+        )
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
         self.places = LargePlaces(

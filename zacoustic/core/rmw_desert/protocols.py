@@ -15,7 +15,6 @@ one that its sender cannot have written), ``unknown_stream``, ``not_publisher``,
 for bytes of the stream that belong to none.
 """
 
-import random
 from collections.abc import Callable, Mapping
 
 import msgspec
@@ -25,6 +24,7 @@ from zacoustic.core.composer import Composed
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Damaged, Envelope, Opened
 from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
+from zacoustic.core.generators import Generators
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import (
@@ -66,7 +66,7 @@ class RmwDesertProtocols(Protocols):
         doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[Event], None],
     ) -> None:
         super().__init__(
@@ -77,11 +77,18 @@ class RmwDesertProtocols(Protocols):
             doubt=doubt,
             journal=journal,
             stats=stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self._table = table
-        self._calls = DesertCalls(address, table, queue=self.queue, stats=stats, rng=rng, emit=emit)
+        self._calls = DesertCalls(
+            address,
+            table,
+            queue=self.queue,
+            stats=stats,
+            rng=generators.of("rmw_desert calls"),
+            emit=emit,
+        )
         self._discovery = Discovery(
             address, table, rules.discovery or DiscoverySpec(), self.queue, emit
         )
