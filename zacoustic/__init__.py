@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from zacoustic import blocking
     from zacoustic.config import Config, read_config
-    from zacoustic.core.actions.news import GoalStatus
     from zacoustic.core.events import (
         ClockStateChanged,
         DeadlineMissed,
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
         DeliveryEnded,
         DeliveryOutcome,
         EngineRestarted,
+        GoalStatus,
         JournalDoubted,
         JournalStateChanged,
         LinkStateChanged,
@@ -151,7 +151,6 @@ __all__ = [
 
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
-    "zacoustic.core.actions.news": ("GoalStatus",),
     "zacoustic.core.events": (
         "ClockStateChanged",
         "DeadlineMissed",
@@ -159,6 +158,7 @@ _HOMES = {
         "DeliveryEnded",
         "DeliveryOutcome",
         "EngineRestarted",
+        "GoalStatus",
         "JournalDoubted",
         "JournalStateChanged",
         "LinkStateChanged",

@@ -14,7 +14,8 @@ One thread owns the engine, that of the loop. Two things come from elsewhere:
 An exception that nobody expects, in the link or in the journal, is logged with its traceback, stops
 the runner and comes out of `wait_failed`. One out of the engine, or out of the receiver of events,
 may have been caused by anybody who can make a sound, so it does not: it is counted, logged with the
-frame that caused it, and a new engine goes on from the journal (`zacoustic.replacement`).
+frame that caused it, and a new engine goes on from the journal, without those entries of it that
+make that one raise as well (`zacoustic.replacement`).
 """
 
 import asyncio
@@ -43,7 +44,8 @@ from zacoustic.journal import Journal
 from zacoustic.journal.thread import NO_WRITE, JournalThread
 from zacoustic.link import Link
 from zacoustic.permitlog import PermitLog
-from zacoustic.replacement.replacement import Renew, Replacement
+from zacoustic.replacement.intact import Intact, Renew
+from zacoustic.replacement.replacement import Replacement
 
 # Rounds of polling before other callbacks of the loop get their turn: an application may answer
 # each event with a command that makes the next one.
@@ -68,7 +70,8 @@ class LinkRunner:
     All methods but `submit` are for the thread of the loop.
 
     Args:
-        engine: The engine; nobody else may touch it from now on.
+        engine: The engine, with what it could not be made of where it was made of a journal;
+            nobody else may touch it from now on.
         link: Its link, not open yet.
         deliver: Takes each event, on the loop; may call `apply`.
         renew: Makes the next engine when one has raised; None: that stops the runner.
@@ -83,7 +86,7 @@ class LinkRunner:
 
     def __init__(
         self,
-        engine: Engine,
+        engine: Engine | Intact,
         link: Link,
         deliver: Callable[[Event], None],
         *,
@@ -95,7 +98,8 @@ class LinkRunner:
         ask_clock: AskClock | None = None,
         permit_log: PermitLog | None = None,
     ) -> None:
-        self.engine = engine
+        self._first = engine if isinstance(engine, Intact) else None
+        self.engine = engine = engine.engine if isinstance(engine, Intact) else engine
         self.link = link
         self.link_state = LinkState.OPENING
         self.link_detail = ""
@@ -106,6 +110,7 @@ class LinkRunner:
         """Whoever sets this is told each time when all has been done that an input called for."""
         self._is_foreign_on_air = False
         self._is_busy = False
+        self._is_beginning = False
         self._deliver = deliver
         self._replacement: Replacement | None = None
         if renew is not None:
@@ -117,6 +122,7 @@ class LinkRunner:
         self._alarm = Alarm(clock, self._expire)
         self._is_servicing = False
         self._is_closing = False
+        self._is_deaf = False
         self._ended = asyncio.Event()
         self._closed = asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
@@ -144,6 +150,8 @@ class LinkRunner:
         """
         self._loop = asyncio.get_running_loop()
         self._inbox.open(self._loop)
+        if self._first is not None:
+            self._keep_intact(self._first)
         self._guarded(self._tell_clock)
         try:
             await self.link.open(self)
@@ -178,6 +186,10 @@ class LinkRunner:
         finally:
             self._closed.set()
             self._ended.set()
+
+    def stop_hearing(self) -> None:
+        """Drop what the link hears from now on, as if this were closed; it still transmits."""
+        self._is_deaf = True
 
     def apply(self, command: Callable[[Engine, int], T]) -> T:
         """Run a command on the engine now, and what follows from it.
@@ -230,6 +242,8 @@ class LinkRunner:
             self.watch(frame, self._instant())
         now = self._instant()
         replacement = self._replacement
+        if self._is_deaf:
+            return
         if replacement is not None and replacement.faults.refuses(frame.frame_bytes, now):
             return
         self._guarded(lambda: self.engine.handle_frame(frame, now), frame=frame.frame_bytes)
@@ -408,17 +422,42 @@ class LinkRunner:
         self._alarm.stop()
         self._is_foreign_on_air = self._on_air is not None
         pause_s = next_one.faults.note(error, self._instant(), frame=frame)
+        trial = self._try if self._is_beginning else None
 
-        def begin(engine: Engine) -> None:
-            self.engine, self._clock_told_at = engine, None
+        def tell(engine: Engine) -> None:
             for event in next_one.news(engine, error, self._instant()):
                 self._deliver(event)
             if self._journal is not None and self._journal.failure:
-                self._journal_changed(self._journal.failure)
-            self._guarded(self._tell_clock, self._connect, self._service)
+                engine.handle_journal_state(self._journal.failure, self._instant())
+
+        def begin(made: Intact) -> None:
+            self.engine, self._clock_told_at = made.engine, None
+            self._keep_intact(made)
+            self._is_beginning = True
+            steps = partial(tell, made.engine), self._tell_clock, self._connect, self._service
+            self._guarded(*steps)
+            self._is_beginning = False
             self._take_submitted()
 
-        next_one.begin(self.engine, pause_s, self._journal, begin, self._fail)
+        next_one.begin(self.engine, pause_s, self._journal, trial, self._instant, begin)
+
+    def _try(self, engine: Engine) -> None:
+        """Do the first step with an engine that is thrown away then: another one has raised in it.
+
+        Raises:
+            Exception: This one does, too.
+        """
+        now, is_up = self._instant(), self.link_state is LinkState.UP
+        engine.handle_link_state(self.link_state, now, self.link.capabilities if is_up else None)
+        while engine.poll_event() is not None:
+            pass
+        engine.poll_transmit(now)
+        engine.poll_timeout()
+
+    def _keep_intact(self, made: Intact) -> None:
+        """Delete from the journal what no engine can be made of."""
+        for write in made.writes:
+            self.keep(write.key, write.value)
 
     def _connect(self) -> None:
         """Tell the engine how the link is, unless it transmits a frame of a former engine."""

@@ -41,9 +41,7 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalKey,
     GoalReceived,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.clock import ns_to_seconds
@@ -52,6 +50,8 @@ from zacoustic.core.events import (
     CallFailed,
     DeliveryEnded,
     Event,
+    GoalKey,
+    GoalStatus,
     LinkStateChanged,
     PeerFound,
     PeerLost,

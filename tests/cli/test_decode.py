@@ -12,13 +12,7 @@ from tests.cli.dive import section, write_config
 from tests.golden.vectors import bytes_table, vectors
 from zacoustic.cli import main
 from zacoustic.config import config_from_mapping, read_config
-from zacoustic.core.calls import (
-    NAMED,
-    CallKind,
-    encode_call_byte,
-    encode_error,
-    encode_name,
-)
+from zacoustic.core.callrecords import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
 from zacoustic.core.events import CallFailure
 from zacoustic.core.frame import Ask, Confirm, DenseAck, Hello, TableRow, Tag

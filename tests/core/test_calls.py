@@ -8,16 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from zacoustic.core.calls import (
+from zacoustic.core.callrecords import (
     CALL_NUMBERS,
     LONGEST_ERROR_TEXT_BYTES,
-    WINDOW,
-    Answer,
     CallKind,
-    ClientCalls,
-    Served,
-    ServerCalls,
-    _Numbers,
     decode_call_byte,
     decode_error,
     decode_name,
@@ -25,6 +19,7 @@ from zacoustic.core.calls import (
     encode_error,
     encode_name,
 )
+from zacoustic.core.calls import WINDOW, Answer, ClientCalls, Served, ServerCalls, _Numbers
 from zacoustic.core.events import CallFailure, CallKey
 from zacoustic.core.qos import Qos
 from zacoustic.core.repeating import Repetition

@@ -14,7 +14,7 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig
-from zacoustic.core.calls import CALL_NUMBERS
+from zacoustic.core.callrecords import CALL_NUMBERS
 from zacoustic.core.events import (
     CallFailure,
 )

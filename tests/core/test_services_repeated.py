@@ -16,7 +16,8 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig, link
-from zacoustic.core.calls import CALL_NUMBERS, WINDOW
+from zacoustic.core.callrecords import CALL_NUMBERS
+from zacoustic.core.calls import WINDOW
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.events import (
     CallFailed,

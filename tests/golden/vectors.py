@@ -14,7 +14,6 @@ import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.actions.news import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.actions.wire import (
     REMINDER,
     UNKNOWN_RESULT,
@@ -25,17 +24,18 @@ from zacoustic.core.actions.wire import (
     encode_result,
 )
 from zacoustic.core.arq.numbers import Ack
-from zacoustic.core.calls import (
-    NAMED,
-    CallKind,
-    encode_call_byte,
-    encode_error,
-    encode_name,
-)
+from zacoustic.core.callrecords import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.envelope import Envelope
-from zacoustic.core.events import CallFailure, CallKey, RequestReceived
+from zacoustic.core.events import (
+    CallFailure,
+    CallKey,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
+    RequestReceived,
+)
 from zacoustic.core.frame import (
     ASSURED,
     VOUCHED,
@@ -149,7 +149,8 @@ def _controls() -> Iterator[Vector]:
     yield _vector("confirm_assured", assured, meaning)
     vouched = Tag(0x1234).encode() + Confirm(VOUCHED, 0x5678).encode()
     meaning = (
-        "TAG: epoch 1234; a vouch for epoch 5678 of the destination, whose table the sender has"
+        "TAG: epoch 1234; a provisional confirm for epoch 5678 of the destination, "
+        "whose table the sender has"
     )
     yield _vector("confirm_vouched", vouched, meaning)
     yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
@@ -477,10 +478,10 @@ def _orders() -> Iterator[Vector]:
         (
             "silence",
             Order(kind=OrderKind.SILENCE, for_s=1800.0),
-            "silence for 1800 s, order 1",
-            "node 2 is silent, by an order, for 1800 s",
+            "silence for 1800 s, command 1",
+            "node 2 is silent, by a command, for 1800 s",
         ),
-        ("resume", Order(kind=OrderKind.RESUME), "resume, order 2", "node 2 transmits"),
+        ("resume", Order(kind=OrderKind.RESUME), "resume, command 2", "node 2 transmits"),
         (
             "tune",
             Order(
@@ -490,13 +491,13 @@ def _orders() -> Iterator[Vector]:
                 min_interval_s=10.0,
                 priority=Priority.BACKGROUND,
             ),
-            "stream 11 is off, every 10 s at most, background, order 3",
+            "stream 11 is off, every 10 s at most, background, command 3",
             "so it is; node 2 transmits",
         ),
         (
             "reset",
             Order(kind=OrderKind.RESET, stream_id=20),
-            "stream 20 as node 2 is configured, order 4",
+            "stream 20 as node 2 is configured, command 4",
             "refused: stream 20 is no topic",
         ),
     ):
@@ -508,7 +509,7 @@ def _orders() -> Iterator[Vector]:
     confirm = bytes.fromhex(pair.frames[1][-1])  # whatever was asked again before
     yield _vector("order_confirm", confirm, "the client has the answer to call 4 of node 2")
     digest = table().by_id(ORDERS_STREAM_ID).digest
-    yield _vector("digest_of_stream_175", digest, "digest of the stream of orders")
+    yield _vector("digest_of_stream_175", digest, "digest of the stream of remote commands")
 
 
 def _order(order: Order, engine: Engine, now: int) -> int:
@@ -552,9 +553,9 @@ def dense_table() -> StreamTable:
 
 def _dense() -> Iterator[Vector]:
     mark = DenseAck(0, 0x1234).encode()
-    yield _vector("dense_ack", mark, "ACK to the destination: its dense string 1234 is held")
+    yield _vector("dense_ack", mark, "ACK to the destination: its dense block 1234 is held")
     mark = DenseAck(1, 0x3FFF).encode()
-    meaning = "ACK to node 1, in a broadcast frame: its dense string 3fff is held"
+    meaning = "ACK to node 1, in a broadcast frame: its dense block 3fff is held"
     yield _vector("dense_ack_broadcast", mark, meaning)
 
     def publish(stream_id: int, **changed: object) -> Callable[[Engine, int], object]:
@@ -562,7 +563,7 @@ def _dense() -> Iterator[Vector]:
         return lambda engine, now: engine.publish(stream_id, value, now)
 
     first = _Pair(confirmed=False, streams=dense_table()).frame(1, publish(10))
-    meaning = "HELLO; a dense string for itself: Nav 45.4, 12.3, 271.5, survey"
+    meaning = "HELLO; an independent dense block: Nav 45.4, 12.3, 271.5, survey"
     yield _vector("dense_first", first, meaning)
     pair = _Pair(streams=dense_table())
     several = pair.frame(
@@ -570,15 +571,13 @@ def _dense() -> Iterator[Vector]:
         lambda engine, now: engine.publish(11, b"raw", now),
     )  # fmt: skip
     meaning = (
-        "LEN before the opaque sample; a dense string for itself: two Nav of stream 10, one of 50"
+        "LEN before the opaque sample; an independent dense block: two Nav of stream 10, one of 50"
     )
     yield _vector("dense_several", several, meaning)
     acknowledging = pair.frame(2, lambda engine, now: engine.publish(11, b"", now))
     yield _vector("dense_acknowledged", acknowledging, "ACK to node 1; an opaque sample of nothing")
     referring = pair.frame(1, publish(10, heading=272.0))
-    yield _vector(
-        "dense_referring", referring, "a dense string that refers to it: Nav, heading 272"
-    )
+    yield _vector("dense_referring", referring, "a dense block that refers to it: Nav, heading 272")
     for stream_id in (10, 50):
         digest = dense_table().by_id(stream_id).digest
         name = f"digest_of_dense_stream_{stream_id}"
@@ -607,7 +606,7 @@ def _packed_bytes() -> Iterator[Vector]:
     yield _vector("packed_octets", publish(51, octets), "sample of stream 51: 8f03ff77")
     octets = bytes.fromhex("c803ff77")
     yield _vector("packed_octets_marked", publish(51, octets), "sample of stream 51: c803ff77")
-    meaning = f"a dense string for itself: {line.decode()}"
+    meaning = f"an independent dense block: {line.decode()}"
     yield _vector("dense_text", publish(52, line), meaning)
     for stream_id in (51, 52):
         digest = bytes_table().by_id(stream_id).digest

@@ -12,19 +12,14 @@ from typing import Any, Final
 from tests.hostile import fleet, foreign
 from tests.hostile.oracle import Given, Oracle
 from tests.hostile.scenario import CALM_S, LONGEST_REST_S, Hostile
-from zacoustic.core.actions.news import (
-    GoalAnswered,
-    GoalFailed,
-    GoalReceived,
-    GoalStatus,
-    ResultReceived,
-)
+from zacoustic.core.actions.news import GoalAnswered, GoalFailed, GoalReceived, ResultReceived
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
     CallFailed,
     DeliveryEnded,
     Event,
+    GoalStatus,
     RequestReceived,
     ResponseReceived,
     SampleReceived,

@@ -8,8 +8,8 @@ import msgspec
 
 from tests.hostile import fleet, load
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.actions.news import GoalReceived, GoalStatus
-from zacoustic.core.events import Event, RequestReceived
+from zacoustic.core.actions.news import GoalReceived
+from zacoustic.core.events import Event, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.trace import TraceRecord
 from zacoustic.testing.virtual import Modem, VirtualNetwork

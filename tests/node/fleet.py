@@ -118,9 +118,9 @@ def scenario() -> Scenario:
 
 
 @contextmanager
-def water(profile: str = "ideal") -> Iterator[SimMedium]:
+def water(profile: str = "ideal", time_scale: float = TIME_SCALE) -> Iterator[SimMedium]:
     spec = msgspec.structs.replace(scenario(), profile=profile)
-    medium = SimMedium(spec, time_scale=TIME_SCALE)
+    medium = SimMedium(spec, time_scale=time_scale)
     try:
         yield medium
     finally:
@@ -130,8 +130,8 @@ def water(profile: str = "ideal") -> Iterator[SimMedium]:
 class WaterServer:
     """A medium server on a loop in a thread: water for other processes and other loops."""
 
-    def __init__(self, profile: str = "ideal") -> None:
-        self._profile = profile
+    def __init__(self, profile: str = "ideal", time_scale: float = TIME_SCALE) -> None:
+        self._profile, self._time_scale = profile, time_scale
         self.locator = ""
         self._loop = asyncio.new_event_loop()
         self._ready = threading.Event()
@@ -152,7 +152,7 @@ class WaterServer:
             runner.run(self._serve())
 
     async def _serve(self) -> None:
-        with water(self._profile) as medium:
+        with water(self._profile, self._time_scale) as medium:
             server = MediumServer(medium, "127.0.0.1", 0)
             await server.open()
             self.locator = f"sim/{server.address}"

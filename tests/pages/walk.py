@@ -34,7 +34,7 @@ SERVING: Final = ("gateway", "medium", "emulate", "dashboard", "monitor", "recor
 
 _LOOPBACK_PORT: Final = re.compile(r"\b(127\.0\.0\.1|localhost):(\d{3,5})\b")
 _MODEM: Final = re.compile(r"evologics/(tcp:(?!127|localhost)[\w.]+:\d+|serial:/dev/tty[A-Z]+\d)")
-_MODEM_OF_NODE: Final = re.compile(rf"--address (\d+) --link '?{_MODEM.pattern}")
+_MODEM_OF_NODE: Final = re.compile(rf"--address (\d+) (?:\\\n *)?--link '?{_MODEM.pattern}")
 _ROUTER: Final = re.compile(r'connect: \{ endpoints: \["tcp/localhost:(\d+)"\] \}')
 
 

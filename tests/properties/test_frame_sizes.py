@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from tests.core.rig import Pass, Rig, link
 from tests.hostile import fleet, foreign, load
 from zacoustic.core.access.spec import AccessSpec, PollingSpec, TdmaSpec
-from zacoustic.core.actions.news import GoalReceived, GoalStatus
+from zacoustic.core.actions.news import GoalReceived
 from zacoustic.core.contact import ContactRules
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, RequestReceived
+from zacoustic.core.events import Event, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import LinkCapabilities, Transmission
 from zacoustic.core.rules import TransmitRules
 from zacoustic.errors import LocalError, PayloadTooLargeError

@@ -14,8 +14,8 @@ from tests.recording.test_exact import run_survey, survey
 from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
 from zacoustic.cli import main
-from zacoustic.core.actions.news import GoalReceived, GoalStatus
-from zacoustic.core.events import Event
+from zacoustic.core.actions.news import GoalReceived
+from zacoustic.core.events import Event, GoalStatus
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.testing.virtual import VirtualNetwork

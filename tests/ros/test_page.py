@@ -128,8 +128,8 @@ def test_the_figures_of_a_service_are_right() -> None:
 
 
 def test_the_figures_of_an_action_are_right() -> None:
-    (row,) = re.findall(r"^\| a Fibonacci action .*$", PAGE, re.MULTILINE)
-    for is_cold in (False, True):
+    for is_cold, nodes in ((False, "know each other"), (True, "have never heard of each other")):
+        (row,) = re.findall(rf"^\| that {nodes} .*$", PAGE, re.MULTILINE)
         run = Run(0, loss=0.0, cold=is_cold)
         run.check()
         assert len(run.fed) == ORDER

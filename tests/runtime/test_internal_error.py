@@ -6,7 +6,7 @@ import logging
 import random
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import pytest
 
@@ -21,7 +21,9 @@ from zacoustic.core.events import (
     DeliveryStored,
     EngineRestarted,
     Event,
+    JournalDoubted,
 )
+from zacoustic.core.journal import JournalWrite
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -37,7 +39,10 @@ from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.journal import MemoryJournal
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.replacement.faults import FREE, REPORT
+from zacoustic.replacement.intact import Intact
 from zacoustic.runtime import LinkRunner
+
+E = TypeVar("E")
 
 RELIABLE = Qos(reliability=Reliability.RELIABLE, depth=8)
 SPECS = (
@@ -120,21 +125,26 @@ class QuietLink(Link):
 class Bench:
     """A runner with such an engine and link, and what it has told."""
 
-    def __init__(self) -> None:
+    def __init__(self, engine_type: type[Engine], journal: MemoryJournal | None) -> None:
         self.events: list[Event] = []
         self.changed = asyncio.Event()
         self.link = QuietLink()
         self.fails = False
-        journal = MemoryJournal()
+        self.made_in_vain = 0
+        """So many engines cannot be made, whatever the journal has."""
+        self.journal = journal or MemoryJournal()
         table = StreamTable(SPECS, nodes={1: "a", 2: "b"})
 
         def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
+            if self.made_in_vain:
+                self.made_in_vain -= 1
+                raise MemoryError("for a while")
             rng = random.Random(epoch)
-            return BrittleEngine(address=1, table=table, epoch=epoch, rng=rng, stored=stored)
+            return engine_type(address=1, table=table, epoch=epoch, rng=rng, stored=stored)
 
-        state = journal.recover()
-        first = renew(state.boot_epoch, state.entries)
-        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=journal)
+        state = self.journal.recover()
+        first = Intact(renew, state.boot_epoch, state.entries)
+        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=self.journal)
 
     def _take(self, event: Event) -> None:
         self.events.append(event)
@@ -142,16 +152,20 @@ class Bench:
         if self.fails:
             raise ValueError("a bug of the receiver")
 
-    def got(self, *kinds: type[Event]) -> list[Event]:
+    def got(self, *kinds: type[E]) -> list[E]:
         return [event for event in self.events if isinstance(event, kinds)]
 
     async def restarted(self, times: int = 1) -> None:
         await until(lambda: len(self.got(EngineRestarted)) >= times, self.changed)
 
 
-def on_a_bench(main: Callable[[Bench], Awaitable[None]]) -> None:
+def on_a_bench(
+    main: Callable[[Bench], Awaitable[None]],
+    engine_type: type[Engine] = BrittleEngine,
+    journal: MemoryJournal | None = None,
+) -> None:
     async def whole() -> None:
-        bench = Bench()
+        bench = Bench(engine_type, journal)
         await bench.runner.start()
         await main(bench)
         assert bench.runner.failure is None
@@ -304,5 +318,100 @@ def test_receiver_of_events_that_raises_is_counted_and_hears_the_next_ones() -> 
         bench.runner.apply(lambda engine, now: engine.publish(11, b"b", now))
         await until(lambda: len(bench.got(DeliveryStored)) == 2, bench.changed)
         assert not bench.got(EngineRestarted)
+
+    on_a_bench(main)
+
+
+class ReadingEngine(BrittleEngine):
+    """Has a bug: some entries of its journal make it raise."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self.has_late = "late/1" in self.stored
+        if any(key.startswith("early/") for key in self.stored):
+            raise KeyError("a bug: an entry cannot be read")
+
+    def handle_link_state(
+        self, state: LinkState, now: int, capabilities: LinkCapabilities | None = None
+    ) -> None:
+        super().handle_link_state(state, now, capabilities)
+        if self.has_late:
+            raise KeyError("a bug: an entry cannot be used")
+
+
+def doubts(bench: Bench) -> list[str]:
+    return [event.reason for event in bench.events if isinstance(event, JournalDoubted)]
+
+
+async def stored(bench: Bench, value: bytes) -> int:
+    """Publish a sample that is kept, and wait until the journal has it, and all before it."""
+    delivery_id = bench.runner.apply(lambda engine, now: engine.publish(11, value, now))
+    await until(
+        lambda: any(each.delivery_id == delivery_id for each in bench.got(DeliveryStored)),
+        bench.changed,
+    )
+    return delivery_id
+
+
+async def speaks(bench: Bench) -> None:
+    bench.runner.submit(lambda engine, now: engine.publish(10, b"still speaks", now))
+    await until(
+        lambda: any(b"still speaks" in each.frame_bytes for each in bench.link.sent),
+        bench.link.changed,
+    )
+
+
+def test_engine_that_raises_while_it_is_made_begins_with_what_is_intact(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def main(bench: Bench) -> None:
+        runner = bench.runner
+        for key in ("early/1", "order of a stranger", "early/2", "late/1"):
+            runner.keep(key, b"no engine reads this")
+        kept = await stored(bench, b"kept")
+        bench.link.hear(POISON)
+        await bench.restarted()
+        await speaks(bench)
+        assert runner.engine.is_delivering(kept)
+        assert "entries of the journal cannot be used" in runner.engine.doubt.reason
+        assert doubts(bench)
+        await stored(bench, b"another one")
+        left = bench.journal.recover().entries
+        assert "order of a stranger" in left
+        assert not {"early/1", "early/2", "late/1"} & left.keys()
+
+    caplog.set_level(logging.ERROR)
+    on_a_bench(main, ReadingEngine)
+    assert f"early/2, which is left out and deleted: {b'no engine reads this'.hex()}" in caplog.text
+
+
+def test_node_starts_whatever_of_its_journal_cannot_be_read() -> None:
+    """As when another version has written it, or there is a bug."""
+    keys = (
+        "call/2/7/20/3", "call/x", "goal/taken/2/7/30/3", "goal/sent/30/1", "order/2/0", "tune/10",
+        "out/11", "out/11/1", "in/2/11", "object/out/7", "object/in/2/7/0", "object/done/2/7",
+        "silence", "clock", "early/1", "late/1",
+    )  # fmt: skip
+    for engine_type in (BrittleEngine, ReadingEngine):
+        for key in keys:
+            for value in (b"", b"\xc1", b"\x93\x01\xa1x\xc0", bytes(20)):
+                journal = MemoryJournal()
+                journal.commit([JournalWrite(write_id=0, key=key, value=value)])
+                on_a_bench(speaks, engine_type, journal)
+
+
+def test_engine_that_cannot_be_made_for_a_while_is_made_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("zacoustic.replacement.replacement.FIRST_PAUSE_S", 0.0)
+
+    async def main(bench: Bench) -> None:
+        kept = await stored(bench, b"kept")
+        bench.made_in_vain = 5
+        bench.link.hear(POISON)
+        await bench.restarted()
+        await speaks(bench)
+        assert bench.runner.engine.is_delivering(kept)
+        assert not doubts(bench)
 
     on_a_bench(main)

@@ -1,7 +1,7 @@
-"""A channel that loses, doubles and delays frames, and says by how many others each is overtaken.
+"""A channel that loses, doubles and delays frames: by so many others, or by so much time.
 
-Time is not its measure: a frame, or a copy of it, comes when so many later frames of its sender
-have gone. That is what the wire page promises to withstand.
+A frame, or a copy of it, comes when so many later frames of its sender have gone, or, with
+`latest_s`, within that time. That is what the wire page promises to withstand.
 """
 
 import random
@@ -35,6 +35,8 @@ class Disorder(msgspec.Struct, frozen=True, kw_only=True):
     doubled: float = 0.0
     overtaken: int = 31
     """By how many later frames of its sender one is overtaken at most."""
+    latest_s: float | None = None
+    """How much later one comes at most, by however many it is overtaken; None: that decides."""
 
 
 class DisorderlyNetwork:
@@ -45,13 +47,15 @@ class DisorderlyNetwork:
         disorder: What goes wrong.
         seed: Decides where.
         deliver: Takes the events: address of the node, event.
+        link: What all of them have.
     """
 
     def __init__(
         self, table: StreamTable, disorder: Disorder, seed: object,
-        deliver: Callable[[int, Event], None],
+        deliver: Callable[[int, Event], None], link: LinkCapabilities = _LINK,
     ) -> None:  # fmt: skip
         self._disorder = disorder
+        self._link = link
         self._rng = random.Random(f"disorder/{seed}")
         self._deliver = deliver
         self._now = 0
@@ -66,7 +70,7 @@ class DisorderlyNetwork:
             for address in table.nodes
         }
         for address, engine in self.engines.items():
-            engine.handle_link_state(LinkState.UP, 0, _LINK)
+            engine.handle_link_state(LinkState.UP, 0, link)
             self._service(address)
         self.run(1.0)
 
@@ -83,9 +87,13 @@ class DisorderlyNetwork:
                 (engine.poll_timeout() or until, address)
                 for address, engine in self.engines.items()
             )
-            if due_at >= until:
+            late_at, source = self._next_late(until)
+            if min(due_at, late_at) >= until:
                 break
-            self._now = max(self._now, due_at)
+            self._now = max(self._now, min(due_at, late_at))
+            if late_at < due_at:
+                self._arrive(source)
+                continue
             self.engines[address].handle_timeout(self._now)
             self._service(address)
         self._now = max(self._now, until)
@@ -96,7 +104,7 @@ class DisorderlyNetwork:
             engine.handle_journal_committed(write.write_id, self._now)
         while (transmission := engine.poll_transmit(self._now)) is not None:
             started_at = self._now
-            self._now += _LINK.airtime_ns(len(transmission.frame_bytes))
+            self._now += self._link.airtime_ns(len(transmission.frame_bytes))
             report = TransmitReport(
                 transmission_id=transmission.transmission_id, outcome=TransmitOutcome.SENT,
                 started_at=started_at, finished_at=self._now,
@@ -118,14 +126,32 @@ class DisorderlyNetwork:
             if rng.random() < disorder.lost:
                 continue
             is_late = copy > 0 or rng.random() < disorder.late
-            behind = rng.randint(1, disorder.overtaken) if is_late else 0
-            self._late[source].append((self._gone[source] + behind, receiver, transmission))
+            due = self._place(source)
+            if is_late and disorder.latest_s is None:
+                due += rng.randint(1, disorder.overtaken)
+            elif is_late and disorder.latest_s is not None:
+                latest_ns = disorder.latest_s * NS_PER_S
+                due += rng.randrange(round(latest_ns) - self._link.airtime_ns(_LINK.mtu_bytes))
+            self._late[source].append((due, receiver, transmission))
+
+    def _place(self, source: int) -> int:
+        """Return how many frames of a node have gone, or what time it is, ns."""
+        return self._gone[source] if self._disorder.latest_s is None else self._now
+
+    def _next_late(self, otherwise: int) -> tuple[int, int]:
+        """Return when the next frame comes that is late by time, and whose it is."""
+        if self._disorder.latest_s is None:
+            return otherwise, 0
+        return min(
+            min(((each[0], source) for each in late), default=(otherwise, 0))
+            for source, late in self._late.items()
+        )
 
     def _arrive(self, source: int) -> None:
-        """Hand over what is overtaken by as many frames as it was to be."""
-        gone, waiting = self._gone[source], self._late[source]
-        self._late[source] = [each for each in waiting if each[0] > gone]
-        arriving = sorted((each for each in waiting if each[0] <= gone), key=lambda each: each[0])
+        """Hand over what is overtaken by as many frames, or as late, as it was to be."""
+        place, waiting = self._place(source), self._late[source]
+        self._late[source] = [each for each in waiting if each[0] > place]
+        arriving = sorted((each for each in waiting if each[0] <= place), key=lambda each: each[0])
         for _, receiver, transmission in arriving:
             self._now += NS_PER_S // 1000
             frame = ReceivedFrame(

@@ -9,15 +9,8 @@ from typing import Any, Final
 
 from tests.virtual.fleet import line
 from zacoustic.config import config_from_mapping
-from zacoustic.core.actions.news import (
-    FeedbackReceived,
-    GoalAnswered,
-    GoalKey,
-    GoalReceived,
-    GoalStatus,
-    ResultReceived,
-)
-from zacoustic.core.events import Event
+from zacoustic.core.actions.news import FeedbackReceived, GoalAnswered, GoalReceived, ResultReceived
+from zacoustic.core.events import Event, GoalKey, GoalStatus
 from zacoustic.testing.virtual import VirtualNetwork
 
 TWIST: Final = "geometry_msgs/msg/Twist"

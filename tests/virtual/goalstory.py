@@ -18,16 +18,13 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalReceived,
     GoalRecovered,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.events import Event, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, TopicSpec

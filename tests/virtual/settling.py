@@ -13,13 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.actions.news import (
-    GoalFailed,
-    GoalKey,
-    GoalReceived,
-    GoalStatus,
-    ResultReceived,
-)
+from zacoustic.core.actions.news import GoalFailed, GoalReceived, ResultReceived
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.engine import Engine
 from zacoustic.core.events import (
@@ -27,6 +21,8 @@ from zacoustic.core.events import (
     DeliveryEnded,
     DeliveryOutcome,
     Event,
+    GoalKey,
+    GoalStatus,
     RequestReceived,
     ResponseReceived,
 )

@@ -16,16 +16,13 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalReceived,
     GoalRecovered,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.events import Event, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.frame import Control
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.peer import Peer

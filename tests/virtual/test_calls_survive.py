@@ -7,7 +7,7 @@ import pytest
 from tests.virtual.callload import carry_calls
 from tests.virtual.callstory import CallStory
 from zacoustic.core.answering import Answering
-from zacoustic.core.calls import CallKind
+from zacoustic.core.callrecords import CallKind
 from zacoustic.core.peer import Peer
 
 BLOCKS = range(10)

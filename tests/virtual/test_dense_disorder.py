@@ -12,6 +12,7 @@ import pytest
 
 from tests.virtual.disorder import Disorder, DisorderlyNetwork
 from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.qos import Qos
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import TopicSpec
@@ -21,6 +22,10 @@ NAV, STATUS, COMMAND, WORD = 10, 11, 12, 13
 TICKETS: Final = 60_000
 SAMPLES: Final = 1_000
 """Of one run."""
+WIDE: Final = LinkCapabilities(mtu_bytes=64, bit_rate_bps=50_000.0, propagation_s=3.0)
+"""Far more than 31 strings are sent on it while one may still come."""
+LATEST_S: Final = 5 * (WIDE.propagation_s + WIDE.airtime_ns(WIDE.mtu_bytes) / 1e9)
+"""A unit and the settling time of the wire page."""
 TYPES: Final = TypeTable(
     [
         TypeSpec(
@@ -75,15 +80,22 @@ def table(rng: random.Random) -> StreamTable:
 
 
 class Voyage:
-    """Vehicles that publish on a disorderly channel, and the checker of what comes out."""
+    """Vehicles that publish on a disorderly channel, and the checker of what comes out.
 
-    def __init__(self, seed: int) -> None:
+    Args:
+        seed: Everything follows from it.
+        in_haste: They publish so often that what is late is overtaken by more than 31 strings.
+    """
+
+    def __init__(self, seed: int, *, in_haste: bool = False) -> None:
         rng = self._rng = random.Random(f"voyage/{seed}")
+        self._pause_s = (0.05, 0.3) if in_haste else (0.5, 2.0)
         self.disorder = Disorder(
             lost=rng.choice((0, 0.1, 0.4)),
             late=rng.choice((0, 0.1, 0.5)),
             doubled=rng.choice((0, 0.1, 0.5)),
             overtaken=rng.choice((3, 10, 31)),
+            latest_s=LATEST_S if in_haste else None,
         )
         self.handed_on = 0
         self.wrong: list[object] = []
@@ -92,7 +104,9 @@ class Voyage:
         self._table = table(rng)
         self._course = [43.1, rng.uniform(0, 360), 20.0]
         self._is_still = rng.random() < 0.3
-        self.network = DisorderlyNetwork(self._table, self.disorder, seed, self._take)
+        self.network = DisorderlyNetwork(
+            self._table, self.disorder, seed, self._take, *([WIDE] if in_haste else [])
+        )
 
     def run(self, samples: int) -> None:
         """Publish that many samples, and what else goes on."""
@@ -107,7 +121,7 @@ class Voyage:
                 self._publish(1 if rng.random() < 0.8 else rng.choice(nodes), stream_id)
             if rng.random() < answers:
                 self.network.publish(rng.choice(nodes[1:]), WORD, rng.randbytes(2))
-            self.network.run(rng.uniform(0.5, 2))
+            self.network.run(rng.uniform(*self._pause_s))
 
     def _publish(self, address: int, stream_id: int) -> None:
         rng = self._rng
@@ -148,3 +162,15 @@ def test_what_is_late_or_doubled_is_never_read_as_something_else(
         voyage.run(SAMPLES)
         assert voyage.wrong == [], (4 * number + part, len(voyage.wrong), voyage.handed_on)
         assert voyage.handed_on > SAMPLES / 20, 4 * number + part
+
+
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("part", range(2))
+def test_what_is_late_is_read_as_what_it_is_however_often_a_source_speaks(
+    part: int, count: Callable[[int], int]
+) -> None:
+    for number in range(count(100_000) // SAMPLES // 2 + 1):
+        voyage = Voyage(2 * number + part, in_haste=True)
+        voyage.run(SAMPLES)
+        assert voyage.wrong == [], (2 * number + part, len(voyage.wrong), voyage.handed_on)
+        assert voyage.handed_on > SAMPLES / 20, 2 * number + part

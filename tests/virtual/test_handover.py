@@ -18,7 +18,7 @@ from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 from zacoustic.testing.virtual import VirtualNetwork
 
-LOG: Final = 10
+LOG, PHOTO = 10, 11
 TABLE: Final = StreamTable(
     [
         TopicSpec(
@@ -28,7 +28,16 @@ TABLE: Final = StreamTable(
             subscribers=(2,),
             journal=True,
             qos=Qos(reliability=Reliability.RELIABLE, depth=5, lifespan_s=600.0),
-        )
+        ),
+        TopicSpec(
+            stream_id=PHOTO,
+            name="photo",
+            publishers=(1,),
+            subscribers=(2,),
+            journal=True,
+            max_bytes=1000,
+            qos=Qos(reliability=Reliability.RELIABLE, depth=10),
+        ),
     ],
     nodes={1: "shore", 2: "auv1"},
 )
@@ -72,4 +81,48 @@ def test_killed_at_any_instant_of_a_hand_over(count: Callable[[int], int], untol
                         value = published[event.delivery_id]
                         assert value in first, f"seed {seed}: {value!r} was lost"
         assert water.engine(1).delivering(LOG) == 0
+    assert marked
+
+
+@pytest.mark.parametrize("untold", [0.0, 0.5, 1.0])
+def test_killed_at_any_instant_of_the_hand_over_of_a_large_sample(
+    count: Callable[[int], int], untold: float
+) -> None:
+    marked = 0
+    for seed in range(count(600)):
+        rng = random.Random(seed)
+        journal = {"commit_s": rng.choice((0.02, 0.5, 3.0)), "untold": untold}
+        water = VirtualNetwork(
+            line(
+                0, 300, seed=seed, channel="none", loss={"frame": 0.1}, faults={"journal": journal}
+            ),
+            TABLE,
+        )
+        handed_on: list[bytes] = []
+        wanted: list[bytes] = []
+        for number in range(6):
+            value = f"photo {number} ".encode().ljust(rng.randint(80, 600), b".")
+            water.publish(1, PHOTO, value)
+            wanted.append(value)
+            begun_at = water.now
+            water.run(until_s=begun_at / 1e9 + 4 + rng.random())
+            while rng.random() < 0.9 and water.now < begun_at + 60e9:
+                water.run(until_s=water.now / 1e9 + rng.choice((0.3, 1, 3)) * rng.random())
+                if water.engine(2).stats.received.get(PHOTO, 0) or rng.random() < 0.5:
+                    water.restart(2)
+        water.run(until_s=water.now / 1e9 + 3600)
+        for node, event in water.events:
+            match event:
+                case SampleReceived():
+                    assert event.again or event.value not in handed_on, f"seed {seed}: twice"
+                    marked += event.again
+                    handed_on.append(event.value)
+                case DeliveryEnded():
+                    assert node == 1
+                    assert event.outcome is DeliveryOutcome.DELIVERED, f"seed {seed}: {event}"
+        lost = set(wanted) - set(handed_on)
+        assert not lost, f"seed {seed}: {len(lost)} photos were lost"
+        assert water.engine(1).delivering(PHOTO) == 0
+        kept = [key for key in water.journal(2).entries if key.startswith("object/in/")]
+        assert not kept
     assert marked

@@ -1,8 +1,8 @@
-"""The water: acoustics as pure functions, and a medium that modems share; no clock, no I/O.
+"""The channel: acoustics as pure functions, and a medium that modems share; no clock, no I/O.
 
 Read in this order::
 
-    scenario     who is where, with which modem, what goes wrong     what a user writes
+    scenario     nodes, positions, modems, faults                    what a user writes
       position     places, tracks, paths of sound
       complaint, limits                                              its error messages
     medium       transmit → arrivals → receptions                    what a driver calls

@@ -1,6 +1,6 @@
 """The acknowledgement that a modem sends by itself: a short sound, a fixed time behind the frame.
 
-Since that time is fixed, whoever gets the answer knows how long the sound took: half of what is
+Since that time is fixed, the node that gets the answer knows the sound's delay: half of what is
 left of the time between. It is a frame of the medium like any other, so it is lost like any other.
 """
 

@@ -1,6 +1,6 @@
 """Sound in the sea, as pure functions: absorption, spreading, the sonar equation, delay.
 
-The passive terms of one link, in the order in which they are added up::
+The passive terms of one link, in the order of their addition::
 
     received level  RL  = SL − TL(d, f)                           dB re 1 µPa
     noise level     NL  = 10 log10 ∫ N(f) df  ≈  N(fc) + 10 log10 B   dB re 1 µPa
@@ -12,7 +12,7 @@ IL the implementation loss of a real receiver. All levels are re 1 µPa (source 
 spectra re 1 µPa²/Hz. The formulae take their traditional units (kHz, km) only inside; arguments are
 Hz and m.
 
-Sound speed has a file of its own, `soundspeed`; what a receiver makes of an SNR is in `modulation`.
+Sound speed is in `soundspeed`; error rates as functions of an SNR are in `modulation`.
 """
 
 import math
@@ -193,7 +193,7 @@ def eb_n0_db(
     Args:
         snr: SNR over the whole bandwidth, dB.
         bandwidth_hz: That bandwidth, Hz, > 0.
-        bit_rate_bps: Bits on the water, bit/s, > 0.
+        bit_rate_bps: Bit rate of the modem, bit/s, > 0.
         implementation_loss_db: What a real receiver loses against the theoretical one, dB, ≥ 0.
 
     Returns:

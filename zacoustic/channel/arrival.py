@@ -40,7 +40,7 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     starts_at: int
     """Instant of the first sound at the node, ns."""
     ends_at: int
-    """Instant of the last sound at the node, ns; when `Medium.finish` is to be called."""
+    """Instant of the last sound at the node, ns; the driver calls `Medium.finish` then."""
     received_level_db: float
     """Level at the node, fading included, dB re 1 µPa."""
     snr_db: float
@@ -56,7 +56,7 @@ class Arrival(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     chance: float
     """Uniform draw, 0…1: noise destroys the frame when it is below the error rate."""
     dropped: bool = False
-    """The scenario's `loss` takes this frame, whatever its level."""
+    """The scenario's `loss` drops this frame, at any level."""
     corrupt_seed: int | None = None
     """Seed for `faults.corrupt` when the frame arrives damaged without the modem noticing."""
     delay_s: float = 0.0

@@ -16,7 +16,7 @@ _MAX_TIME_S: Final = 1.0e9  # thirty years, as for tracks
 
 
 class BlackoutSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One blackout, once or again and again."""
+    """One blackout, once or periodic."""
 
     node: int | None = None
     """Address of a node that hears nothing and is not heard; or a pair."""

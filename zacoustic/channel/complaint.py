@@ -1,7 +1,7 @@
 """Messages of the mapping converter, put into the words that users of a file need.
 
 The converter says what it expected and at which place; a user wants the key path, the value that is
-there, and what is allowed, in one line. Messages of our own records, which begin with the key
+there, and the allowed values, in one line. Messages of our own records, which begin with the key
 ("frame is 2.0; allowed: 0..1"), only get their path.
 """
 
@@ -28,7 +28,7 @@ def explain(
     records: Mapping[str, type[msgspec.Struct]],
     choices: Mapping[str, tuple[str, ...]],
 ) -> str:
-    """Turn a message of the converter into key path, value, and what is allowed.
+    """Turn a message of the converter into key path, value, and allowed values.
 
     Args:
         message: Text of the converter's error.

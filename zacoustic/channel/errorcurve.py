@@ -87,7 +87,7 @@ JANUS_BASELINE: Final = FrameErrorCurve(
         )
     ),
 )
-"""JANUS baseline packet (64 bits), soft decoding, still water; 4000 simulated packets a point.
+"""JANUS baseline packet (64 bits), soft decoding, AWGN; 4000 simulated packets a point.
 
 The two ends are extrapolated.
 """

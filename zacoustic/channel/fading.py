@@ -59,7 +59,7 @@ class FadingProcess:
         """Return the gain over the mean that a frame meets, dB.
 
         Args:
-            now: Instant at which the frame leaves, ns, not before that of the frame before it.
+            now: Instant of the frame's start, ns, not before that of the previous frame.
         """
         slow, in_phase = gaussian_pair(self._rng)
         quadrature, _ = gaussian_pair(self._rng)

@@ -3,7 +3,7 @@
 Some of it happens to frames that a modem has received: it hands them over damaged, late or twice.
 The medium decides which frames (`Reception.corrupt_seed`, `Reception.delay_s`,
 `Reception.duplicates_after_s`) and never sees their bytes; the driver, which has them, damages them
-here. Some of it happens to the water (`blackout`), and some of it to nodes (`nodefaults`).
+here. Some faults are the channel's (`blackout`), others the nodes' (`nodefaults`).
 """
 
 import random
@@ -31,9 +31,9 @@ class FaultSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     jitter_s: float = 0.0
     """Received frames are reported late by up to this, s, 0…3600; one may overtake another."""
     blackouts: tuple[BlackoutSpec, ...] = ()
-    """Times in which nodes do not hear each other."""
+    """Times when nodes do not hear each other."""
     unplugged: tuple[SpanSpec, ...] = ()
-    """Times in which a node has no modem."""
+    """Times when a node has no modem."""
     crashes: tuple[CrashSpec, ...] = ()
     """Nodes that crash and start again."""
     clocks: tuple[ClockSpec, ...] = ()

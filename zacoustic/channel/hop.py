@@ -30,14 +30,14 @@ class Hop:
         seed: That of the scenario.
         source: Address of the sender.
         node: Address of the receiver.
-        channel: What the water does to frames of the sender's modem.
+        channel: The channel model for frames of the sender's modem.
         sender: Where the sender is.
         receiver: Where the receiver is.
         sound_speed_m_s: Speed of sound, m/s.
         loss: Named loss of this direction.
         faults: What the receiving modem does to frames, and blackouts.
-        gain_db: How much louder this direction is than the channel says, dB.
-        propagation_s: Propagation delay, s, instead of that of the geometry, or None.
+        gain_db: Gain of this direction over the channel model, dB.
+        propagation_s: Propagation delay, s, in place of the geometric one, or None.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Hop:
         Args:
             sequence: Number of the emission, rising.
             frame_bytes: Length, bytes.
-            now: Instant at which it starts to leave, ns, not before that of the emission before it.
+            now: Instant of its start, ns, not before that of the previous emission.
             airtime_ns: How long it leaves, ns.
         """
         if not self._is_fixed:

@@ -1,4 +1,4 @@
-"""Named losses: frames that vanish whatever their level, one by one or in bursts.
+"""Named losses: frames that are lost at any level, one by one or in bursts.
 
 Gilbert and Elliott's chain has a good state, in which every frame passes, and a bad one, in which
 every frame is lost. It moves once per frame: from good to bad with probability p, back with r. The
@@ -19,7 +19,7 @@ from zacoustic.channel.limits import check_range
 
 
 class LossSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Frames that are lost whatever their level."""
+    """Frames that are lost at any level."""
 
     frame: float = 0.0
     """Share of the frames that is lost, 0…1."""
@@ -49,7 +49,7 @@ class LossSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class FrameLoss:
-    """Decides, frame by frame in the order of one sender, which are lost.
+    """Decides for each frame of one sender, in order, whether it is lost.
 
     Args:
         spec: Share and burst length.

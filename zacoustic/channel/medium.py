@@ -1,6 +1,6 @@
-"""The water that all nodes of a scenario share: who hears what, when, and what becomes of it.
+"""The medium that all nodes of a scenario share: who hears what and when, and with which outcome.
 
-Pure and seeded: no clock, no queue, no callback. A driver calls two methods, and brings the order::
+Pure and seeded: no clock, no queue, no callback. A driver calls two methods in order of time::
 
     emission = medium.transmit(source, frame_bytes, now)    at any instant, never decreasing
     for arrival in emission.arrivals:                       … put on the driver's agenda …
@@ -30,7 +30,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class Medium:
-    """The shared water of one scenario.
+    """The shared medium of one scenario.
 
     Args:
         scenario: Who is where, with which modem, and what goes wrong.
@@ -103,7 +103,7 @@ class Medium:
         Args:
             source: Address of the sender.
             frame_bytes: Length of the frame, bytes, 1…MTU of its modem.
-            now: Instant of the first sound, ns, not before that of any call before.
+            now: Instant of the first sound, ns, not before that of any earlier call.
 
         Returns:
             The emission, with one arrival for each node with a modem of the same kind that no
@@ -153,7 +153,7 @@ class Medium:
         )
 
     def finish(self, arrival: Arrival) -> Reception:
-        """Return what became of an arrival; to be called once, when it ends.
+        """Return the outcome of an arrival; call it once, when the arrival ends.
 
         Raises:
             ValueError: Unknown node, or an arrival that was finished before.

@@ -1,14 +1,14 @@
-"""From SNR to lost frames: error rates of the modulations of modems, in still and fading water.
+"""From SNR to lost frames: error rates of the modems' modulations, with AWGN and with fading.
 
-γ is Eb/N0 as a ratio. Over still water (AWGN) the closed forms are textbook ones. Over fading water
-two averages exist, and mixing them up is the usual mistake of simulators:
+γ is Eb/N0 as a ratio. For AWGN the closed forms are textbook ones. With fading two averages exist,
+and mixing them up is the usual mistake of simulators:
 
 - *per bit*: each bit meets its own gain. The bit error rate is averaged over the fading, and a
   frame of 1000 bits practically never survives Rayleigh fading at 15 dB.
-- *block*: one gain holds for the whole frame, because the water changes more slowly than a frame
+- *block*: one gain holds for the whole frame, because the channel changes more slowly than a frame
   lasts. The *frame* error rate is averaged, and the same frame survives in 85 of 100 cases.
 
-Frames of acoustic modems last 0.1…3 s and the water's coherence time at these carriers is of that
+Frames of acoustic modems last 0.1…3 s and the channel's coherence time at these carriers is of that
 order, so `sea` uses the block form (drawn per frame, `fading`); the averages here are for planning
 and for checking the draws.
 
@@ -42,7 +42,7 @@ class Modulation(enum.Enum):
 
 
 def bit_error_rate(modulation: Modulation, gamma: float) -> float:
-    """Bit error rate over still water.
+    """Bit error rate with AWGN.
 
     Args:
         modulation: One of the enumeration.
@@ -129,7 +129,7 @@ def rician_bpsk_bit_error_rate(gamma: float, k_factor: float) -> float:
 
 
 def mfsk_symbol_error_rate(order: int, gamma_symbol: float) -> float:
-    """Symbol error rate of non-coherent M-FSK over still water.
+    """Symbol error rate of non-coherent M-FSK with AWGN.
 
     Args:
         order: Number of tones M, 2…64.

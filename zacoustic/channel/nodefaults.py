@@ -17,7 +17,7 @@ _MAX_JUMP_S: Final = 1.0e10  # three hundred years
 
 
 class SpanSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A time in which something of a node does not work."""
+    """A time when a part of a node does not work."""
 
     node: int
     """Address of the node."""
@@ -49,7 +49,7 @@ class CrashSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     restart_after_s: float = 10.0
     """Time until the node is there again, s, ≥ 0."""
     reboots: bool = False
-    """The whole computer starts again: its monotonic clock begins anew."""
+    """The whole computer reboots: its monotonic clock starts again."""
 
     def __post_init__(self) -> None:
         """Check the times.
@@ -123,12 +123,12 @@ class JournalSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """Entries survive a crash; otherwise nothing but the boot epoch does. None: as the scenario's
     config says, and without a config they survive."""
     commit_s: float = 0.0
-    """How long a commit takes, s: what is not committed at a crash is lost."""
+    """Duration of a commit, s: a crash loses what is not committed."""
     untold: float = 0.0
     """Share of the crashes in the middle of a commit after which it has all been written, although
     the node never heard so, 0…1."""
     fails: tuple[SpanSpec, ...] = ()
-    """Times in which nothing can be written: the node is told, and the commit is tried again."""
+    """Times when nothing can be written: the node learns it, and tries the commit again."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

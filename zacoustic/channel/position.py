@@ -65,7 +65,7 @@ class Motion:
         return cls([Waypoint(t=0.0, position=position)])
 
     def move(self, position: Position, at_s: float) -> None:
-        """Tell where the node is from now on; what was said of later is over.
+        """Set the node's position from now on; later corners of the track are dropped.
 
         Args:
             position: x east, y north, z down, m.
@@ -82,7 +82,7 @@ class Motion:
 
     @property
     def places(self) -> Sequence[Position]:
-        """The corners of its way: it never leaves what is between them."""
+        """The corners of its track: it never leaves the lines between them."""
         return self._positions
 
     @property

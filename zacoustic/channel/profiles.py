@@ -32,7 +32,7 @@ class ModemProfile(msgspec.Struct, frozen=True, kw_only=True):
     """One kind of modem in one mode."""
 
     name: str
-    """Key in `PROFILES`, what scenarios say."""
+    """Key in `PROFILES`, as scenarios write it."""
     mtu_bytes: int
     """Largest frame, bytes, ≥ 1."""
     preamble_s: float

@@ -13,7 +13,7 @@ begins to. So an arrival passes these questions, in this order:
      below it;
    - ``sinr``: the overlapping power, averaged over the frame, counts as noise, and the draw decides
      (the rule of DESERT's samples, "mean power");
-   - ``protocol``: any overlap destroys both, whatever the levels, and there is no locking: the
+   - ``protocol``: any overlap destroys both, at any levels, and there is no locking: the
      assumption behind the throughput formulae of ALOHA.
 5. Does noise destroy it, or a named loss of the scenario take it?  ``NOISE``
 
@@ -196,7 +196,7 @@ class Receiver:
         return Outcome.RECEIVED, sinr_db
 
     def _forget(self, now: int) -> None:
-        """Drop what can overlap nothing that is still to be judged."""
+        """Drop arrivals that overlap no arrival without an outcome."""
         stale_at = now - _FORGET_AFTER_NS
         oldest = now
         for starts_at, _, _, entry in self._entries:

@@ -1,4 +1,4 @@
-"""Scenarios: the water, who is in it, and what goes wrong; frozen, checked, with all defaults.
+"""Scenarios: the channel, the nodes and the faults; frozen, checked, with all defaults.
 
 A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scenario` by
 `scenario_from_mapping`::
@@ -14,12 +14,12 @@ A scenario is parsed elsewhere (JSON5) into a plain mapping, and becomes a `Scen
                 blackouts: [ { pair: [1, 2], from_s: 600, to_s: 900, every_s: 3600 } ],
                 crashes: [ { node: 2, at_s: [700, 2000], restart_after_s: 20 } ] } }
 
-`channel` says what the water itself does to a frame (`sea`), `loss` takes frames on top of that,
-independently: with ``channel: "none"`` only `loss` does. A direction in `links` has a loss or a
-level of its own. `faults` is everything else that goes wrong.
+`channel` is the channel model (`sea`), `loss` drops frames on top of that, independently: with
+``channel: "none"`` only `loss` does. A direction in `links` has its own loss or level.
+`faults` is everything else that goes wrong.
 
 A typo is an error that names the key. Each record checks itself when it is made, also from Python;
-every message begins with the key, says the value and what is allowed.
+every message begins with the key and has the value and the allowed values.
 """
 
 import itertools
@@ -39,7 +39,7 @@ from zacoustic.channel.traffic import Pattern, TrafficSpec
 from zacoustic.errors import ConfigError
 
 ChannelName = Literal["sea", "awgn", "none", "desert"]
-"""What the water does: see `zacoustic.channel.sea`."""
+"""The channel models: see `zacoustic.channel.sea`."""
 
 CollisionRule = Literal["capture", "protocol", "sinr"]
 """What an overlap does: see `zacoustic.channel.receiver`."""
@@ -67,9 +67,9 @@ class LinkSpec(
     target: int
     """Address of the receiver; `to` in the file."""
     loss: LossSpec | None = None
-    """Replaces the loss of the scenario in this direction; None: that of the scenario."""
+    """Loss in this direction; None: the scenario's."""
     gain_db: float = 0.0
-    """How much louder this direction is than the channel says, dB, −100…100; mostly negative."""
+    """Gain of this direction over the channel model, dB, −100…100; mostly negative."""
 
     def __post_init__(self) -> None:
         """Check the range.
@@ -92,7 +92,7 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     track: tuple[Waypoint, ...] | None = None
     """Way-points, times strictly increasing; or a position."""
     profile: str | None = None
-    """Modem of this node; None: that of the scenario."""
+    """Modem of this node; None: the scenario's."""
 
     def __post_init__(self) -> None:
         """Check address, place and profile.
@@ -124,7 +124,7 @@ class NodeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The water and who is in it."""
+    """The channel and its nodes."""
 
     nodes: tuple[NodeSpec, ...]
     """At least one; addresses are unique."""
@@ -142,7 +142,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     profile: str = DEFAULT_PROFILE
     """Modem of the nodes that name none."""
     channel: ChannelName = "sea"
-    """What the water does to a frame."""
+    """The channel model."""
     collisions: CollisionRule = "capture"
     """What an overlap does to a frame."""
     loss: LossSpec = LossSpec()
@@ -154,7 +154,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     config: str = ""
     """Config of the fleet for `zacoustic sim`, relative to the scenario; empty: opaque topics."""
     traffic: tuple[TrafficSpec, ...] = ()
-    """Who says what in `zacoustic sim`; a medium ignores it."""
+    """Traffic for `zacoustic sim`; a medium ignores it."""
 
     def __post_init__(self) -> None:
         """Check the ranges and that addresses fit together.
@@ -179,14 +179,14 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 raise ValueError(f"faults.{key} is {address}; allowed: the address of a node")
 
     def loss_between(self, source: int, target: int) -> LossSpec:
-        """Return the named loss of one direction: its own, or that of the scenario."""
+        """Return the named loss of one direction: its own, or the scenario's."""
         for link in self.links:
             if (link.source, link.target) == (source, target) and link.loss is not None:
                 return link.loss
         return self.loss
 
     def gain_db_between(self, source: int, target: int) -> float:
-        """Return how much louder one direction is than the channel says, dB."""
+        """Return the gain of one direction over the channel model, dB."""
         for link in self.links:
             if (link.source, link.target) == (source, target):
                 return link.gain_db
@@ -210,7 +210,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         return farthest_m / self.sound_speed_m_s
 
     def profile_of(self, node: NodeSpec) -> str:
-        """Return the name of the profile of a node: its own, or that of the scenario."""
+        """Return the name of a node's profile: its own, or the scenario's."""
         return node.profile or self.profile
 
     def _check_nodes(self) -> None:
@@ -255,7 +255,7 @@ def scenario_from_mapping(mapping: object, *, source: str) -> Scenario:
         The scenario, checked.
 
     Raises:
-        ConfigError: One line: file, key path, value, what is allowed.
+        ConfigError: One line: file, key path, value, allowed values.
     """
     try:
         return msgspec.convert(mapping, Scenario)

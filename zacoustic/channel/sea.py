@@ -1,15 +1,15 @@
-"""What the water does to a frame: four models with the same few methods.
+"""Four channel models with the same few methods.
 
 ``sea`` (the default)
     A receiver decodes the *direct path*: spherical spreading, absorption after Francois and
     Garrison, Wenz's noise over the band. Two things limit it, and both grow with range:
 
-    - noise, as the sonar equation says;
+    - noise by the sonar equation;
     - distortion: the same frame arriving over surface and bottom. The direct path decays as 20 log
       r, the trapped field of all the others as 10 log r, so their ratio falls by 10 log r, however
       loud the sender is.
 
-    The two add up to one effective SNR, and each frame meets it with a fade of its own (`fading`:
+    The two add up to one effective SNR, and each frame has its own fade (`fading`:
     Rician with K = 3, shadowing of 3 dB over 30 s). One rule fixes the scale, since no data sheet
     says what a receiver loses against theory: *at its published range, in a wind of 5 m/s, a modem
     brings through half of the frames, and noise and distortion have equal parts in that*. For the
@@ -66,7 +66,7 @@ _SNR_SEARCH_STEPS: Final = 30  # halvings of 160 dB: 1e-7 dB
 
 
 class ChannelModel(ABC):
-    """What the water does between two nodes with one kind of modem.
+    """The channel between two nodes with one kind of modem.
 
     Attributes:
         noise_level_db: Ambient noise over the modem's band, dB re 1 µPa.
@@ -126,7 +126,7 @@ class ChannelModel(ABC):
 
 
 class AwgnChannel(ChannelModel):
-    """Still water: what the sonar equation and the modulation promise."""
+    """AWGN: the sonar equation and the modulation only."""
 
     def __init__(
         self,
@@ -148,7 +148,7 @@ class AwgnChannel(ChannelModel):
         )
 
     def frame_error_rate(self, effective_snr_db: float, frame_bytes: int) -> float:
-        """Return what the profile says of this SNR."""
+        """Return the profile's value for this SNR."""
         return self.profile.frame_error_rate(effective_snr_db, frame_bytes)
 
 

@@ -1,4 +1,4 @@
-"""Traffic of a scenario: who says what, and how often; for `zacoustic sim`, not for a medium.
+"""Traffic of a scenario: who sends what, how often; for `zacoustic sim`, not for a medium.
 
 ::
 

@@ -46,7 +46,7 @@ BUILT_IN: Final = (
     "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "decode", "sim",
     "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
 )  # fmt: skip
-"""Our verbs, in the order in which the help lists them."""
+"""Our verbs, in the order of the help."""
 
 _PACKAGES: Final = {
     "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Args:
-        argv: The arguments without the name of the program; None: those of the process.
+        argv: The arguments without the program's name; None: the process's.
 
     Returns:
         The exit code.
@@ -114,7 +114,7 @@ def _run(program: str, arguments: Sequence[str]) -> int:
 
 
 def absent_module(name: str) -> str:
-    """Return what to say of a module that is not there."""
+    """Return the message for a missing module."""
     package = _PACKAGES.get(name.partition(".")[0], name)
     return f"needs {name}, which is not installed (pip install {package})"
 
@@ -178,7 +178,7 @@ class _Version(argparse.Action):
 
 
 def _path(arguments: Sequence[str]) -> Sequence[str]:
-    """The words that name what is called: a verb, a verb and its sub-verb, or none for the list."""
+    """The words that name the call: a verb, a verb and its sub-verb, or none for the list."""
     words = [word for word in arguments if not word.startswith("-")]
     if not words or words[0] in BUILT_IN:
         return words[:1]
@@ -281,7 +281,7 @@ def _start_logging(*, verbose: bool) -> None:
 
 
 class _Formatter(logging.Formatter):
-    """One line for a message, whatever is in it; a traceback stands below in lines of its own."""
+    """One line for any message; a traceback stands below in its own lines."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 (of the base)
         return one_line(without_secrets(super().formatMessage(record)))
@@ -291,7 +291,7 @@ class _Formatter(logging.Formatter):
 
 
 def _complain(program: str, error: object, code: int = EXIT_FAILED) -> int:
-    """Print one line, whatever the message holds."""
+    """Print any message as one line."""
     with contextlib.suppress(OSError):
         print_note(f"{program}: {' '.join(str(error).split())}")
     return code

@@ -37,7 +37,7 @@ class ActionCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare what is to be done, action, goal, where to, how long to wait."""
+        """Declare operation, action, goal, place, and how long to wait."""
         parser.epilog = _EXAMPLE
         parser.add_argument("what", metavar="send_goal", choices=("send_goal",), help="only this")
         parser.add_argument("action", metavar="ACTION", help="action of the config, or key")
@@ -86,7 +86,7 @@ async def _send(arguments: argparse.Namespace) -> int:
 
 
 class _Feedback:
-    """Prints feedback, behind the line that says that the goal is accepted."""
+    """Prints feedback, after the line about the accepted goal."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments
@@ -135,7 +135,7 @@ async def _follow(
     handle: "Handle", arguments: argparse.Namespace, interrupted: asyncio.Event
 ) -> int:
     """Wait for the end; the first interrupt cancels the goal, the second the waiting."""
-    from zacoustic.core.actions.news import GoalStatus
+    from zacoustic.core.events import GoalStatus
 
     end = asyncio.create_task(handle.result(timeout_s=arguments.timeout))
     await _first(end, interrupted)

@@ -1,4 +1,4 @@
-"""Arguments that several verbs share, each said in one place."""
+"""Arguments that several verbs share, each defined once."""
 
 import argparse
 from typing import Final
@@ -16,7 +16,7 @@ _Adds = argparse.ArgumentParser | argparse._ArgumentGroup | argparse._MutuallyEx
 
 
 def add_node_file(parser: argparse.ArgumentParser) -> None:
-    """Declare FILE of a node, and what may be another way than it says."""
+    """Declare FILE of a node, and what overrides it."""
     parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
     parser.add_argument(
         "--address", type=int, metavar="N", help="address of this node, instead of the file's"
@@ -40,7 +40,7 @@ def add_island(parser: argparse.ArgumentParser) -> None:
 
 
 def add_load(parser: argparse.ArgumentParser, *, recording: str, profile: str) -> None:
-    """Declare how often things are said, and on which modem.
+    """Declare rates and modem.
 
     Args:
         parser: Takes them.

@@ -1,4 +1,4 @@
-"""A line on the terminal that says that a verb is at work, from its third second to its output."""
+"""A line on the terminal that shows a verb at work, from its third second to its output."""
 
 import sys
 import threading

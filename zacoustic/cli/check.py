@@ -1,4 +1,4 @@
-"""The verb `zacoustic check`: is a configuration valid, and what does it cost on the water?"""
+"""The verb `zacoustic check`: is a configuration valid, and how much airtime does it take?"""
 
 import argparse
 

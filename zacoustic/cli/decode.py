@@ -148,13 +148,13 @@ class _Written(NamedTuple):
 
 
 class _Destinations:
-    """Whom the last frames were for: who receives one does not say it."""
+    """Destinations of the last frames: the report of a reception does not have it."""
 
     def __init__(self) -> None:
         self._known: dict[bytes, int] = {}
 
     def is_unicast(self, frame: bytes, destination: int | None) -> bool:
-        """Tell whether a frame is for one node; not, where nobody has said it."""
+        """Tell whether a frame is known to be for one node."""
         if destination is not None:
             self._known.pop(frame, None)
             self._known[frame] = destination

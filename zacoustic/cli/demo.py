@@ -1,4 +1,4 @@
-"""The verb `zacoustic demo`: two islands joined through simulated water."""
+"""The verb `zacoustic demo`: two local networks joined by a simulated channel."""
 
 import argparse
 import asyncio

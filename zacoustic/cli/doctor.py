@@ -9,7 +9,7 @@ from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
 
 
 class DoctorCommand(Command):
-    """Examines a node on its own computer, without a sound in the water."""
+    """Examines a node on its own computer, without transmitting."""
 
     name = "doctor"
     summary = "look for what goes wrong at sea, and name it with the cure"
@@ -42,7 +42,7 @@ class DoctorCommand(Command):
         )
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Print what is wrong; fails when something is.
+        """Print the faults; fails when there are any.
 
         Raises:
             ConfigError: The file or an argument is wrong.

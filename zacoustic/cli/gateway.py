@@ -120,7 +120,7 @@ async def _run(arguments: argparse.Namespace) -> None:
 
 
 async def _failure(gateway: "Gateway") -> None:
-    """Wait until the gateway is stopped by a fault, and say so in one line."""
+    """Wait until a fault stops the gateway, and report it in one line."""
     try:
         await gateway.wait_failed()
     except ZacousticError:

@@ -43,7 +43,7 @@ class JournalCommand(Command):
         add_json(parser, OBJECT_PER_LINE)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Do it, and print what is in the file; exit code 1 when it is in doubt.
+        """Do it, and print the file's contents; exit code 1 when it is in doubt.
 
         Raises:
             ConfigError: An argument is wrong, or there is no such file.

@@ -105,7 +105,7 @@ async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:
 
 
 def _console() -> "Console":
-    """Return where to draw; what is no terminal has room."""
+    """Return where to draw; anything but a terminal has room."""
     from rich.console import Console
 
     has_width = sys.stdout.isatty() or "COLUMNS" in os.environ

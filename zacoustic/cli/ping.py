@@ -1,4 +1,4 @@
-"""The verb `zacoustic ping`: is a node beyond the water there, how long does it take, how far?"""
+"""The verb `zacoustic ping`: does a remote node answer, how fast, how far away is it?"""
 
 import argparse
 import asyncio
@@ -45,7 +45,7 @@ class PingCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare whom, through what, how often, how long."""
+        """Declare node, path, number and time limit."""
         parser.epilog = _EXAMPLE
         parser.add_argument("node", metavar="NODE", help="its address, or its name in --config")
         add_node_arguments(parser)

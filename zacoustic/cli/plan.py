@@ -1,4 +1,4 @@
-"""The verb `zacoustic plan`: does what is to be said fit the channel?"""
+"""The verb `zacoustic plan`: does the traffic fit the channel?"""
 
 import argparse
 import math
@@ -17,7 +17,7 @@ class PlanCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, recordings, water and form of the output."""
+        """Declare file, recordings, channel and form of the output."""
         parser.add_argument(
             "file", metavar="FILE", help="scenario with traffic, or config with plugins.acoustic"
         )

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 def print_text(text: str, *, flush: bool = False) -> None:
-    """Print lines for people; what is in a line of them must have been made safe as one."""
+    """Print lines for people; each line must have been made safe."""
     AT_WORK.end()
     print(some_lines(text), flush=flush)
 

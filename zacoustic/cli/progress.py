@@ -1,4 +1,4 @@
-"""How far a large sample is, for whoever waits: a bar on a terminal, lines elsewhere."""
+"""The progress of a large sample: a bar on a terminal, lines elsewhere."""
 
 import sys
 from types import TracebackType

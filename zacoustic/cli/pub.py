@@ -27,7 +27,7 @@ _EXAMPLE = """examples:
 
 
 class PubCommand(Command):
-    """Publishes a value, once or again and again."""
+    """Publishes a value, once or repeatedly."""
 
     name = "pub"
     summary = "publish a value, on Zenoh or straight on a link"
@@ -64,7 +64,7 @@ class PubCommand(Command):
 
         Raises:
             ConfigError: An argument is wrong.
-            DeliveryError: With --wait, nobody tells whether it has arrived.
+            DeliveryError: With --wait, no gateway reports whether it has arrived.
         """
         check_positive(arguments, "rate", "count", "timeout")
         if (arguments.value is None) == (arguments.file is None):
@@ -126,7 +126,7 @@ def _unsent(node: "Node", stream: "Stream | None", delivery: "Delivery | None") 
 
 
 def _read_value(arguments: argparse.Namespace, stream: "Stream | None") -> tuple[Any, str | None]:
-    """Return what is published, and its encoding where that is not the stream's.
+    """Return the payload, and its encoding if it is not the stream's.
 
     Raises:
         ConfigError: The value or the file is wrong.
@@ -152,7 +152,7 @@ def _read_value(arguments: argparse.Namespace, stream: "Stream | None") -> tuple
 async def _follower(
     node: "Node", arguments: argparse.Namespace
 ) -> "AsyncIterator[GatewayFollower | None]":
-    """Watch the gateway that forwards a topic, where it is to be waited for on Zenoh."""
+    """Watch the gateway that forwards a topic, to wait for the outcome on Zenoh."""
     if not arguments.wait or arguments.link is not None:
         yield None
         return
@@ -172,7 +172,7 @@ async def _end(
     """Wait for the end of a sample.
 
     Raises:
-        DeliveryError: Nobody will tell it.
+        DeliveryError: No gateway will report it.
     """
     from zacoustic.tools.following import end_of
 

@@ -1,4 +1,4 @@
-"""The verb `zacoustic resume`: ends a silence that was ordered."""
+"""The verb `zacoustic resume`: ends a silence that a command began."""
 
 import argparse
 from typing import Final
@@ -27,7 +27,7 @@ class ResumeCommand(Command):
         add_order_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Order it, and print what holds then; exit code 3 when nobody answers in time.
+        """Command it, and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: An argument is wrong.

@@ -1,4 +1,4 @@
-"""The verb `zacoustic silence`: orders nodes to transmit nothing; and what all orders share."""
+"""The verb `zacoustic silence`: commands transmit silence; and what all remote commands share."""
 
 import argparse
 import asyncio
@@ -43,7 +43,7 @@ class SilenceCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the order, how long, which node, where to ask."""
+        """Declare command, duration, node, and where to ask."""
         parser.epilog = _EXAMPLE
         parser.add_argument(
             "order", nargs="?", choices=("resume", "until-resumed"),
@@ -55,7 +55,7 @@ class SilenceCommand(Command):
         add_order_arguments(parser)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Order it, and print what holds then; exit code 3 when nobody answers in time.
+        """Command it, and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: The arguments contradict each other.
@@ -73,7 +73,7 @@ class SilenceCommand(Command):
 
 
 def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bool = False) -> None:
-    """Declare which node an order is for, and where to ask."""
+    """Declare the node that a command is for, and where to ask."""
     default = "" if is_node_required else " (default: those of all gateways here)"
     parser.add_argument(
         "--node", type=int, metavar="N", required=is_node_required,
@@ -88,7 +88,7 @@ def add_order_arguments(parser: argparse.ArgumentParser, *, is_node_required: bo
 
 
 def make_order(**fields: Any) -> "Order":  # noqa: ANN401 (of an order)
-    """Make an order.
+    """Make a command.
 
     Raises:
         ConfigError: Its fields do not fit.
@@ -102,11 +102,11 @@ def make_order(**fields: Any) -> "Order":  # noqa: ANN401 (of an order)
 
 
 def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], str]") -> int:
-    """Give an order, and print what holds then.
+    """Give a command, and print the new state.
 
     Args:
         arguments: Those of `add_order_arguments`.
-        order: The order.
+        order: The command.
         text: Puts an answer into words.
 
     Raises:

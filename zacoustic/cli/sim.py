@@ -23,7 +23,7 @@ class SimCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare scenario or story, seed, length, trace and form of the output."""
+        """Declare scenario or seed, length, trace and form of the output."""
         what = parser.add_mutually_exclusive_group(required=True)
         what.add_argument(
             "scenario", metavar="SCENARIO", nargs="?", help="scenario with traffic, JSON5"
@@ -84,10 +84,10 @@ class SimCommand(Command):
 
 
 def _tell(arguments: argparse.Namespace) -> int:
-    """Tell a story.
+    """Run a random scenario.
 
     Raises:
-        ConfigError: An argument that a story does not have.
+        ConfigError: An argument that a random scenario does not have.
     """
     from zacoustic.tools.sim.recorder import recorded_to
     from zacoustic.tools.sim.storytelling import tell_story

@@ -28,7 +28,7 @@ class StreamCommand(Command):
     prints_late = True
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare which topic of which node, what is to hold, where to ask."""
+        """Declare topic, node, settings, and where to ask."""
         parser.epilog = _EXAMPLE
         parser.add_argument("--id", type=int, required=True, metavar="ID", help="stream id")
         switch = parser.add_mutually_exclusive_group()
@@ -46,7 +46,7 @@ class StreamCommand(Command):
         add_order_arguments(parser, is_node_required=True)
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Order it, and print what holds then; exit code 3 when nobody answers in time.
+        """Command it, and print the new state; exit code 3 without an answer in time.
 
         Raises:
             ConfigError: An argument is wrong.

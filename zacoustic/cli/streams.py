@@ -13,13 +13,13 @@ import sys
 from typing import Final
 
 UNREAD: Final = "nobody reads the output"
-"""Why output goes nowhere that somebody has cut off, as `head` does: no fault of anybody."""
+"""Why output goes nowhere after a reader has closed the pipe, as `head` does: no fault."""
 _ESCAPES: Final = "zacoustic.escapes"
 _NAMES: Final = ("stdin", "stdout", "stderr")
 
 
 def prepare_streams() -> None:
-    """Make the three streams of the process usable, whatever they are."""
+    """Make the three streams of the process usable, whatever state they are in."""
     codecs.register_error(_ESCAPES, _escape)
     for descriptor, name in enumerate(_NAMES):
         try:
@@ -36,7 +36,7 @@ def prepare_streams() -> None:
 
 
 def flush_output() -> str:
-    """Write what was printed; returns why that is not possible, one line, or nothing.
+    """Write what was printed; return the reason if that is not possible, one line, else nothing.
 
     After a failure the rest goes nowhere: the interpreter tries once more at its end.
     """

@@ -1,4 +1,4 @@
-"""The table `access` of a link: which medium access it has, checked as far as the file can tell.
+"""The table `access` of a link: its medium access, checked as far as the file allows.
 
 What depends on the link itself (can it sense a carrier, how long does its largest frame take) is
 checked when it opens, by `zacoustic.core.access.choose`.

@@ -23,7 +23,7 @@ _KINDS: Final = ("topic", "service", "action")
 
 
 class AllowedTopics(msgspec.Struct, frozen=True, kw_only=True):
-    """What the file says."""
+    """The contents of the file."""
 
     file: str
     """Its name, as the configuration has it."""
@@ -35,7 +35,7 @@ class AllowedTopics(msgspec.Struct, frozen=True, kw_only=True):
         return self.ids.get(f"/{name.lstrip('/')}")
 
     def discovery(self, node_name: str) -> DiscoverySpec:
-        """Return what the file says of discovery."""
+        """Return the file's settings for discovery."""
         return DiscoverySpec(
             beacon_id=self.ids.get(BEACON_TOPIC),
             request_id=self.ids.get(REQUEST_TOPIC),

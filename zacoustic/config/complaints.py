@@ -1,7 +1,7 @@
-"""Complaints about a section: one line with file, key path, value, what is allowed, what to do.
+"""Errors of a section: one line with file, key path, value, allowed values, what to do.
 
 Sources of complaints are the checks of `reading`, which know the path; records that refuse
-themselves, whose message starts with the key; and msgspec, whose messages end in a path of its own.
+themselves, whose message starts with the key; and msgspec, whose messages end with its own path.
 All become a `ConfigError` here, in one form::
 
     fleet.json5: plugins.acoustic.streams[3].priority: "urgent"; allowed: real_time, … (hint)
@@ -31,7 +31,7 @@ Entry = TypeVar("Entry", bound=msgspec.Struct)
 
 
 class Place:
-    """A place in the section: file, path, and what is written there.
+    """A place in the section: file, path, and the value there.
 
     Args:
         source: The file, or what else the section came from.
@@ -81,7 +81,7 @@ class Place:
         place.complain(rest if place is not self else str(error.args[0]), hint=error.hint)
 
     def convert(self, record: type[Entry]) -> Entry:
-        """Convert what is written here.
+        """Convert the value here.
 
         Raises:
             ConfigError: It does not fit the record.

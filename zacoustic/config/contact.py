@@ -7,7 +7,7 @@ from zacoustic.core.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
 
 
 def read_contact(place: Place, written: Section, own: int) -> ContactRules:
-    """Read what the section at `place` says of being heard.
+    """Read the heartbeat settings of the section at `place`.
 
     Args:
         place: The section.

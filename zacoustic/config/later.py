@@ -11,7 +11,7 @@ from zacoustic.config.complaints import Place
 LATER_VALUES: Final = {
     "stamp": {"time": "none, age"},
 }
-"""Values that are refused, and what is allowed instead, by key."""
+"""Values that are refused, and the allowed ones, by key."""
 
 _HINT: Final = "a later version will have it"
 

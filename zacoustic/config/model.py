@@ -1,4 +1,4 @@
-"""The key `model`: what a fit says of the dense streams, from a file of its own."""
+"""The key `model`: the fitted model of the dense streams, from its own file."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ class ModelFile(msgspec.Struct, frozen=True, kw_only=True):
     """What a model file has."""
 
     model: Model
-    """What a fit says of the dense streams."""
+    """The fitted model of the dense streams."""
     typical_bits: dict[str, float] = {}
     """What a sample usually costs, as the fit has measured it, by stream id as text; for people
     and planners: not part of what both ends must agree on."""

@@ -38,7 +38,7 @@ def check_section(place: Place, written: Section) -> None:
 
 
 def check_access(place: Place, access: AccessSpec | None) -> None:
-    """Refuse medium access that has something to say.
+    """Refuse medium access that needs controls of its own.
 
     Args:
         place: Of the table `access`.

@@ -1,4 +1,4 @@
-"""The list `ranging`: which ranges are measured again and again, and by whom."""
+"""The list `ranging`: which ranges are measured periodically, and by which node."""
 
 import math
 

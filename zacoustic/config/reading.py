@@ -60,7 +60,7 @@ _RATIO: Final = re.compile(r" *([0-9]{1,15}) */ *([0-9]{1,15}) *")
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node is, and what crosses the water: the section, checked and given its meaning."""
+    """A node, and what crosses the channel: the section, checked and interpreted."""
 
     source: str
     """The file, or what else it was read from."""
@@ -82,9 +82,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     journal: Path | None = None
     """Folder of the journal; None: nothing survives a restart."""
     ranging: tuple[RangingEntry, ...] = ()
-    """Ranges that are measured again and again, by this node and by others of the fleet."""
+    """Ranges that are measured periodically, by this node and by others of the fleet."""
     ros: RosConfig | None = None
-    """What the file says of ROS; None: no stream is of it."""
+    """The file's ROS settings; None: no ROS stream."""
     rules: TransmitRules = TransmitRules()
     """When, and how much, this node may transmit."""
     permit_log: Path | None = None
@@ -112,7 +112,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
         return self.python_types.get(type_name) or struct_from_type(spec)
 
     def ranges_to(self) -> dict[int, float]:
-        """Return the nodes to which this one measures the range, each with its period, s."""
+        """Return the nodes whose range this node measures, each with its period, s."""
         return {
             entry.to: entry.every_s
             for entry in self.ranging
@@ -143,7 +143,7 @@ def read_config(
         locator: Locator of the modem, instead of those in the file.
 
     Raises:
-        ConfigError: One line: file, key path, value, what is allowed, what to do.
+        ConfigError: One line: file, key path, value, allowed values, what to do.
     """
     zenoh_config, section = read_zenoh_config(path)
     config = config_from_mapping(
@@ -175,7 +175,7 @@ def config_from_mapping(
             unless given.
 
     Raises:
-        ConfigError: One line: source, key path, value, what is allowed, what to do.
+        ConfigError: One line: source, key path, value, allowed values, what to do.
     """
     if isinstance(section, Mapping):
         section = {key: value for key, value in section.items() if key not in ZENOH_KEYS}
@@ -334,7 +334,7 @@ def _read_journal(place: Place, written: str | None) -> Path | None:
         place.complain(allowed=FOLDER_ALLOWED)
     try:
         return Path(written).expanduser()
-    except RuntimeError:  # "~somebody" whom this computer does not know
+    except RuntimeError:  # "~somebody" that this computer does not know
         place.complain(allowed=FOLDER_ALLOWED, hint="write the folder out")
 
 
@@ -346,7 +346,7 @@ def _read_rules(
     objects: ObjectLimits,
     topics: AllowedTopics | None,
 ) -> TransmitRules:
-    """Read what is said of transmitting; the first link's access counts, also with `--link`."""
+    """Read the settings of transmission; the first link's access counts, also with `--link`."""
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").complain(allowed=ALLOWED["max_airtime"])
     accesses = [
@@ -417,7 +417,7 @@ def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
         place.complain(allowed='"module:Class"')
     try:
         found: object = importlib.import_module(module_name)
-    # The module is the user's: whatever it raises while it is imported, the file named it.
+    # The module is the user's: the file named it, so any error of its import is the file's.
     except Exception as error:
         reason = " ".join(str(error).split())
         place.complain(

@@ -54,7 +54,7 @@ _PARTS: Final = {
 
 
 class RosConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """What the file says of ROS."""
+    """The file's ROS settings."""
 
     domain: int
     """``ROS_DOMAIN_ID``."""
@@ -65,7 +65,7 @@ class RosConfig(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RosReader:
-    """Reads what is said of ROS, and what it says of the streams.
+    """Reads the ROS settings, and those of the streams.
 
     Args:
         place: The section.
@@ -73,7 +73,7 @@ class RosReader:
         folder: What the folder of packages is relative to.
 
     Raises:
-        ConfigError: What the section says of ROS is wrong, or the extra is missing.
+        ConfigError: The section's ROS settings are wrong, or the extra is missing.
     """
 
     def __init__(self, place: Place, written: Section, folder: Path) -> None:
@@ -101,7 +101,7 @@ class RosReader:
             self._check_overlays()
 
     def config(self) -> RosConfig:
-        """Return what was read, when all streams are."""
+        """Return the result, once all streams are read."""
         return RosConfig(domain=self.domain, distro=self._entry.distro, streams=self.streams)
 
     def types(self, streams: Place) -> list[TypeSpec]:
@@ -128,7 +128,7 @@ class RosReader:
             kind: topic, service or action.
 
         Raises:
-            ConfigError: What it says of ROS is wrong.
+            ConfigError: Its ROS settings are wrong.
         """
         written: dict[str, Any] = dict(place.written)
         name = written.get("type")
@@ -154,7 +154,7 @@ class RosReader:
     # Below the methods above
 
     def _is_interface(self, name: object) -> TypeGuard[str]:
-        """Tell whether a type is to be looked up as an interface of ROS."""
+        """Tell whether a type names a ROS interface."""
         return isinstance(name, str) and is_interface(name) and name not in self._defined
 
     def _load(self) -> Interfaces:
@@ -262,7 +262,7 @@ class RosReader:
         }
 
     def _ros(self, place: Place, kind: str, name: str) -> dict[str, Any]:
-        """Note a stream of ROS; returns what is to be read otherwise."""
+        """Note a ROS stream; return the entry to read in its place."""
         if place.at("encoding").written is not None:
             place.at("encoding").complain(
                 f"{shown(place.at('encoding').written)} with ros", allowed="none: ROS has CDR"

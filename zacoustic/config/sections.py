@@ -1,6 +1,6 @@
 """The section as it is written: one record per table of the file, and what each key allows.
 
-The records hold what was written and nothing else; meaning is given in `reading`. `ALLOWED` says in
+The records hold what was written and nothing else; `reading` interprets it. `ALLOWED` says in
 words what each key takes: it stands in the errors, and in docs/config.md.
 """
 
@@ -133,33 +133,33 @@ class NodeEntry(Entry, frozen=True, kw_only=True):
     address: int
     """Acoustic address, 1…254."""
     name: str
-    """Name, one chunk of a key: what `{node}` in a topic stands for."""
+    """Name, one chunk of a key; replaces `{node}` in a topic."""
     heartbeat_s: float | None = None
-    """How often the node is to be heard at least, s; none: as the section says."""
+    """The node is heard at least this often, s; default: the section's value."""
     lost_after_s: float | None = None
-    """After how long without a sign of it the node counts as lost, s; none: as the section says."""
+    """A node that was not heard for so long is lost, s; default: the section's value."""
 
 
 class LinkEntry(Entry, frozen=True, kw_only=True):
     """One modem."""
 
     locator: str
-    """Which link, where, with which settings: ``NAME/ADDRESS#key=value``."""
+    """Link, address and settings: ``NAME/ADDRESS#key=value``."""
     wire: str = WireProfile.NATIVE.value
     """Wire profile."""
     allowed_topics: str | None = None
-    """rmw_desert's file of topics and ids, relative to the file's; none: ids are in the streams."""
+    """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
     access: dict[str, Any] | None = None
-    """Medium access, read by `zacoustic.config.access`; none: as the link says."""
+    """Medium access, read by `zacoustic.config.access`; default: the link's."""
 
 
 class TypeEntry(Entry, frozen=True, kw_only=True):
-    """One type, written here, or in Python, or both."""
+    """One type, defined here, in Python, or both."""
 
     name: str
-    """What streams and fields call it."""
+    """Name for streams and fields."""
     fields: tuple[FieldSpec, ...] | None = None
-    """The fields in the order in which they travel."""
+    """The fields in their order on the wire."""
     python: str | None = None
     """``module:Class`` of a `msgspec.Struct`."""
 
@@ -168,13 +168,13 @@ class WildcardEntry(Entry, frozen=True, kw_only=True):
     """A placeholder of a topic and the values it can take."""
 
     name: str
-    """As it stands between the braces."""
+    """Name between the braces."""
     values: tuple[str, ...]
-    """Key chunks; the position is what crosses the water."""
+    """Key chunks; the position crosses the channel."""
 
 
 class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end": "to"}):
-    """Hours of each day at which nothing is transmitted."""
+    """Hours of each day in which nothing is transmitted."""
 
     begin: str
     """Time of day in UTC, ``HH:MM``; `from` in the file."""
@@ -183,53 +183,53 @@ class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end
 
 
 class ObjectsEntry(Entry, frozen=True, kw_only=True):
-    """How much memory samples may take that are larger than a frame."""
+    """Bounds of the memory for samples that are larger than a frame."""
 
     max_bytes: int | None = None
     """Largest sample that is sent or taken, bytes."""
     max_waiting: int | None = None
-    """Most of them that are on their way from here, or wait."""
+    """Most outgoing objects under way or waiting."""
     memory_bytes: int | None = None
-    """Most bytes that all take together that are on their way to here."""
+    """Most bytes of all incoming objects together."""
 
 
 class RosEntry(Entry, frozen=True, kw_only=True):
-    """ROS 2, for all streams that are of it."""
+    """ROS 2, for all ROS streams."""
 
     distro: str = DEFAULT_DISTRO
-    """Whose interfaces, and whose form of keys."""
+    """ROS 2 distribution: its interfaces and its form of keys."""
     domain: int | None = None
-    """``ROS_DOMAIN_ID``; none: that of the environment, or 0."""
+    """``ROS_DOMAIN_ID``; default: the environment's, or 0."""
     namespace: str = ""
-    """What names without a leading slash are in."""
+    """Namespace of names without a leading slash."""
     packages: str | None = None
-    """Folder with the definitions of own packages, relative to the file's."""
+    """Folder with the definitions of your own packages, relative to this file."""
 
 
 class StreamRosEntry(Entry, frozen=True, kw_only=True):
     """ROS 2, for one stream."""
 
     stamp: str | None = None
-    """What becomes of `header.stamp`; none: it crosses as it is."""
+    """What becomes of `header.stamp`; default: it crosses unchanged."""
 
 
 class StreamEntry(Entry, frozen=True, kw_only=True):
     """What topics, services and actions have in common."""
 
     id: int
-    """Stream id, 1…175: the first byte of each record on the water."""
+    """Stream id, 1…175: the first byte of each record."""
     priority: str = "data"
     """Zenoh's priority, in lower case."""
     linger_s: float = 0.0
-    """How long a payload may wait for company in its frame, s."""
+    """How long a payload may wait for others in its frame, s."""
     encoding: str | None = None
     """Zenoh encoding on the application side."""
     codec: str | None = None
-    """Codec on the water."""
+    """Codec on the channel."""
     max_airtime: float | None = None
-    """Share of the time that the stream may be on the air; none: no cap."""
+    """Share of the time that the stream may be on the air; default: no cap."""
     ros: StreamRosEntry | None = None
-    """It is one of ROS 2, on rmw_zenoh; none: of Zenoh."""
+    """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
 
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
@@ -238,33 +238,33 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     topic: str
     """Key expression, with placeholders in braces."""
     type: str | None = None
-    """Type of the samples; none: opaque bytes."""
+    """Type of the samples; default: opaque bytes."""
     publishers: tuple[int, ...] | None = None
-    """Addresses that may publish; none: any."""
+    """Addresses that may publish; default: any."""
     subscribers: tuple[int, ...] | None = None
-    """Addresses that listen; none: all."""
+    """Addresses that subscribe; default: all."""
     wildcards: tuple[WildcardEntry, ...] = ()
     """The placeholders of the topic, `{node}` excepted."""
     depth: int = 1
-    """Samples kept per key while they wait."""
+    """Samples of a key that wait."""
     lifespan_s: float | None = None
-    """A sample older than this is not sent any more, s."""
+    """An older sample is not sent any more, s."""
     deadline_s: float | None = None
-    """A sample of each key is promised at least so often, s."""
+    """A sample of each key is promised at least this often, s."""
     min_interval_s: float = 0.0
-    """Least time between two samples of one key on the water, s."""
+    """Minimum time between two transmitted samples of one key, s."""
     stamp: str = "none"
-    """What tells the far side how old a sample is."""
+    """How the far side learns a sample's age."""
     reliability: str = "best_effort"
-    """ROS's word."""
+    """Best effort or reliable, as in ROS."""
     durability: str = "volatile"
-    """ROS's word."""
+    """Volatile or transient-local, as in ROS."""
     forward: str = "always"
-    """When samples cross the water."""
+    """When samples cross the channel."""
     journal: bool = False
     """Samples survive a restart of this node."""
     max_bytes: int | None = None
-    """Largest sample; none: as `objects` says."""
+    """Largest sample, bytes; default: that of `objects`."""
     exclusive: bool = False
     """Samples larger than a frame are sent without pauses."""
 
@@ -279,9 +279,9 @@ class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
     type: str | None = None
     """A ROS service, in place of `request` and `response`."""
     request: str | None = None
-    """Type of a request; none: opaque bytes."""
+    """Type of a request; default: opaque bytes."""
     response: str | None = None
-    """Type of a response; none: opaque bytes."""
+    """Type of a response; default: opaque bytes."""
     timeout_s: float = 60.0
     """Time after which a caller gives up, s."""
     journal: bool = True
@@ -298,71 +298,71 @@ class ActionEntry(StreamEntry, frozen=True, kw_only=True):
     type: str | None = None
     """A ROS action, in place of `goal`, `feedback` and `result`."""
     goal: str | None = None
-    """Type of a goal; none: opaque bytes."""
+    """Type of a goal; default: opaque bytes."""
     feedback: str | None = None
-    """Type of feedback; none: opaque bytes."""
+    """Type of feedback; default: opaque bytes."""
     result: str | None = None
-    """Type of a result; none: opaque bytes."""
+    """Type of a result; default: opaque bytes."""
     timeout_s: float = 60.0
-    """Time after which a client gives up a goal that is not answered, s."""
+    """Time after which a client gives up a goal without an answer, s."""
     result_timeout_s: float = 3600.0
-    """How long a result is kept for its client, and a client waits while it hears nothing, s."""
+    """How long a server keeps a result, and a client waits while it hears nothing, s."""
     feedback_interval_s: float = 0.0
-    """Least time between two pieces of feedback on the water, s."""
+    """Minimum time between two transmitted feedbacks of a goal, s."""
     journal: bool = True
     """Goals survive a restart of this node."""
 
 
 class RangingEntry(Entry, frozen=True, kw_only=True):
-    """A range that is measured again and again."""
+    """A range that is measured periodically."""
 
     to: int
-    """Address of the node that is far away."""
+    """Address of the other node."""
     every_s: float
     """Time between two measurements, s."""
     by: int | None = None
-    """Address of the node that measures; none: the node that reads the file."""
+    """Address of the measuring node; default: the node that reads the file."""
 
 
 class Section(Entry, frozen=True, kw_only=True):
-    """The section `plugins.acoustic`; streams are told apart later, by their keys."""
+    """The section `plugins.acoustic`."""
 
     address: int | None = None
-    """Acoustic address of this node; may be given beside the file instead."""
+    """Acoustic address of this node; `--address` overrides it."""
     nodes: tuple[NodeEntry, ...] = ()
     """The fleet."""
     links: tuple[LinkEntry, ...] = ()
-    """The modem; may be given beside the file instead."""
+    """The modem; `--link` overrides it."""
     types: tuple[TypeEntry, ...] = ()
-    """Types that the streams and each other name."""
+    """Types for streams and for other types."""
     journal: str | None = None
-    """Folder of the journal, relative to the file's; none: nothing survives a restart."""
+    """Folder of the journal, relative to this file; default: nothing survives a restart."""
     streams: tuple[dict[str, Any], ...] = ()
-    """What crosses the water."""
+    """What crosses the channel."""
     model: str | None = None
-    """File with the model of the dense streams, relative to the file's; none: they start anew."""
+    """File with the model of the dense streams, relative to this file; default: no model."""
     ranging: tuple[RangingEntry, ...] = ()
-    """Ranges that are measured again and again."""
+    """Ranges that are measured periodically."""
     quiet: tuple[QuietEntry, ...] = ()
-    """Hours of each day at which nothing is transmitted."""
+    """Hours of each day in which nothing is transmitted."""
     ros: RosEntry | None = None
-    """ROS 2, for all streams that are of it."""
+    """ROS 2, for all ROS streams."""
     overlays: tuple[Overlay, ...] = ()
     """Bounds, steps and constants for ROS types."""
     objects: ObjectsEntry | None = None
-    """How much memory samples may take that are larger than a frame."""
+    """Bounds of the memory for samples that are larger than a frame."""
     max_airtime: float | None = None
-    """Share of the time that this node may be on the air; none: no cap."""
+    """Share of the time that this node may be on the air; default: no cap."""
     orders_from: tuple[int, ...] | None = None
-    """Addresses of the nodes whose orders over the water are obeyed; none: those of `nodes`."""
+    """Nodes whose remote commands this node executes; default: those of `nodes`."""
     heartbeat_s: float | None = None
-    """How often each node is to be heard at least, s; none: no heartbeats."""
+    """Each node is heard at least this often, s; default: no heartbeats."""
     lost_after_s: float | None = None
-    """After how long without a sign of it a node counts as lost, s; none: never."""
+    """A node that was not heard for so long is lost, s; default: never."""
     permit_log: str | None = None
-    """File to which each emission is appended, relative to the file's; none: nowhere."""
+    """File to which each emission is appended, relative to this file; default: none."""
     metrics: str | None = None
-    """Where the gateway answers to Prometheus, PORT or HOST:PORT; none: nowhere."""
+    """Where the gateway answers Prometheus, PORT or HOST:PORT; default: nowhere."""
 
 
 RECORDS: Final[dict[str, type[msgspec.Struct]]] = {

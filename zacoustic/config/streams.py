@@ -1,4 +1,4 @@
-"""The list `streams`: each entry is told apart by its keys, checked, and declared in the table."""
+"""The list `streams`: the keys of an entry tell its kind; it is checked and declared."""
 
 import re
 from collections.abc import Callable
@@ -24,7 +24,7 @@ from zacoustic.errors import ConfigError
 E = TypeVar("E", bound=StreamEntry)
 
 _KINDS: Final = ("topic", "service", "action")
-# How `Qos` words its refusals: the key, the value, what is allowed.
+# How `Qos` words its refusals: the key, the value, the allowed values.
 _QOS_REFUSAL: Final = re.compile(r"(\w+) is .*; allowed: (.*)")
 
 
@@ -36,7 +36,7 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     types: TypeTable
     """The types by name."""
     model: Model | None = None
-    """What a fit says of the dense streams."""
+    """The fitted model of the dense streams."""
     largest_bytes: int = LARGEST_BYTES
     """Largest sample that the node sends or takes, bytes."""
     wire: WireProfile = WireProfile.NATIVE
@@ -50,7 +50,7 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
         place: The list.
         count: Its length.
         fleet: What streams refer to.
-        ros: Reads what they say of ROS.
+        ros: Reads their ROS settings.
 
     Raises:
         ConfigError: The first entry that is wrong.
@@ -199,7 +199,7 @@ def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
 
 
 def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
-    """Check that somebody acknowledges, and that a journal has something to keep."""
+    """Check that some node acknowledges, and that a journal has something to keep."""
     if entry.reliability == Reliability.RELIABLE.value:
         if entry.subscribers is None and not fleet.nodes:
             place.at("subscribers").complain(
@@ -221,7 +221,7 @@ def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
 
 
 def _check_large(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
-    """Check what is said of samples that are larger than a frame."""
+    """Check the settings of samples that are larger than a frame."""
     for key, is_written in (
         ("max_bytes", entry.max_bytes is not None),
         ("exclusive", entry.exclusive),

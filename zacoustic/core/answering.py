@@ -11,22 +11,21 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.calls import (
+from zacoustic.core.callrecords import (
     CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
-    Answer,
+    CallFailure,
+    CallKey,
     CallKind,
-    Served,
-    ServerCalls,
     encode_call_byte,
     encode_error,
     encode_name,
 )
+from zacoustic.core.calls import Answer, RequestReceived, Served, ServerCalls
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, split_age
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.qos import Priority, Qos, Stamp
@@ -76,7 +75,7 @@ class Answering:
         journal: JournalPort,
         doubt: Doubt,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        emit: Callable[[RequestReceived], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -157,6 +156,8 @@ class Answering:
         if served is not None:
             self._receive_repetition(key, served, stream, now, introduced=introduced)
             return "repeated_request"
+        if _keeps(stream) and self._doubt.suspends(_timeout_s(stream), now):
+            return "suspended"
         for closed in self._calls.closed_by(key, settling_ns=self._settling_ns, now=now):
             self._forget(closed, now)
         age_s, payload = split_age(stream, payload)
@@ -173,7 +174,7 @@ class Answering:
         if value is _UNREADABLE:
             self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
             return "payload"
-        if self._may_have_run(stream, now):
+        if _keeps(stream) and self._doubt.covers(_timeout_s(stream), now):
             self.reply_error(key, CallFailure.UNKNOWN, self._doubt.reason, now)
             return None
         count(self._stats.received, stream.stream_id)
@@ -230,16 +231,8 @@ class Answering:
 
     # Below the methods above
 
-    def _may_have_run(self, stream: Stream, now: int) -> bool:
-        """Tell whether a request may be one that this node has executed and forgotten."""
-        spec = stream.spec
-        assert isinstance(spec, ServiceSpec)
-        return spec.journal and not stream.is_built_in and self._doubt.covers(spec.timeout_s, now)
-
     def _timeout_ns(self, key: CallKey) -> int:
-        spec = self._table.by_id(key.stream_id).spec
-        assert isinstance(spec, ServiceSpec)
-        return seconds_to_ns(spec.timeout_s)
+        return seconds_to_ns(_timeout_s(self._table.by_id(key.stream_id)))
 
     def _receive_repetition(
         self, key: CallKey, served: Served, stream: Stream, now: int, *, introduced: bool
@@ -350,6 +343,16 @@ class Answering:
             named = bytes((encode_call_byte(NAMED, key.number),)) + encode_name(kind, key.epoch)
             return head + named
         return head + bytes((encode_call_byte(kind, key.number),))
+
+
+def _keeps(stream: Stream) -> bool:
+    """Tell whether a request runs once in all lives of this node: commands do no harm twice."""
+    return stream.spec.journal and not stream.is_built_in
+
+
+def _timeout_s(stream: Stream) -> float:
+    assert isinstance(stream.spec, ServiceSpec)
+    return stream.spec.timeout_s
 
 
 def call_qos(qos: Qos) -> Qos:

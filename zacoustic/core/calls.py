@@ -27,89 +27,61 @@ all other lives. Until it is told so its frames begin with HELLO or TAG, and fro
 knows it: to such a request it gives a *named* answer, which has the epoch in it.
 """
 
-import enum
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.events import (
-    CallFailed,
-    CallFailure,
-    CallKey,
-    ResponseReceived,
-)
+from zacoustic.core.callrecords import CALL_NUMBERS, CallFailure, CallKey, CallKind
 from zacoustic.core.repeating import Repetition
 from zacoustic.errors import QueueFullError
 
-CALL_NUMBERS: Final = 64
-"""Calls of one client to one service that can be distinguished."""
 WINDOW: Final = 16
 """Calls of one client to one service that can be under way at once."""
-NAME_BYTES: Final = 1
-"""What a named answer is longer than another one."""
 _LIVES: Final = 2
 _NEVER: Final = 1 << 62
-LONGEST_ERROR_TEXT_BYTES: Final = 48
-"""An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
 
 
-class CallKind(enum.IntEnum):
-    """The two upper bits of the call byte."""
+class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A client calls a service of this node: answer by `Engine.reply` or `Engine.reply_error`."""
 
-    REQUEST = 0
-    RESPONSE = 1
-    ERROR = 2
-    CONFIRM = 3
-    """From the server: it has the request. From the client: it has the answer."""
-
-
-NAMED: Final = CallKind.REQUEST
-"""From the server: a response, an error or a confirm that names the client's life. A byte comes
-before its payload: two bits kind, and the lower six bits of the epoch."""
+    call: CallKey
+    """Names the call in the answer."""
+    value: Any
+    """The request."""
+    deadline_at: int
+    """Instant after which an answer is worthless, ns."""
+    age_s: float | None = None
+    """How old the request was when its frame was composed, s; None: the service has no stamp."""
 
 
-def encode_call_byte(kind: CallKind, number: int) -> int:
-    """Return the byte behind the stream id of a service's record."""
-    return kind << 6 | number
+class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
+    """A call of this node was answered."""
+
+    call_id: int
+    """What `Engine.call` returned."""
+    stream_id: int
+    """The service's stream."""
+    value: Any
+    """The response."""
+    age_s: float | None = None
+    """How old it was when its frame was composed, s; None: the service has no stamp."""
 
 
-def decode_call_byte(byte: int) -> tuple[CallKind, int]:
-    """Return kind and number of a call byte."""
-    return CallKind(byte >> 6), byte & 0x3F
+class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
+    """A call of this node has no response."""
+
+    call_id: int
+    """What `Engine.call` returned."""
+    stream_id: int
+    """The service's stream."""
+    failure: CallFailure
+    """Why."""
+    text: str
+    """One line for people."""
 
 
-def encode_name(kind: CallKind, epoch: int) -> bytes:
-    """Return what a named answer has behind its call byte."""
-    return bytes((kind << 6 | epoch & 0x3F,))
-
-
-def decode_name(content: bytes, epoch: int) -> CallKind | None:
-    """Return the kind of a named answer to the life of this epoch; None: it is for another one.
-
-    Args:
-        content: Begins behind the call byte.
-        epoch: Of this node.
-    """
-    if not content or (content[0] ^ epoch) & 0x3F:
-        return None
-    return CallKind(content[0] >> 6)
-
-
-def encode_error(
-    failure: CallFailure, text: str, longest_bytes: int = LONGEST_ERROR_TEXT_BYTES
-) -> bytes:
-    """Return the payload of an error: its number and its text, cut at a character."""
-    longest_bytes = max(0, min(longest_bytes, LONGEST_ERROR_TEXT_BYTES))
-    cut = text.encode(errors="replace")[:longest_bytes].decode(errors="ignore")
-    return bytes((failure,)) + cut.encode()
-
-
-def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
-    """Return number and text of an error's payload, or None when it is none."""
-    try:
-        return CallFailure(payload[0]), payload[1:].decode()
-    except (IndexError, ValueError):
-        return None
+CallEvent = RequestReceived | ResponseReceived | CallFailed
+"""What the application is told of calls."""
 
 
 class _Call:

@@ -21,18 +21,17 @@ import msgspec
 
 from zacoustic.core.arq.copies import MOST_COPIES
 from zacoustic.core.contact import Contact
-from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.envelope import Envelope
 from zacoustic.core.filling import Filling
 from zacoustic.core.frame import HELLO_BYTES, PADDING, TAG_BYTES
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.introducing import HELLO_EVERY
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.objects.objects import Objects, Offer
 from zacoustic.core.port import LinkPort
 from zacoustic.core.qos import Priority
 from zacoustic.core.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.ranging import Ranging
+from zacoustic.core.sources import DenseSource, ObjectSource, Offer
 from zacoustic.core.stats import NO_STREAM, Cause, EngineStats, count
 
 
@@ -83,7 +82,7 @@ class Composer:
         self,
         queue: TransmitQueue,
         handshake: Handshake,
-        dense: DenseStreams,
+        dense: DenseSource,
         ranging: Ranging,
         stats: EngineStats,
     ) -> None:
@@ -93,7 +92,7 @@ class Composer:
         self._dense = dense
         self._ranging = ranging
         self._stats = stats
-        self.objects: Objects | None = None
+        self.objects: ObjectSource | None = None
         """Fragments, and what is to be said of those that arrived."""
         self.contact: Contact | None = None
         """Heartbeats."""

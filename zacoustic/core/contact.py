@@ -21,7 +21,6 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import PeerFound, PeerLost
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.streams import StreamTable
 
@@ -53,6 +52,26 @@ class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     """Instant since when that is so, ns."""
     heard_at: int | None
     """Instant at which it was heard last, ns; None: not in this life."""
+
+
+class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
+    """Nothing was heard of a node for as long as the config says."""
+
+    address: int
+    """The node."""
+    heard_at: int | None
+    """Instant at which it was heard last, ns; None: not in this life."""
+    lost_at: int
+    """Instant at which it counts as lost, ns."""
+
+
+class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
+    """A node that was lost is heard again."""
+
+    address: int
+    """The node."""
+    found_at: int
+    """Instant, ns."""
 
 
 class Contact:

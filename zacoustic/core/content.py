@@ -15,7 +15,7 @@ from typing import Final
 from zacoustic.core.actions.wire import measure_message
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, measure_ack
-from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
+from zacoustic.core.callrecords import NAME_BYTES, NAMED, CallKind, decode_call_byte
 from zacoustic.core.frame import Prefixes
 from zacoustic.core.qos import Reliability, Stamp
 from zacoustic.core.streams import EVERY_NODE, Stream

@@ -13,18 +13,51 @@ next one begins. No timer is armed for topics without a deadline, nor before the
 What is repeated and asked for follows from the deadline, too: `zacoustic.core.arq.pacing`.
 """
 
+import enum
 from collections.abc import Callable
 
 import msgspec
 
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.demand.demand import Demand
-from zacoustic.core.events import DeadlineMissed, DeadlineSide, SampleReceived
 from zacoustic.core.keys import Instance
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable
 
 _Key = tuple[int, int, Instance]
 """Source, stream, instance."""
+
+
+class DeadlineSide(enum.Enum):
+    """Who has missed a deadline; the words are those of DDS."""
+
+    OFFERED = "offered"
+    """This node, which has promised samples: nothing was published in time."""
+    REQUESTED = "requested"
+    """This node, to which they are promised: nothing has come in time."""
+
+
+class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a topic with `deadline_s` no sample came in time; once for each period without one."""
+
+    stream_id: int
+    """The topic's stream."""
+    source: int
+    """Address of the node that publishes it; that of this node, where `side` is OFFERED."""
+    instance: Instance
+    """Which of the topic's keys."""
+    key: str
+    """The key."""
+    side: DeadlineSide
+    """Who has missed it."""
+    missed: int
+    """How many periods were missed in all, of this key and node, in this life."""
+    is_first: bool
+    """There was a sample in the period before."""
+    last_at: int
+    """Instant of the last sample, ns."""
+    missed_at: int
+    """End of the period, ns."""
 
 
 class Awaited(msgspec.Struct, kw_only=True):

@@ -6,6 +6,9 @@ is who listens:
 - A string refers to one that all its listeners hold: the one node of a unicast frame, in a
   broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
   So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
+- A link may hand a frame over late, within the settling time behind the longest way. Of strings
+  that count (`zacoustic.core.dense.references`) so few are sent in that time that none is mistaken
+  for another one; what is more stands apart.
 - A node tells the newest string that it has of a source in frames that go there anyway, in three
   bytes (`DenseAck`), and never makes a frame for that.
 - What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
@@ -19,55 +22,29 @@ Of a dense stream, deletes and samples in an encoding of their own are records l
 """
 
 import copy
+from collections import deque
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Final
 
 from zacoustic.core.age import encode_age
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
+from zacoustic.core.dense.references import REACH
 from zacoustic.core.frame import DenseAck
-from zacoustic.core.handshake import Handshake
+from zacoustic.core.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.queue import Waiting
+from zacoustic.core.savings import Savings
 from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
 from zacoustic.core.streamspecs import TopicSpec
 
-# A string may be so much larger than the records: what refers to it later gains.
-_INVESTED_BYTES: Final = 1
-# It goes in any case where it saves so much: an acknowledgement, which is the most it can cost.
-_CERTAIN_BYTES: Final = 4
-# The balance is in 1/32 of a byte. It begins with the price of finding out, and gets some of that
-# back with every frame that goes without strings: one in a hundred is another try.
-_UNITS: Final = 32
-_CREDIT: Final = 6 * _UNITS
-_MOST: Final = 32 * _UNITS
-_RECOVERED: Final = 1
 # An acknowledgement is three bytes; it may save about as many in each string that follows. So where
 # the strings themselves are that small, several share one.
 _WORTH_AN_ACK_BYTES: Final = 6
 # A string that comes again though it was acknowledged says that this was lost; it is said again now
 # and then.
 _REPEATED_BYTES: Final = 1
-
-
-class Savings:
-    """Whether strings are worth what is paid for them."""
-
-    def __init__(self) -> None:
-        self._balance = _CREDIT
-
-    def is_worth(self, string_bytes: int, records_bytes: int) -> bool:
-        """Tell whether a string is to go where records would say the same."""
-        saved_bytes = records_bytes - string_bytes
-        if self._balance <= 0:
-            self._balance += _RECOVERED
-            return saved_bytes >= _CERTAIN_BYTES
-        return saved_bytes >= -_INVESTED_BYTES
-
-    def book(self, saved_bytes: int) -> None:
-        """Book what a string saves, or costs; or what an acknowledgement costs."""
-        self._balance = min(self._balance + saved_bytes * _UNITS, _MOST)
 
 
 class _Heard:
@@ -102,6 +79,7 @@ class DenseStreams:
         self.savings = Savings()
         """What the strings of this node have saved."""
         self._speaker: Speaker | None = None
+        self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
 
     # What this node says
@@ -123,12 +101,15 @@ class DenseStreams:
             self._speaker = Speaker(codec)
         samples = [self._sample(item, now) for item in items]
         hearers = {destination} if destination != BROADCAST else self._hearers()
-        encoded = self._speaker.encode(samples, room_bytes, hearers)
+        apart = len(self._counted_at) == REACH and now < self._counted_at[0] + self._latest_ns
+        encoded = self._speaker.encode(samples, room_bytes, hearers, apart=apart)
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
-    def sent(self, encoded: Encoded) -> None:
+    def sent(self, encoded: Encoded, now: int) -> None:
         """Note that a string is sent; until then it is a draft."""
         assert self._speaker is not None
+        if not encoded.is_apart:
+            self._counted_at.append(now)
         self._speaker.sent(encoded)
 
     def acknowledged(self, source: int, ack: DenseAck) -> str | None:
@@ -213,6 +194,12 @@ class DenseStreams:
         self._heard.clear()
 
     # Below the methods above
+
+    @property
+    def _latest_ns(self) -> int:
+        """How long after it began to be sent a string arrives at the latest, ns."""
+        settling_ns = self._handshake.settling_ns
+        return settling_ns + settling_ns // SETTLING_UNITS
 
     def _streams_of(self, source: int) -> list[Stream]:
         return [

@@ -8,19 +8,33 @@ it is, and not begun. What this node orders, or is ordered to do at once, is not
 carry their age, and do no harm twice.
 
 The store finds most of this out by itself, and says so by an entry; subscribers find out the rest
-(`zacoustic.core.arq.sending`), and it is told in the same way.
+(`zacoustic.core.arq.contradictions`), and it is told in the same way. What they say may be forged,
+or late, and is believed when it is said again. Until then nothing is refused for it and nothing is
+begun: a call or goal that may be older than this life is dropped, and its client repeats it.
 """
 
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import Event, JournalDoubted
+import msgspec
+
+from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.journal import DOUBT_KEY, JournalPort
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
 
 _LEAST_NS: Final = seconds_to_ns(60)
+
+
+class JournalDoubted(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal may be less than what was written last: it is damaged, or was put back.
+
+    The node has begun anew with what is right in it. What came before, and whose outcome it does
+    not know, it does not do again: see `zacoustic.core.doubt`.
+    """
+
+    reason: str
+    """What was found, and by whom, one line."""
 
 
 class Doubt:
@@ -40,7 +54,7 @@ class Doubt:
         table: StreamTable,
         stored: Mapping[str, bytes],
         journal: JournalPort,
-        emit: Callable[[Event], None],
+        emit: Callable[[JournalDoubted], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -50,6 +64,7 @@ class Doubt:
         """Why it is in doubt, one line, for the whole life; empty: it is not."""
         self._is_stored = bool(self.reason)
         self._began_at: int | None = None
+        self._suspected_until = 0
         if self.reason:
             emit(JournalDoubted(reason=self.reason))
 
@@ -65,13 +80,33 @@ class Doubt:
             timeout_s: For how long its sender repeats it, s.
             now: The instant.
         """
-        began_at = now if self._began_at is None else self._began_at
-        return self._is_stored and now < began_at + seconds_to_ns(timeout_s)
+        return self._is_stored and self._may_be_older(timeout_s, now)
 
-    def told(self, reason: str) -> None:
-        """Somebody else has shown that this node has forgotten something; told once a life."""
+    def suspends(self, timeout_s: float, now: int) -> bool:
+        """Tell whether that may soon have to be said, so that what comes now is not to be begun.
+
+        Args:
+            timeout_s: For how long its sender repeats it, s.
+            now: The instant.
+        """
+        is_suspected = now < self._suspected_until and not self._is_stored
+        return is_suspected and self._may_be_older(timeout_s, now)
+
+    def suspect(self, until: int) -> None:
+        """Somebody says what cannot be; nothing that may be older than this life begins before."""
+        self._suspected_until = max(self._suspected_until, until)
+
+    def told(self, reason: str, now: int) -> None:
+        """Somebody else has shown that this node has forgotten something.
+
+        It has, from the beginning of this life: what may be older is refused as if the store had
+        said so, in the next life as well.
+        """
         if not self.reason:
             self.reason = reason
+        if not self._is_stored and self._may_be_older(ns_to_seconds(self._longest_ns), now):
+            self._is_stored = True
+            self._journal.write(DOUBT_KEY, self.reason.encode())
         self._emit(JournalDoubted(reason=reason))
 
     def settle(self, now: int) -> None:
@@ -80,6 +115,10 @@ class Doubt:
         if self._is_stored and now >= began_at + self._longest_ns:
             self._is_stored = False
             self._journal.write(DOUBT_KEY, None)
+
+    def _may_be_older(self, timeout_s: float, now: int) -> bool:
+        began_at = now if self._began_at is None else self._began_at
+        return now < began_at + seconds_to_ns(timeout_s)
 
     @property
     def _longest_ns(self) -> int:

@@ -32,10 +32,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.airtime import AirtimeCaps
+from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.envelope import Opened
-from zacoustic.core.events import CallFailure, CallKey, Event, JournalStateChanged, LinkStateChanged
+from zacoustic.core.envelope import Envelope, Opened
+from zacoustic.core.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.generators import Generators
+from zacoustic.core.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.journal import BOOT_KEY, JournalPort, JournalWrite
 from zacoustic.core.keys import Instance
@@ -50,7 +53,10 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.measurements import Measurements
+from zacoustic.core.orders.ledger import Ledger
 from zacoustic.core.orders.orders import Orders
+from zacoustic.core.orders.tunings import Tunings
+from zacoustic.core.port import LinkPort
 from zacoustic.core.protocols import Protocols
 from zacoustic.core.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.rules import TransmitRules
@@ -132,13 +138,46 @@ class Engine:
         self.silence = Silence(rules.quiet, stored, host=self.clock, journal=journal, emit=emit)
         """Orders to be silent: `begin` and `resume`."""
         self.orders = Orders(
-            address, table, protocols, self.silence, rules.orders_from, stored, journal, emit
+            address,
+            table,
+            protocols.services,
+            protocols.handshake,
+            Tunings(
+                address,
+                table,
+                queue=protocols.queue,
+                objects=protocols.objects,
+                stored=stored,
+                journal=journal,
+            ),
+            Ledger(stored, journal),
+            self.silence,
+            rules.orders_from,
+            emit,
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
+
+        access_rng = generators.of("access")
+
+        def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
+            return LinkPort(
+                capabilities,
+                address,
+                access_rng,
+                rules.access,
+                envelope=envelope,
+                measurements=self.measurements,
+            )
+
         self._transmitter = Transmitter(
-            address, protocols, self.silence, self.clock, rules, self.stats,
-            generators.of("access"), self.measurements, emit,
-        )  # fmt: skip
+            protocols,
+            self.silence,
+            self.clock,
+            AirtimeCaps(rules.max_airtime),
+            self.stats,
+            make_port,
+            emit,
+        )
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -173,7 +212,7 @@ class Engine:
             self._trace.note(now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason)
         for news in self._protocols.handshake.news:
             self._events.append(news)
-            self._trace.note_news(now, news)
+            self._trace_news(news, now)
         self._protocols.handshake.news.clear()
 
     def handle_transmit_report(self, report: TransmitReport, now: int) -> None:
@@ -423,6 +462,12 @@ class Engine:
         is_busy = port is not None and port.is_busy
         return not is_busy and self._protocols.is_idle and self.poll_timeout() is None
 
+    @property
+    def owes_acknowledgement(self) -> bool:
+        """Something waits that says what has come, and this node may transmit."""
+        may_speak = self.link_state is LinkState.UP and not self.silence.is_silent(self._now)
+        return may_speak and self._protocols.owes_acknowledgement(self._now)
+
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
         return self._protocols.sending.delivering(stream_id)
@@ -453,3 +498,12 @@ class Engine:
         """Return the nodes heard so far, and whether each has confirmed our table."""
         known = self._protocols.handshake.peers()
         return {address: peer.confirmed_us for address, peer in known.items()}
+
+    # Below the methods above
+
+    def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
+        if isinstance(news, PeerSeen):
+            detail = "same_table" if news.same_table else "other_table"
+            self._trace.note(now, "peer", peer=news.address, detail=detail)
+        else:
+            self._trace.note(now, "differ", peer=news.address, streams=(news.stream_id,))

@@ -12,10 +12,10 @@ them does; the string is written at the end, where it is not larger than the rec
 
 from zacoustic.core.age import encode_age
 from zacoustic.core.dense import Encoded
-from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Control
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import Waiting
+from zacoustic.core.sources import DenseSource
 from zacoustic.core.stats import Cause, EngineStats, count
 
 
@@ -35,7 +35,7 @@ class Filling:
         destination: int,
         room_bytes: int,
         now: int,
-        dense: DenseStreams,
+        dense: DenseSource,
         *,
         introduced: bool,
     ) -> None:
@@ -104,7 +104,7 @@ class Filling:
             records, self._samples = [*self._records, *self._samples], []
             self._records = records = _open_end_last(records, introduced=self._introduced)
             return b"".join(self._record(item, item is records[-1], stats) for item in records)
-        self._dense.sent(string)
+        self._dense.sent(string, self._now)
         self._attribute_string(len(string.frame), stats)
         records_bytes = b"".join(self._record(item, False, stats) for item in self._records)
         return records_bytes + string.frame

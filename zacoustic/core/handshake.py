@@ -50,8 +50,9 @@ vouch is a confirmation, from when its sender decodes frames without a TAG. It i
 import random
 from typing import Final
 
+import msgspec
+
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import PeerSeen, StreamsDiffer
 from zacoustic.core.frame import (
     ABSENT_DIGEST,
     ASSURED,
@@ -76,6 +77,28 @@ PATIENCE_UNITS: Final = 16
 """So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
 1000 m 24 s, longer than from one report of a vehicle to the next."""
 _ASK_HELLO: Final = 0
+
+
+class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A node told its epoch for the first time, or it restarted."""
+
+    address: int
+    """The node."""
+    epoch: int
+    """Its boot epoch."""
+    same_table: bool
+    """Its table has the digest of ours."""
+    wire_version: int
+    """The version it speaks; another than ours is not understood."""
+
+
+class StreamsDiffer(msgspec.Struct, frozen=True, kw_only=True):
+    """A node defines a stream in another way: it is stopped between the two, the others go on."""
+
+    address: int
+    """The node."""
+    stream_id: int
+    """The stream that differs, or that one of the two does not have."""
 
 
 class Handshake:
@@ -179,6 +202,15 @@ class Handshake:
             # The instant was that of something that has been said.
             confirm_at = peer.confirm_at + self.patience_ns
             peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
+
+    def answers_within(self, address: int, duration_ns: int) -> None:
+        """Say to a node no sooner again what may have an answer under way by then.
+
+        Args:
+            address: The node.
+            duration_ns: How long its answers take behind a device that decides when it transmits.
+        """
+        self._peers[address].answers_within_ns = duration_ns
 
     # What this node hears
 

@@ -20,7 +20,6 @@ import msgspec
 from zacoustic.core.access.networktime import NetworkTime
 from zacoustic.core.access.spec import AccessSpec, TdmaSpec
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import ClockStateChanged
 from zacoustic.core.journal import BOOT_KEY, JournalPort
 
 EARLIEST_UTC_NS: Final = 1_735_689_600 * NS_PER_S
@@ -30,6 +29,15 @@ _ASK_NS: Final = 10 * NS_PER_S
 _TOLERANCE_NS: Final = NS_PER_S
 """Hours of the day are not a matter of less."""
 _WRITE_EVERY_NS: Final = 600 * NS_PER_S
+
+
+class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """For want of a time that is sure nothing is transmitted; or no longer."""
+
+    doubt: str
+    """What is missing, one line; empty: nothing. Slots and quiet hours need the time."""
+    changed_at: int
+    """Instant of the change, ns."""
 
 
 class _Kept(msgspec.Struct, frozen=True, array_like=True):

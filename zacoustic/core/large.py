@@ -16,9 +16,9 @@ from zacoustic.core.arq.places import LargePlaces, Place
 from zacoustic.core.arq.receiving import Claim, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.sendlane import Outgoing
+from zacoustic.core.deliveries import DeliveryEvent, DeliveryOutcome, DeliveryStored, SampleReceived
 from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.encoding import decode_prefix
-from zacoustic.core.events import DeliveryOutcome, DeliveryStored, Event, SampleReceived
 from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
@@ -77,7 +77,7 @@ class LargeSamples:
         journal: JournalPort,
         stats: EngineStats,
         generators: Generators,
-        emit: Callable[[Event], None],
+        emit: Callable[[ObjectProgress | DeliveryEvent], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -113,6 +113,8 @@ class LargeSamples:
         for order in self._given_up:
             self._emit(given_up(order.stream_id, order.object_id, now))
         self._given_up.clear()
+        self._now = now
+        self.objects.link_up(now)
         for stream in self._table:
             if self.objects.pending(stream.stream_id):
                 self.audience_changed(stream, now)
@@ -253,6 +255,7 @@ class LargeSamples:
             is_open=is_open,
             largest_bytes=stream.spec.max_bytes,
             keeps=stream.spec.journal,
+            stream_digest=stream.digest,
         )
         return self._among(others, admission)
 
@@ -294,10 +297,14 @@ class LargeSamples:
                 encoding=manifest.encoding or stream.encoding,
                 received_at=arrived.received.received_at,
                 metrics=arrived.received.metrics,
+                again=arrived.again,
             )
         except (PayloadError, UnknownStreamError):
             self._stats.drop("payload")
             sample = None
+        if arrived.again:  # its place is taken already
+            self._receiving.hand_on_left(sample, self._now)
+            return
         key = (arrived.source, stream.stream_id, manifest.instance)
         self._receiving.take(stream, key, place, sample, self._now)
 

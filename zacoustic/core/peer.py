@@ -68,6 +68,10 @@ class Peer:
         self.owed_rows: dict[int, None] = {}
         self.questions: dict[int, None] = {}
         self.speak_at: int | None = None
+        self.answers_within_ns = 0
+        """How long its answers take behind a device that decides when it transmits, as measured."""
+        self.answered_at = 0
+        """What it says before that may have been said before our last CONFIRM came, ns."""
         self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
         self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
 
@@ -104,7 +108,7 @@ class Peer:
     @property
     def confirm_at(self) -> int:
         """Instant from which it may be confirmed, ns."""
-        return max(self.settled_at, self.answer_pause.not_before)
+        return max(self.settled_at, self.answer_pause.not_before, self.answered_at)
 
     @property
     def sayable_at(self) -> int:
@@ -119,6 +123,7 @@ class Peer:
         if cause is Cause.CONFIRM:
             self.owes_confirm = False
             self.answer_pause.use(now, unit_ns)
+            self.answered_at = now + self.answers_within_ns
         elif cause is Cause.TABLE:
             self.owed_rows.pop(next(iter(self.owed_rows)))
         else:
@@ -131,6 +136,7 @@ class Peer:
         self.unconfirm()
         self.knows_us = self.is_assured = self.is_vouching = False
         self.owes_confirm = False
+        self.answered_at = 0
         self.rows.clear()
         self.told_differing.clear()
 

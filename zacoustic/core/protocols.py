@@ -10,18 +10,21 @@ the rest asleep: `zacoustic.core.rmw_desert.protocols`.
 from collections.abc import Callable, Mapping, Set
 
 from zacoustic.core.actions.actions import Actions
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.arq.receiving import ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.callrecords import CallFailure, CallKey
+from zacoustic.core.calls import CallEvent
 from zacoustic.core.composer import Composed, Composer
-from zacoustic.core.contact import Contact
+from zacoustic.core.contact import Contact, PeerFound, PeerLost
 from zacoustic.core.copied import CopiedSamples
-from zacoustic.core.deadlines import Deadlines
-from zacoustic.core.demand.demand import Demand
+from zacoustic.core.deadlines import DeadlineMissed, Deadlines
+from zacoustic.core.deliveries import DeliveryEvent, SampleReceived
+from zacoustic.core.demand.demand import Demand, SubscribersChanged
 from zacoustic.core.densestreams import DenseStreams
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Envelope, Opened
-from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.frame import TAG_BYTES
 from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
@@ -34,16 +37,35 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.objects.objects import Objects
+from zacoustic.core.objects.progress import ObjectProgress
 from zacoustic.core.port import LinkPort
 from zacoustic.core.queue import LaneKey, TransmitQueue
-from zacoustic.core.ranging import Ranging
+from zacoustic.core.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.receiver import Receiver
 from zacoustic.core.repeating import Repeater
+from zacoustic.core.rmw_desert.entities import RosEntitySeen
 from zacoustic.core.rules import TransmitRules
 from zacoustic.core.services import Services
 from zacoustic.core.stats import EngineStats, count
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.topics import Topics
+
+ProtocolEvent = (
+    SampleReceived
+    | DeliveryEvent
+    | CallEvent
+    | ActionEvent
+    | ObjectProgress
+    | SubscribersChanged
+    | DeadlineMissed
+    | RangeMeasured
+    | RangeFailed
+    | PeerLost
+    | PeerFound
+    | RosEntitySeen
+)
+"""What the components tell the application."""
 
 
 class Protocols:
@@ -72,7 +94,7 @@ class Protocols:
         journal: JournalPort,
         stats: EngineStats,
         generators: Generators,
-        emit: Callable[[Event], None],
+        emit: Callable[[ProtocolEvent], None],
     ) -> None:
         self._address = address
         self._journal = journal
@@ -195,9 +217,18 @@ class Protocols:
         return not self._epochs_to_keep or bool(self._journal.failure)
 
     @property
+    def objects(self) -> Objects:
+        """Samples that are larger than a frame, on the channel."""
+        return self.large.objects
+
+    @property
     def is_idle(self) -> bool:
         """Nothing waits."""
         return not self.queue and self.large.objects.is_idle
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return self.queue.has_acknowledgement or self.large.objects.owes_answer(now)
 
     # Commands
 

@@ -234,6 +234,11 @@ class TransmitQueue:
         lanes = (lane for lane in self._busy.values() if lane.is_on)
         return any(item.is_copy for lane in lanes for item in lane.items)
 
+    @property
+    def has_acknowledgement(self) -> bool:
+        """Something waits that says what has come."""
+        return any(each.cause is Cause.ACK for lane in self._busy.values() for each in lane.items)
+
     def pending(self, stream_id: int) -> int:
         """Count what waits for one stream."""
         return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)

@@ -24,6 +24,8 @@ out_of_sync``
 ``unexpected_ack``      an acknowledgement of nothing, or of a former life
 ``too_many_calls        more requests or goals of one client than two lives of it can have
 too_many_goals``
+``suspended``           a request or goal that may be older than this life, while it is in question
+                        whether this node has forgotten some; it is repeated
 ``old_cancel``          a cancel of a goal, or its refusal, before the last one
 ``object_answer         what a receiver says of no object of ours, or says again; an object that
 object_digest           was not what its digest says; more transfers than are kept

@@ -11,21 +11,22 @@ import msgspec
 
 from zacoustic.core.answering import Answering, call_qos, confirm_qos
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.calls import (
+from zacoustic.core.callrecords import (
     CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
+    CallFailure,
+    CallKey,
     CallKind,
-    ClientCalls,
     decode_call_byte,
     decode_error,
     decode_name,
     encode_call_byte,
 )
+from zacoustic.core.calls import CallEvent, CallFailed, ClientCalls
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.content import server_bytes, server_of, split_age
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import CallFailure, CallKey, Event
 from zacoustic.core.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.payload import PayloadError
@@ -72,7 +73,7 @@ class Services:
         begin_epoch: Callable[[int], None],
         doubt: Doubt,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        emit: Callable[[CallEvent], None],
     ) -> None:
         self._address = address
         self._table = table
@@ -330,7 +331,7 @@ class Services:
     def _fail(self, call_id: int, failure: CallFailure, text: str, now: int) -> None:
         self._emit(self._end(call_id, failure, text, now))
 
-    def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> Event:
+    def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> CallFailed:
         """End a call without an answer; its request does not leave any more."""
         request = self._clients.request(call_id)
         if request is not None:

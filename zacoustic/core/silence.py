@@ -28,7 +28,6 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.events import SilenceChanged
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.journal import BOOT_KEY, JournalPort
 from zacoustic.core.queue import LaneKey
@@ -44,6 +43,21 @@ _WRITE_PARTS: Final = 64
 """What is left is written down when that much has passed, or this share of it."""
 _MOVED_NS: Final = NS_PER_S
 """A UTC of the end that differs by more is another one."""
+
+
+class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Silence was ordered or has ended, and the journal has it; or a former life has left one."""
+
+    is_silent: bool
+    """Nothing is transmitted now."""
+    is_ordered: bool
+    """By an order; otherwise, if silent, by a quiet window."""
+    ends_at: int | None
+    """End as far as it is known, ns; None: there is none, or until it is resumed."""
+    changed_at: int
+    """Instant of this state, ns."""
+    doubt: str = ""
+    """Why it may last longer than it was ordered, one line; empty: it does not."""
 
 
 class QuietWindow(msgspec.Struct, frozen=True):

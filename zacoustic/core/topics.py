@@ -14,9 +14,9 @@ from zacoustic.core.arq.receiving import Arrival, ReliableReceiving
 from zacoustic.core.arq.sending import ReliableSending
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.copied import CopiedSamples
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.demand.demand import Demand
 from zacoustic.core.encoding import encode_prefix
-from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Record
 from zacoustic.core.keys import Instance
 from zacoustic.core.large import LargeSamples

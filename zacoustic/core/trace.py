@@ -9,7 +9,6 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import PeerSeen, StreamsDiffer
 
 
 class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -83,11 +82,3 @@ class Tracer:
                     frame=frame.hex(),
                 )
             )
-
-    def note_news(self, now: int, news: PeerSeen | StreamsDiffer) -> None:
-        """Write what the handshake has found out."""
-        if isinstance(news, PeerSeen):
-            detail = "same_table" if news.same_table else "other_table"
-            self.note(now, "peer", peer=news.address, detail=detail)
-        else:
-            self.note(now, "differ", peer=news.address, streams=(news.stream_id,))

@@ -1,20 +1,21 @@
 """When a frame goes, and what is booked for it: the link, its access, silence and airtime caps."""
 
-import random
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
+
+import msgspec
 
 from zacoustic.core.access import Wanted
 from zacoustic.core.airtime import AirtimeCaps
-from zacoustic.core.events import NothingHeard
+from zacoustic.core.composer import Composed
+from zacoustic.core.envelope import Envelope
 from zacoustic.core.hosttime import HostTime
 from zacoustic.core.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
-from zacoustic.core.measurements import Measurements
 from zacoustic.core.port import LinkPort
-from zacoustic.core.protocols import Protocols
-from zacoustic.core.queue import LaneKey
-from zacoustic.core.rules import TransmitRules
+from zacoustic.core.queue import LaneKey, TransmitQueue
+from zacoustic.core.ranging import Ranging
 from zacoustic.core.silence import Silence
+from zacoustic.core.sources import ObjectSource
 from zacoustic.core.stats import EngineStats
 
 _GIVE_WAY_PERIODS = 2
@@ -25,46 +26,91 @@ UNHEARD_FRAMES: Final = 20
 """So many frames that are sent without hearing anything are worth a word."""
 
 
+class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+
+    frames: int
+    """How many were sent."""
+    up_at: int
+    """Instant from which on the link is up, ns."""
+    changed_at: int
+    """Instant, ns."""
+
+
+class FrameSource(Protocol):
+    """What a node has to say, as whoever makes its transmissions sees it."""
+
+    @property
+    def queue(self) -> TransmitQueue:
+        """What waits."""
+
+    @property
+    def objects(self) -> ObjectSource:
+        """What waits that is larger than a frame."""
+
+    @property
+    def ranging(self) -> Ranging:
+        """The ranges that are wanted."""
+
+    @property
+    def may_speak(self) -> bool:
+        """The boot epoch is written down: no other life of the node will have it."""
+
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a frame on a link."""
+
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take the airtimes of a link, and drop what is too large for it."""
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame that is worth most now, or return None."""
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, or return None."""
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, or return None."""
+
+    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
+        """A transmission begins."""
+
+
 class Transmitter:
     """Makes the transmissions of one engine.
 
     Args:
-        address: Address of the node.
-        protocols: What it has to say.
+        source: What it has to say.
         silence: When it must not.
         host: What is known of UTC.
-        rules: What the config says of transmitting.
+        airtime: How much of the time it may be on the air.
         stats: Counts.
-        rng: For the back-off of the medium access.
-        measurements: What was measured of the others; only read.
+        make_port: Makes the port of a link from what that can do and what goes around a frame.
         emit: Takes `NothingHeard`.
     """
 
     def __init__(
         self,
-        address: int,
-        protocols: Protocols,
+        source: FrameSource,
         silence: Silence,
         host: HostTime,
-        rules: TransmitRules,
+        airtime: AirtimeCaps,
         stats: EngineStats,
-        rng: random.Random,
-        measurements: Measurements,
+        make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
         emit: Callable[[NothingHeard], None],
     ) -> None:
         self.port: LinkPort | None = None
         """The link; None before it was up."""
         self.link_state = LinkState.OPENING
         """What the link last said of itself."""
-        self.airtime = AirtimeCaps(rules.max_airtime)
+        self.airtime = airtime
         """How much of the time streams and node may be on the air."""
-        self._address = address
-        self._protocols = protocols
+        self._source = source
         self._silence = silence
-        self._rules = rules
         self._stats = stats
-        self._rng = rng
-        self._measurements = measurements
+        self._make_port = make_port
         self._host = host
         self._offset_ns: int | None = None
         self._emit = emit
@@ -76,17 +122,10 @@ class Transmitter:
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
         """Begin with a link, or with other capabilities of it."""
-        port = LinkPort(
-            capabilities,
-            self._address,
-            self._rng,
-            self._rules.access,
-            envelope=self._protocols.envelope(capabilities),
-            measurements=self._measurements,
-        )
+        port = self._make_port(capabilities, self._source.envelope(capabilities))
         self.port = port
         self._tell_access(port, now)
-        self._protocols.use_link(port, now)
+        self._source.use_link(port, now)
 
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """The host tells what its clock says; see `Engine.handle_clock`."""
@@ -127,41 +166,41 @@ class Transmitter:
         port = self.port
         if port is None:
             return None
-        protocols = self._protocols
+        source = self._source
         composed = None
         granted = self._silence.granted(now)
         if granted is not None:
             if _is_over(self._last_word_at(granted, now), now):
-                composed = protocols.compose_only(port, granted, now)
+                composed = source.compose_only(port, granted, now)
                 self._silence.use_grant()
         elif _is_over(self._transmit_at(now), now):
-            composed = protocols.compose(port, now)
+            composed = source.compose(port, now)
         if composed is None and _is_over(self._speak_at(now), now):
-            composed = protocols.speak(port, now)
+            composed = source.speak(port, now)
         if composed is None:
             return None
         transmission = Transmission(
             transmission_id=self._next_transmission_id,
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
-            acknowledge=self._protocols.ranging.wants(
+            acknowledge=self._source.ranging.wants(
                 composed.destination, now, gives_way=composed.is_pressing
             ),
         )
         self._next_transmission_id += 1
         if composed.is_pressing:
             until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
-            protocols.ranging.give_way(composed.destination, until)
+            source.ranging.give_way(composed.destination, until)
         port.transmit(transmission, now)
-        self._protocols.transmitted(transmission, composed, now)
+        self._source.transmitted(transmission, composed, now)
         self._stats.frames_transmitted += 1
         self._stats.bytes_transmitted += len(composed.frame_bytes)
         airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
         self._stats.airtime_ns += airtime_ns
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
-            self._protocols.queue.hold(stream_id, until)
-            self._protocols.large.objects.hold(stream_id, until)
+            self._source.queue.hold(stream_id, until)
+            self._source.objects.hold(stream_id, until)
         return transmission, composed.streams
 
     def finish(self, report: TransmitReport, now: int) -> bool:
@@ -196,25 +235,25 @@ class Transmitter:
         """Return when a frame of what waits goes."""
         if self.link_state is not LinkState.UP or self.port is None:
             return None
-        if not self._protocols.may_speak:
+        if not self._source.may_speak:
             return None
-        due_at = self._protocols.due_at(now)
+        due_at = self._source.due_at(now)
         if due_at is None:
             return None
-        self.port.listening.exclusive = self._protocols.large.objects.is_exclusive
-        self.port.listening.sends_full = self._protocols.large.objects.has_fragment(now)
-        is_urgent = self._protocols.queue.is_urgent
+        self.port.listening.exclusive = self._source.objects.is_exclusive
+        self.port.listening.sends_full = self._source.objects.has_fragment(now)
+        is_urgent = self._source.queue.is_urgent
         if not is_urgent:
             even_at = self.airtime.free_at(now)
             due_at = max(due_at, even_at) if even_at > now else due_at
-        wanted = Wanted(due_at, is_urgent, is_copy=self._protocols.queue.has_copy)
+        wanted = Wanted(due_at, is_urgent, is_copy=self._source.queue.has_copy)
         return self._after_silence(self.port.free_at(wanted, now), now)
 
     def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
         """Return when the frame goes that a silence grants to a lane."""
         if self.link_state is not LinkState.UP or self.port is None:
             return None
-        due_at = self._protocols.queue.due_at(now, lane)
+        due_at = self._source.queue.due_at(now, lane)
         return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
 
     def _speak_at(self, now: int) -> int | None:

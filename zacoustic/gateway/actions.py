@@ -22,16 +22,13 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalReceived,
     GoalRecovered,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailure
+from zacoustic.core.events import CallFailure, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError

@@ -49,6 +49,7 @@ from zacoustic.island.session import Island
 from zacoustic.journal import Journal, JournalState, MemoryJournal
 from zacoustic.link import Link
 from zacoustic.permitlog import PermitLog
+from zacoustic.replacement.intact import Intact
 from zacoustic.runtime import LinkRunner
 
 FAREWELL_LIMIT_S: Final = 3.0
@@ -132,7 +133,7 @@ class Junction:
             )
 
         self.runner = LinkRunner(
-            renew(state.boot_epoch, state.entries),
+            Intact(renew, state.boot_epoch, state.entries),
             link,
             self._deliver,
             renew=renew,

@@ -9,9 +9,8 @@ import time
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from zacoustic.core.actions.news import GoalStatus
 from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.events import CallFailure
+from zacoustic.core.events import CallFailure, GoalStatus
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.island.goals import ActionForm, ActionKey, Asked, Ending, GoalState, Verdict
 from zacoustic.island.queries import Answer, HeldQuery

@@ -13,14 +13,12 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalReceived,
     GoalRecovered,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.engine import Engine
+from zacoustic.core.events import GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LinkClosedError, LocalError
 from zacoustic.node.goals import GoalDesk, GoalEnd, TakeFeedback, goal_error

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.actions.news import GoalFailure, GoalStatus
-from zacoustic.core.events import CallFailure
+from zacoustic.core.events import CallFailure, GoalFailure, GoalStatus
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
 from zacoustic.island.doorbell import Doorbell
 from zacoustic.island.goalerrand import FeedbackEar, GoalErrand

@@ -106,7 +106,8 @@ class Node(EndpointMaker):
     async def close(self) -> None:
         """Close all endpoints, then the link or the session. May be called again.
 
-        What is still queued for the water is lost: `flush` before, where that matters.
+        What has come is still acknowledged, for 5 s at most, while nothing more is heard. What else
+        is queued for the water is lost: `flush` before, where that matters.
         """
         self._is_closed = True
         carrier, self._carrier = self._carrier, None

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.clock import ns_to_seconds
@@ -51,10 +51,15 @@ from zacoustic.node.listeners import Listeners
 from zacoustic.node.ordersonlink import LinkOrders
 from zacoustic.node.routes import ServiceRoute, TopicRoute
 from zacoustic.permitlog import PermitLog
+from zacoustic.replacement.intact import Intact
 from zacoustic.runtime import LinkRunner
 
 if TYPE_CHECKING:
     from zacoustic.recording.live import LiveRecording
+
+CLOSE_LINGER_S: Final = 5.0
+"""A node that is closed says what it has to acknowledge, for so long at most, s: on usual links the
+answer's turn and its airtime. Where nothing is owed, or nothing can be said, it closes at once."""
 
 _logger = logging.getLogger(__name__)
 
@@ -111,7 +116,7 @@ class LinkCarrier:
             )
 
         self._runner = LinkRunner(
-            renew(state.boot_epoch, state.entries),
+            Intact(renew, state.boot_epoch, state.entries),
             link,
             self._deliver,
             renew=renew,
@@ -170,7 +175,16 @@ class LinkCarrier:
         self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
 
     async def close(self) -> None:
-        """Stop; calls under way fail. May be called again."""
+        """Say what is still to be acknowledged, then stop; calls under way fail.
+
+        May be called again.
+        """
+        try:
+            await self._linger()
+        finally:
+            await self._stop()
+
+    async def _stop(self) -> None:
         await self._runner.close()
         if self._watch is not None:
             await asyncio.wait([self._watch])
@@ -416,6 +430,28 @@ class LinkCarrier:
         if self._recording is not None:
             recording, self._recording = self._recording, None
             await recording.close()
+
+    async def _linger(self) -> None:
+        """Wait until the acknowledgements that are owed have been on the air, if that is soon.
+
+        The application has the samples, and nobody else can tell their publishers. Nothing more is
+        heard meanwhile: it would be acknowledged, and there is nobody left to have it.
+        """
+        if self._watch is None or self._watch.done():
+            return
+        self._runner.stop_hearing()
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(CLOSE_LINGER_S):
+                while self._runner.engine.owes_acknowledgement:
+                    await self._settle()
+                stats = self._runner.engine.stats
+                frames = stats.frames_transmitted
+                while sum(stats.reports.values()) < frames and not self._watch.done():
+                    await self._settle()
+
+    async def _settle(self) -> None:
+        self._settled.clear()
+        await self._settled.wait()
 
     def _is_flushed(self) -> bool:
         stats = self._runner.engine.stats

@@ -20,8 +20,6 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalRecovered,
     ResultReceived,
 )
@@ -33,6 +31,8 @@ from zacoustic.core.events import (
     DeliveryOutcome,
     DeliveryStored,
     Event,
+    GoalFailure,
+    GoalKey,
     ResponseReceived,
 )
 from zacoustic.core.orders.words import ORDERS_STREAM_ID

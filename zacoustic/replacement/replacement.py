@@ -2,12 +2,12 @@
 
 It is made as after a crash of the process: of what the journal has committed, in a new boot epoch.
 What waited for a commit is forgotten with the engine that wanted it; what was committed is known
-here, so the store is not read again.
+here, so the store is not read again. An entry that makes the next one raise, too, is left out
+(`intact`); and where none can be made, that is tried again until one can.
 """
 
 import asyncio
-from collections.abc import Callable, Iterator, Mapping
-from typing import TypeAlias
+from collections.abc import Callable, Iterator
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.engine import Engine
@@ -15,11 +15,9 @@ from zacoustic.core.events import EngineRestarted, Event
 from zacoustic.core.journal import JournalWrite
 from zacoustic.journal import EPOCHS
 from zacoustic.journal.thread import JournalThread
-from zacoustic.replacement.faults import Faults
+from zacoustic.replacement.faults import FIRST_PAUSE_S, Faults
+from zacoustic.replacement.intact import Intact, Renew, Trial
 from zacoustic.replacement.outstanding import Outstanding
-
-Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]
-"""``(epoch, stored)``: makes an engine like the one before, of what the journal has."""
 
 
 class Replacement:
@@ -63,8 +61,9 @@ class Replacement:
         lost: Engine,
         pause_s: float,
         journal: JournalThread | None,
-        ready: Callable[[Engine], None],
-        fail: Callable[[Exception], None],
+        trial: Trial | None,
+        instant: Clock,
+        ready: Callable[[Intact], None],
     ) -> None:
         """Make the next engine; on the loop.
 
@@ -72,22 +71,26 @@ class Replacement:
             lost: The engine that has raised.
             pause_s: Time to wait before, s.
             journal: Whose commits are waited for.
+            trial: The first step, where it is to be tried of what it does not raise; None: not.
+            instant: Tells the instant.
             ready: Takes the engine, not yet polled.
-            fail: Takes what the making has raised.
         """
 
         async def replace() -> None:
-            try:
-                if journal is not None:
-                    await journal.settle()
-                await asyncio.sleep(pause_s)
-                engine = self._renew((lost.epoch + 1) % EPOCHS, dict(self._entries))
-                engine.stats.dropped["internal_error"] = self.faults.count
-            except Exception as error:
-                fail(error)
-                return
+            if journal is not None:
+                await journal.settle()
+            await asyncio.sleep(pause_s)
+            epoch = (lost.epoch + 1) % EPOCHS
+            while True:
+                try:
+                    intact = Intact(self._renew, epoch, self._entries, trial)
+                    break
+                except Exception as error:
+                    await asyncio.sleep(max(self.faults.note(error, instant()), FIRST_PAUSE_S))
+            intact.engine.stats.dropped["internal_error"] = self.faults.count
+            self._entries = intact.entries
             self._task = None
-            ready(engine)
+            ready(intact)
 
         self._task = asyncio.get_running_loop().create_task(replace(), name="next engine")
 

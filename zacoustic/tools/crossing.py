@@ -12,7 +12,7 @@ IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in par
 
 
 def room_bytes(mtu_bytes: int) -> int:
-    """Return the largest record that an engine takes, bytes: it may have to go beside a TAG."""
+    """Return the largest record that an engine takes, bytes: a TAG may share its frame."""
     return mtu_bytes - TAG_BYTES
 
 

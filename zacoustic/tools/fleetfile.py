@@ -1,4 +1,4 @@
-"""The configuration of a fleet, for who is no node of it and opens no modem."""
+"""The configuration of a fleet, for programs that are no node and open no modem."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -38,9 +38,9 @@ class End(msgspec.Struct, frozen=True, kw_only=True):
     outcome: str
     """``delivered``, ``superseded``, ``expired``, ``refused`` or ``cancelled``."""
     missing: tuple[int, ...] | None = None
-    """Addresses of the subscribers that do not have it; None: not told."""
+    """Addresses of the subscribers that do not have it; None: unknown."""
     detail: str = ""
-    """Why, where the outcome does not say it."""
+    """The reason, if the outcome does not say it."""
 
 
 Show = Callable[[Step], None]
@@ -117,7 +117,7 @@ class GatewayFollower:
             )
 
     async def end(self, show: Show) -> End:
-        """Wait for the end of what was published since, and show how far it is."""
+        """Wait for the outcome of what was published since, and show the progress."""
         told: Step | None = None
         while True:
             self._watch.changed.clear()

@@ -1,4 +1,4 @@
-"""Log messages as JSON, one object a line, for whatever collects logs.
+"""Log messages as JSON, one object a line, for log collectors.
 
 Each has ``time`` (UTC, ms), ``level``, ``logger`` and ``message``; the rest are fields of the
 message, such as those of a notice of the gateway, and ``exception``, a traceback.

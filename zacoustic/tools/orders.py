@@ -1,4 +1,4 @@
-"""Orders of the command line: asks the gateways of this island, which do it or pass it on."""
+"""Remote commands of the command line: asks the local gateways, which execute or forward them."""
 
 from collections.abc import Sequence
 
@@ -22,13 +22,13 @@ async def give_order(
     node: int | None,
     timeout_s: float,
 ) -> list[SilenceState | StreamState]:
-    """Give an order to a node, on this island or beyond the water, and wait for the answer.
+    """Give a command to a local or remote node, and wait for the answer.
 
     Args:
         config: Tells where the router is, or None.
         connect: Endpoints of the router, instead of those.
-        order: What is asked, or ordered.
-        node: Acoustic address; None: the nodes of all gateways that are on this island.
+        order: The question or the command.
+        node: Acoustic address; None: the nodes of all local gateways.
         timeout_s: How long to try, s.
 
     Returns:
@@ -36,8 +36,8 @@ async def give_order(
 
     Raises:
         SessionError: No router is reached.
-        ServiceError: The node refuses it, and says why.
-        DeliveryError: It makes no sense there, or nobody knows the node.
+        ServiceError: The node refuses it, with a reason.
+        DeliveryError: It makes no sense there, or no gateway knows the node.
         CallTimeoutError: No answer in time.
     """
     island = await Island.open(session_config(config, connect))

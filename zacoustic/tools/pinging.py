@@ -34,10 +34,10 @@ from zacoustic.island.session import Island
 from zacoustic.node import Node
 from zacoustic.node.session import session_config
 
-# Zenoh's own limit stands behind that of the gateway, which says more.
+# Zenoh's own limit is above the gateway's, whose answer says more.
 _BEHIND_S: Final = 2.0
 RANGE_LIMIT_S: Final = 10.0
-"""How long an answer waits for the range besides, s."""
+"""How much longer an answer waits for the range, s."""
 
 
 class Ping(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,7 +65,7 @@ class Pinger(ABC):
 
 
 class GatewayPinger(Pinger):
-    """Has the gateway of an island ask.
+    """Has the local gateway ask.
 
     Args:
         island: A session on its network.
@@ -75,7 +75,7 @@ class GatewayPinger(Pinger):
         self._island = island
 
     async def ping(self, node: int, timeout_s: float) -> PingAnswer:
-        """Ask the gateways of the island; the one whose task it is pings."""
+        """Ask the local gateways; the responsible one pings."""
         key, parameters = ping_selector(node, timeout_s)
         loop = asyncio.get_running_loop()
         ended = asyncio.Event()
@@ -106,7 +106,7 @@ class GatewayPinger(Pinger):
 
 
 class LinkPinger(Pinger):
-    """Asks on a link of its own.
+    """Asks on its own link.
 
     Args:
         node: A node in direct mode, open.
@@ -130,7 +130,7 @@ class LinkPinger(Pinger):
             answer = msgspec.structs.replace(answer, round_trip_s=round_trip_s)
             left_s = max(min(timeout_s - round_trip_s, RANGE_LIMIT_S), 0.001)
         except LocalError:
-            pass  # no orders on this wire: the range has to do
+            pass  # no remote commands on this wire: the range must do
         try:
             found = await self._node.range(node, timeout_s=left_s)
         except (CallTimeoutError, RangeUnavailableError):
@@ -150,7 +150,7 @@ class LinkPinger(Pinger):
 async def gateway_pinger(
     config: Config | None, connect: Sequence[str] | None
 ) -> AsyncIterator[Pinger]:
-    """Open a session to ping through the gateway of its island.
+    """Open a session to ping through a local gateway.
 
     Raises:
         SessionError: No router is reached.

@@ -26,11 +26,11 @@ STYLE: Final = """
 .q-header { top: var(--za-banner, 0px) !important; }
 body.za-gone .za-live { opacity: .4; filter: grayscale(1); cursor: not-allowed; }
 """
-"""Of the banner, and of what is shown (class ``za-live``) while nobody keeps it up to date."""
+"""Of the banner, and of values (class ``za-live``) that are not kept up to date."""
 
 
 class Alarm(msgspec.Struct, frozen=True):
-    """Something that is dead, so that what is shown or pressed is not what it seems."""
+    """Something dead that makes the display or the buttons untrue."""
 
     text: str
     """What, in a few words."""
@@ -43,9 +43,9 @@ def beat_html(number: int, alarm: Alarm | None, *, what: str, taken: int = 0) ->
 
     Args:
         number: Another one than the last.
-        alarm: What the server knows to be dead; None: nothing.
+        alarm: What the server knows to have failed; None: nothing.
         what: Begins the banner when the server is gone.
-        taken: Number of the last order of this page that was taken.
+        taken: Number of the page's last command that was accepted.
     """
     since = "" if alarm is None or alarm.since_s is None else f"{max(alarm.since_s, 0.0):.1f}"
     return (

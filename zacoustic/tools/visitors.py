@@ -1,4 +1,4 @@
-"""Who may talk to a page of ours: browsers that show it, and nobody through them.
+"""Who may use a page of ours: browsers that show it, and no other page through them.
 
 A page on the network of a vessel has no password, so another one that somebody has open must not
 reach it through his browser. Two checks keep it out. `Host` says under which name the browser found
@@ -113,7 +113,7 @@ class Visitors:
 
 
 def _unframed(send: Send) -> Send:
-    """Have every answer say that it may not stand inside of another page."""
+    """Forbid in every answer that another page frames it."""
 
     async def say(message: Message) -> None:
         if message["type"] == "http.response.start":

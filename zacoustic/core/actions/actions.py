@@ -6,10 +6,10 @@ Commands are given here (`Engine.actions`); the events are those of `zacoustic.c
 from collections.abc import Callable, Mapping
 
 from zacoustic.core.actions.client import GoalClient
-from zacoustic.core.actions.news import ActionEvent, GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.actions.news import ActionEvent
 from zacoustic.core.actions.post import GoalPost
 from zacoustic.core.actions.server import GoalServer
-from zacoustic.core.actions.wire import decode_message
+from zacoustic.core.actions.wire import GoalFailure, GoalKey, GoalStatus, decode_message
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.handshake import Handshake

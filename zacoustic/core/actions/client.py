@@ -12,10 +12,7 @@ from zacoustic.core.actions.news import (
     FeedbackReceived,
     GoalAnswered,
     GoalFailed,
-    GoalFailure,
-    GoalKey,
     GoalRecovered,
-    GoalStatus,
     ResultReceived,
 )
 from zacoustic.core.actions.numbers import WINDOW, GoalNumbers
@@ -23,6 +20,9 @@ from zacoustic.core.actions.post import GoalLane, GoalPost
 from zacoustic.core.actions.wire import (
     GOAL_NUMBERS,
     REMINDER,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
     Message,
     Operation,
     Refusal,

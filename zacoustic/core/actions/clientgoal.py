@@ -2,8 +2,8 @@
 
 import enum
 
-from zacoustic.core.actions.news import GoalKey
 from zacoustic.core.actions.numbers import GoalNumbers
+from zacoustic.core.actions.wire import GoalKey
 from zacoustic.core.repeating import Repetition
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.actions.clientgoal import ClientGoal, ClientStage
-from zacoustic.core.actions.news import GoalKey
+from zacoustic.core.actions.wire import GoalKey
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import StreamTable
 from zacoustic.core.streamspecs import ActionSpec

@@ -7,11 +7,11 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.actions.news import GoalKey
 from zacoustic.core.actions.wire import (
     FORMER_BYTES,
     GOAL_NUMBERS,
     REMINDER,
+    GoalKey,
     Operation,
     decode_refusal,
     encode_head,

@@ -2,7 +2,7 @@
 
 import enum
 
-from zacoustic.core.actions.news import GoalKey
+from zacoustic.core.actions.wire import GoalKey
 from zacoustic.core.repeating import Repetition
 
 

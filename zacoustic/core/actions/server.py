@@ -5,20 +5,16 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.actions.news import (
-    ActionEvent,
-    CancelRequested,
-    GoalFailure,
-    GoalKey,
-    GoalReceived,
-    GoalStatus,
-)
+from zacoustic.core.actions.news import ActionEvent, CancelRequested, GoalReceived
 from zacoustic.core.actions.numbers import closes
 from zacoustic.core.actions.post import GoalLane, GoalPost
 from zacoustic.core.actions.servedgoal import CancelStage, ServedGoal, ServedStage
 from zacoustic.core.actions.takengoals import TakenGoals
 from zacoustic.core.actions.wire import (
     UNKNOWN_RESULT,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
     Message,
     Operation,
     Refusal,
@@ -267,6 +263,9 @@ class GoalServer:
         return goal
 
     def _receive_goal(self, key: GoalKey, stream: Stream, payload: bytes, now: int) -> str | None:
+        assert isinstance(stream.spec, ActionSpec)
+        if stream.spec.journal and self._doubt.suspends(stream.spec.timeout_s, now):
+            return "suspended"
         goal = self._take(key, ServedStage.TAKEN, now)
         if goal is None:
             return "too_many_goals"

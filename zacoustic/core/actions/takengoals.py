@@ -3,9 +3,8 @@
 from collections.abc import Collection
 from typing import Final
 
-from zacoustic.core.actions.news import GoalKey
 from zacoustic.core.actions.servedgoal import ServedGoal
-from zacoustic.core.actions.wire import GOAL_NUMBERS
+from zacoustic.core.actions.wire import GOAL_NUMBERS, GoalKey
 
 MOST_OF_ONE: Final = 2 * GOAL_NUMBERS
 """Goals of one client on one stream: those that two lives of it can have."""

@@ -31,8 +31,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.actions.news import GoalFailure, GoalStatus
-from zacoustic.core.calls import LONGEST_ERROR_TEXT_BYTES
+from zacoustic.core.callrecords import LONGEST_ERROR_TEXT_BYTES
 from zacoustic.core.payload import PayloadCodec
 from zacoustic.core.streams import Stream
 
@@ -48,6 +47,55 @@ _NO_RESULT: Final = 0x80
 _ATTEMPTS: Final = 256
 _AGAIN_REFUSED: Final = 10
 """Failure, besides those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
+
+
+class GoalKey(msgspec.Struct, frozen=True):
+    """Names a goal, at both ends and over restarts."""
+
+    client: int
+    """Address of the node that sent it."""
+    epoch: int
+    """Boot epoch in which it did."""
+    stream_id: int
+    """The action's stream."""
+    number: int
+    """0…31."""
+
+
+class GoalStatus(enum.IntEnum):
+    """How a goal ended; the numbers are those of ROS 2, and on the wire."""
+
+    UNKNOWN = 0
+    """Its server died while it ran, or lost it: what became of it is not known. No result."""
+    SUCCEEDED = 4
+    """It was reached."""
+    CANCELED = 5
+    """It was given up because its client wanted so."""
+    ABORTED = 6
+    """It was given up for another reason."""
+
+
+class GoalFailure(enum.IntEnum):
+    """Why a goal was refused, or has no result; the numbers are on the wire."""
+
+    REJECTED = 1
+    """The server's application does not want it; the text is its own."""
+    NO_SERVER = 2
+    """The server's node has nobody who serves."""
+    BAD_GOAL = 3
+    """The goal could not be decoded by the server's node."""
+    TABLE_MISMATCH = 4
+    """The two nodes hold different definitions of this stream."""
+    BAD_RESULT = 5
+    """The result could not be decoded here."""
+    TIMED_OUT = 6
+    """Not answered in time, or nothing was heard of it for too long: it may run, or have run."""
+    CANCELLED = 7
+    """Cancelled before it was accepted: it does not run."""
+    UNKNOWN = 8
+    """The server died while it ran, or does not know it any more: what became of it is unknown."""
+    CANCEL_REFUSED = 9
+    """Only in an answer to a cancel: the goal goes on."""
 
 
 class Operation(enum.IntEnum):

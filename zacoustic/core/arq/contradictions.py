@@ -25,6 +25,8 @@ from zacoustic.core.streams import Stream
 
 _LINEAGES: Final = 1 << 16
 _LONGEST: Final = 12
+_SUSPECTED: Final = 16
+"""For so many settling times a first contradiction keeps old calls and goals from being begun."""
 
 
 class Contradictions:
@@ -56,6 +58,7 @@ class Contradictions:
         reception = lane.receptions[source]
         if reception.contradicted_at is None:
             reception.contradicted_at = now
+            self._doubt.suspect(now + _SUSPECTED * self.settling_ns)
             self._lose(lane, source)  # what it lacks is sent again: it is asked a second time
             return
         lasts_ns = now - reception.contradicted_at
@@ -75,7 +78,8 @@ class Contradictions:
             self._keeping.keep_count(stream, lane)
         self._doubt.told(
             f"node {source} has later samples of {stream.name} (lineage {sync.lineage:04x}, "
-            f"{sync.floor}) than this node remembers: its journal is an old copy"
+            f"{sync.floor}) than this node remembers: its journal is an old copy",
+            now,
         )
         self._lose(lane, source)
 

@@ -13,7 +13,7 @@ import msgspec
 
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane
 from zacoustic.core.arq.spans import Span
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.streams import Stream, StreamTable
 from zacoustic.errors import JournalUnavailableError

@@ -11,6 +11,7 @@ from typing import Final
 from zacoustic.core.arq.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
 from zacoustic.core.arq.sendlane import AT_ONCE, Outgoing, SendLane, Stage
 from zacoustic.core.arq.timing import LinkTimes, PeerTiming
+from zacoustic.core.handshake import Handshake
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.qos import Priority
 from zacoustic.core.stats import EngineStats
@@ -31,14 +32,18 @@ class Pacing:
         table: The streams.
         rng: Draws the pauses between repetitions.
         stats: Is told how long that is.
+        handshake: Is told where a device decides when it transmits.
     """
 
-    def __init__(self, table: StreamTable, rng: random.Random, stats: EngineStats) -> None:
+    def __init__(
+        self, table: StreamTable, rng: random.Random, stats: EngineStats, handshake: Handshake
+    ) -> None:
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
         self._table = table
         self._rng = rng
         self._stats = stats
+        self._handshake = handshake
         self._timings: dict[int, PeerTiming] = {}
         self._heard_at: dict[int, int] = {}
 
@@ -67,8 +72,9 @@ class Pacing:
         self.timing(source).answered(in_crowd=others)
 
     def first_acknowledged(
-        self, lane: SendLane, sample: Outgoing, source: int, now: int, *, is_last: bool
-    ) -> int:
+        self, lane: SendLane, sample: Outgoing, source: int, now: int, *,
+        is_last: bool, had_gap: bool,
+    ) -> int:  # fmt: skip
         """Learn from an ACK; returns the order of the transmission that it is taken to answer.
 
         Args:
@@ -77,6 +83,7 @@ class Pacing:
             source: Who acknowledges.
             now: The instant.
             is_last: Nothing at all was sent later.
+            had_gap: It was known to have something that was sent behind what it lacked.
         """
         times, timing, round_trip_ns = self.times, self.timing(source), now - sample.sent_at
         if times is None or sample.stage is not Stage.SENT or sample.marked:
@@ -95,6 +102,8 @@ class Pacing:
             # Too soon for the last transmission.
             self.answered_again(lane, source)
             order = sample.first_order
+        elif sample.tries > 1 and not had_gap:
+            order = sample.first_order  # all behind it may be on its way, too
         for other in lane.active():
             # Frames wait in the device: what was sent later is only awaited from now on.
             if other.stage is Stage.SENT and other.order > order and source in lane.lacking(other):
@@ -239,6 +248,8 @@ class Pacing:
         timing = self.timing(source)
         timing.measured(round_trip_ns, times)
         self._stats.round_trips_ns[source] = timing.smooth_ns
+        if times.is_delegated:
+            self._handshake.answers_within(source, timing.round_trip_ns(times))
 
     def _before_end(self, sample: Outgoing, at: int) -> int:
         """Return an instant, or the last one that leaves time for an answer before the sample ends.

@@ -19,7 +19,7 @@ from zacoustic.core.arq.numbers import NUMBER_BYTES
 from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane, Stage
 from zacoustic.core.arq.sendlanes import SendLanes
 from zacoustic.core.arq.spans import Span, Spans
-from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.deliveries import DeliveryOutcome
 from zacoustic.core.frame import SYNC_BYTES, Control
 from zacoustic.core.keys import Instance
 from zacoustic.core.streams import Stream

@@ -13,7 +13,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.arq.receivelane import ReceiveLane
-from zacoustic.core.events import SampleReceived
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
 from zacoustic.core.linktypes import LinkMetrics

@@ -4,7 +4,7 @@ from typing import Final
 
 from zacoustic.core.arq.numbers import Ack
 from zacoustic.core.arq.watch import Watch
-from zacoustic.core.events import SampleReceived
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.frame import Sync
 
 _FORMER_LINEAGES: Final = 16

@@ -12,8 +12,8 @@ from zacoustic.core.arq.places import Place
 from zacoustic.core.arq.positions import LaneKey, Positions
 from zacoustic.core.arq.receivelane import ReceiveLane
 from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import SampleReceived
 from zacoustic.core.frame import SYNC_BYTES, Control, Sync
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
@@ -281,6 +281,11 @@ class ReliableReceiving:
             again = sample.again or bool(self._doubt.reason)
             self._emit(msgspec.structs.replace(sample, again=again), now)
         self._hand_on_held(key, lane, stream, now)
+
+    def hand_on_left(self, sample: SampleReceived | None, now: int) -> None:
+        """Hand on a large sample that a former life was about to; None: it is unreadable."""
+        if sample is not None:
+            self._emit(sample, now)
 
     def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
         """A former life has written down that it handed a large sample on."""

@@ -21,9 +21,9 @@ from zacoustic.core.arq.sendlane import (
 from zacoustic.core.arq.sendlanes import SendLanes
 from zacoustic.core.arq.timing import LinkTimes
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.deliveries import DeliveryEnded, DeliveryEvent, DeliveryOutcome, DeliveryStored
 from zacoustic.core.demand.demand import NOBODY, Demand
 from zacoustic.core.doubt import Doubt
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.frame import Sync
 from zacoustic.core.generators import Generators
 from zacoustic.core.handshake import Handshake
@@ -65,13 +65,13 @@ class ReliableSending:
         doubt: Doubt,
         generators: Generators,
         stats: EngineStats,
-        emit: Callable[[Event], None],
+        emit: Callable[[DeliveryEvent], None],
     ) -> None:
         self._table = table
         self._queue = queue
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, generators.of("pacing"), stats)
+        self._pacing = Pacing(table, generators.of("pacing"), stats, handshake)
         self._contradictions = Contradictions(
             self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
         )
@@ -372,6 +372,7 @@ class ReliableSending:
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note what a receiver has, and repeat at once what it must have missed."""
         latest: Outgoing | None = None
+        had_gap = any(source in each.held for each in lane.samples)
         for sample in lane.samples:
             if sample.stage is Stage.OBJECT:
                 continue  # its own feedback tells
@@ -391,7 +392,9 @@ class ReliableSending:
             self._pacing.answered_again(lane, source)
         else:
             is_last = latest.order == self._order
-            order = self._pacing.first_acknowledged(lane, latest, source, now, is_last=is_last)
+            order = self._pacing.first_acknowledged(
+                lane, latest, source, now, is_last=is_last, had_gap=had_gap
+            )
             self._pacing.answered(source, now)
             lane.due_soon(source, before=order)
         self._refresh(lane)

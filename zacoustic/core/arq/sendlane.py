@@ -12,7 +12,7 @@ from zacoustic.core.arq.reception import Reception
 from zacoustic.core.arq.rhythm import SendRhythm
 from zacoustic.core.arq.spans import Spans
 from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.frame import Control, Sync
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.queue import LaneKey, Waiting

@@ -236,7 +236,7 @@ class PeerTiming:
             at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
                 than `least_pause_ns`; None: it may be.
         """
-        round_trip_ns = self._round_trip_ns(times, rank)
+        round_trip_ns = self.round_trip_ns(times, rank)
         factor = self._factor(priority)
         # A round trip that took long once is no reason to be silent for hours.
         rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
@@ -262,7 +262,7 @@ class PeerTiming:
             priority: Of what is repeated.
         """
         factor = min(self._factor(priority), _LEAST_FACTOR)
-        return round(self._round_trip_ns(times, rank) * factor)
+        return round(self.round_trip_ns(times, rank) * factor)
 
     def await_answer(self, since: int, until: int) -> None:
         """An answer is awaited from an instant on, and until another one, ns."""
@@ -291,7 +291,13 @@ class PeerTiming:
             return factor
         return min(factor, max(_FACTORS[self._unheard], _LEAST_FACTOR))
 
-    def _round_trip_ns(self, times: LinkTimes, rank: int) -> int:
+    def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
+        """Return within what time an answer is here, as far as is known, ns.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one.
+        """
         if self._smooth_ns is None:
             return times.first_round_trip_ns + rank * times.ack_slot_ns
         return self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)

@@ -3,6 +3,9 @@
 from collections.abc import Callable, Collection, Mapping, Set
 from typing import Final
 
+import msgspec
+
+from zacoustic.core.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.demand.audiences import Audiences, Changed
 from zacoustic.core.demand.wire import (
     PAGE_STREAMS,
@@ -12,7 +15,6 @@ from zacoustic.core.demand.wire import (
     streams_of,
 )
 from zacoustic.core.demand.wishes import ANSWER_LANE, LETTER_QOS, Wishes
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SubscribersChanged
 from zacoustic.core.handshake import Handshake
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.linktypes import BROADCAST
@@ -25,6 +27,17 @@ from zacoustic.errors import LocalError
 
 NOBODY: Final = "nobody subscribes"
 """Why a reliable sample of an on-demand topic has ended."""
+
+
+class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Others subscribe to an on-demand topic of this node than before."""
+
+    stream_id: int
+    """The topic's stream."""
+    subscribers: tuple[int, ...]
+    """Addresses of those who do; none: its samples are not sent."""
+    changed_at: int
+    """Instant of the change, ns."""
 
 
 class Demand:

@@ -107,6 +107,11 @@ class Encoded(msgspec.Struct, frozen=True):
     reference: Snapshot | None
     """What it refers to; None: it stands for itself."""
 
+    @property
+    def is_apart(self) -> bool:
+        """It stands for itself, and nothing can refer to it."""
+        return self.reference is None and self.snapshot.name is None
+
 
 class Decoded(msgspec.Struct, frozen=True):
     """A frame that was received."""

@@ -4,17 +4,30 @@ Lists end where a scale has become wide, and so many scales from the center. Nei
 both cost another symbol or two, and no more than the digits of the distance.
 """
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from zacoustic.core.dense.curve import GRADES, HALF_STEP, LISTED
 from zacoustic.core.payload import PayloadError
 
-if TYPE_CHECKING:
-    from zacoustic.core.dense.arithmetic import Coder
+
+class Digits(Protocol):
+    """What these numbers are written or read by: see `zacoustic.core.dense.arithmetic`."""
+
+    def flag(self, probability: int, value: bool) -> bool:
+        """Write or read a flag that is set with `probability`, 1…2**16-1."""
+
+    def uniform(self, size: int, value: int) -> int:
+        """Write or read one of `size` equally likely values, 0…size-1."""
+
+    def raw(self, width: int, value: int) -> int:
+        """Write or read a number of `width` bits."""
+
+    def near(self, size: int, center: int, grade: int, held: int, hold: int, value: int) -> int:
+        """Write or read a number on the curve of all these."""
 
 
 def wide(
-    coder: "Coder", size: int, center: int, grade: int, held: int, hold: int, value: int
+    coder: Digits, size: int, center: int, grade: int, held: int, hold: int, value: int
 ) -> int:
     """Write or read a number on a curve wider than those in lists.
 
@@ -36,7 +49,7 @@ def wide(
     return value
 
 
-def beyond(coder: "Coder", size: int, first: int, last: int, value: int) -> int:
+def beyond(coder: Digits, size: int, first: int, last: int, value: int) -> int:
     """Write or read a number that is not within `first`…`last`, which side of them is known.
 
     The number of digits of the distance, all alike, and then these.

@@ -21,6 +21,10 @@ given in turn are more than `REACH`, so as long as frames and samples go on in s
 
 An acknowledgement may be late too: within `REMEMBERED` frames, no two have the same mark.
 
+Where more than `REACH` frames are sent within the time that a late one may need, those beyond
+stand `apart`: each for itself and without a name. Such a frame cannot be taken for another one, nor
+another one because of it, so it does not count.
+
 A stream that stands still may have the same bytes again, against the same reference. That is the
 same frame once more.
 """
@@ -88,7 +92,12 @@ class Speaker:
         self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
 
     def encode(
-        self, samples: Sequence[DenseSample], room: int, listeners: Iterable[int] = ()
+        self,
+        samples: Sequence[DenseSample],
+        room: int,
+        listeners: Iterable[int] = (),
+        *,
+        apart: bool = False,
     ) -> Encoded | None:
         """Write a frame; see `DenseCodec.encode`.
 
@@ -96,7 +105,10 @@ class Speaker:
             samples: The most important first.
             room: Greatest size of the frame, bytes.
             listeners: Addresses of all who must be able to read it; none: it stands for itself.
+            apart: It stands for itself and has no name.
         """
+        if apart:
+            return self._codec.encode(samples, room, refuses=lambda _: True)
         reference = self._reference(set(listeners))
         # As long as nobody acknowledges anything, no name is ever said: all are as good.
         matters_until = max(self._answered + ANSWERS, self._said + REACH)
@@ -107,6 +119,8 @@ class Speaker:
 
     def sent(self, encoded: Encoded) -> None:
         """Take note that a frame was handed to the link; until then it was a draft."""
+        if encoded.is_apart:
+            return
         self._count += 1
         snapshot, reference = encoded.snapshot, encoded.reference
         digest = snapshot.digest

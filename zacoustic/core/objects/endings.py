@@ -71,6 +71,10 @@ class Endings:
         while len(self._refused) > _MOST_FORMER:
             del self._refused[next(iter(self._refused))]
 
+    def end(self, place: Place) -> StoredEnd | None:
+        """Return how the last object from a source with a number was handed on, or None."""
+        return self._ended.get(place)
+
     def __contains__(self, place: Place) -> bool:
         """Tell whether the last object from a source with a number was handed on."""
         return place in self._ended

@@ -17,6 +17,8 @@ class ObjectReceived(msgspec.Struct, frozen=True, kw_only=True):
     manifest: Manifest
     payload: bytes
     received: ReceivedFrame
+    again: bool = False
+    """A former life may have handed it on."""
 
 
 class Admission(msgspec.Struct, frozen=True):
@@ -36,6 +38,8 @@ class Admission(msgspec.Struct, frozen=True):
     """It is handed on once in all lives of this node, so not before that is written down."""
     largest_bytes: int | None = None
     """Largest payload of the stream; None: as the node says."""
+    stream_digest: bytes = b""
+    """Of the stream; empty: not known."""
 
 
 class Gate(Protocol):

@@ -15,8 +15,6 @@ the listen windows are those of medium access, which is told when a transfer is 
 
 from collections.abc import Callable, Mapping, Set
 
-import msgspec
-
 from zacoustic.core.generators import Generators
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
@@ -43,38 +41,8 @@ from zacoustic.core.objects.wire import (
     Fragment,
 )
 from zacoustic.core.qos import PATIENCE_NS, Priority
+from zacoustic.core.sources import Offer, Taken
 from zacoustic.errors import PayloadTooLargeError
-
-
-class Offer(msgspec.Struct, frozen=True, kw_only=True):
-    """What would go into a frame now."""
-
-    destination: int
-    """Address, or `BROADCAST`."""
-    size_bytes: int
-    """Room that it needs, bytes."""
-    is_fragment: bool
-    """It shows no end, and needs the frame for itself."""
-    rank: int
-    """Beside what else waits: instant of the last fragment and patience, ns; the smaller, the
-    sooner. An answer goes before all."""
-
-
-class Taken(msgspec.Struct, frozen=True, kw_only=True):
-    """A record for a frame."""
-
-    stream_id: int
-    """Stream to which its airtime belongs, 0 when it is not known."""
-    record: bytes
-    """The bytes."""
-    header_bytes: int
-    """How many of them are not payload."""
-    is_first: bool = False
-    """With it an object begins."""
-    is_repair: bool = False
-    """It is a repair fragment."""
-    ends_run: bool = False
-    """It says that a listen window follows."""
 
 
 class Objects:
@@ -165,6 +133,10 @@ class Objects:
             else:
                 self._outgoing.forget(transfer)
         return handed_on
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        self._incoming.link_up(now)
 
     # Commands
 
@@ -283,6 +255,10 @@ class Objects:
             return None
         instants = [self._incoming.due_at(now), self._fragment_due_at(now)]
         return min((at for at in instants if at is not None), default=None)
+
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether a source is to be told what has come of an object."""
+        return self._incoming.due_at(now) is not None
 
     def offer(self, now: int) -> Offer | None:
         """Return what is due now: an answer before a fragment."""

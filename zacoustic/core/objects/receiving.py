@@ -102,6 +102,21 @@ class IncomingObjects:
         """Take the end of an object that was delivered in a life before."""
         self._endings.restore((source, transfer), end)
 
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        for place, state in list(self._transfers):
+            end, manifest = self._endings.end(place), state.incoming.manifest
+            if end is None or state.is_ending or manifest is None or state.incoming.lacking:
+                continue
+            if manifest.digest != end.digest:
+                continue  # the number stands for another object now
+            stream_digest = self._gate.admit(place[0], manifest.stream_id).stream_digest
+            if end.stream_digest and end.stream_digest == stream_digest:
+                state.heard_at = now
+                self._hand_over(place, state, again=True)
+            else:
+                self._drop(place)
+
     # Inputs
 
     def fragment(
@@ -278,16 +293,18 @@ class IncomingObjects:
             return
         claim = self._gate.claim(place[0], manifest, is_turn=is_turn)
         if claim is Claim.LATER:
-            if state.unwritten:
-                self._write_group(place, state)
+            self._write_group(place, state)
             return
         if claim is Claim.FORMER:
             self._refuse(place, Reason.CANCELLED)
             return
+        state.is_ending = True
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         is_over = claim is Claim.OVER
         if admission.keeps:
-            state.is_ending = True
+            if not is_over:
+                self._write_group(place, state)
+                end = msgspec.structs.replace(end, stream_digest=admission.stream_digest)
             self._journal.write(
                 done_key(*place),
                 msgspec.msgpack.encode(end),
@@ -296,21 +313,28 @@ class IncomingObjects:
         else:
             self._journal.write(done_key(*place), msgspec.msgpack.encode(end))
             self._hand_over(place, state, is_over=is_over)
-        for group in range(state.groups):
-            self._journal.write(group_key(*place, group), None)
 
-    def _hand_over(self, place: Place, state: Transfer, *, is_over: bool) -> None:
+    def _hand_over(
+        self, place: Place, state: Transfer, *, is_over: bool = False, again: bool = False
+    ) -> None:
         manifest, payload = state.incoming.manifest, state.incoming.payload()
         assert manifest is not None
         assert payload is not None
         self._transfers.remove(place)
+        self._forget_groups(place, state)  # committed when what is handed on here has been told
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         if self._endings.handed_on(place, end) or is_over:
             return  # it was handed on before, or is not to be any more
         received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
         self._report(place, state, ObjectState.DELIVERED, "")
         self._gate.deliver(
-            ObjectReceived(source=place[0], manifest=manifest, payload=payload, received=received)
+            ObjectReceived(
+                source=place[0],
+                manifest=manifest,
+                payload=payload,
+                received=received,
+                again=again,
+            )
         )
         self.look_again(place[0])
 
@@ -350,6 +374,8 @@ class IncomingObjects:
         state.unwritten.clear()
 
     def _write_group(self, place: Place, state: Transfer) -> None:
+        if not state.unwritten:
+            return
         self._journal.write(group_key(*place, state.groups), encode_group(state.unwritten))
         state.groups += 1
         state.unwritten.clear()

@@ -9,7 +9,9 @@
 
 The second is written ahead of the sending, in steps of a fortieth of the object, and the groups of
 the third have a fortieth of it: so that at most so much has to be sent again. The fourth is
-committed before the object is delivered and confirmed: it is delivered once, whatever happens.
+committed before the object is delivered and confirmed: it is delivered once, whatever happens. All
+of the third stay until it has been delivered: a life that finds both delivers it, *again*, since
+the one before may have died right behind that.
 """
 
 from collections.abc import Iterator, Mapping
@@ -56,6 +58,8 @@ class StoredEnd(msgspec.Struct, frozen=True, array_like=True):
 
     digest: bytes
     head: tuple[bytes, ...]
+    stream_digest: bytes = b""
+    """Of the stream, as it was, where its fragments are kept until it is delivered."""
 
 
 def out_key(transfer: int) -> str:

@@ -1,18 +1,20 @@
 """The orders of one node: those that it gives, and those that it obeys."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Final, assert_never
 
 import msgspec
 
 from zacoustic.core.answering import ANSWER_LANE
+from zacoustic.core.callrecords import CallFailure, CallKey
+from zacoustic.core.calls import RequestReceived
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import CallFailure, CallKey, Event, RequestReceived, StreamTuned
-from zacoustic.core.journal import JournalPort
+from zacoustic.core.handshake import Handshake
 from zacoustic.core.orders.ledger import Ledger, Standing
 from zacoustic.core.orders.tunings import Tunings
 from zacoustic.core.orders.words import ORDERS_STREAM_ID, SERIALS, Order, OrderKind, OrderState
-from zacoustic.core.protocols import Protocols
+from zacoustic.core.qos import Priority
+from zacoustic.core.services import Services
 from zacoustic.core.silence import Silence
 from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LocalError
@@ -21,47 +23,59 @@ NOBODY: Final = 0
 """In place of an address: an order of the node's own island, or program."""
 
 
+class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
+    """It was ordered how a topic of this node is sent, and the journal has it."""
+
+    stream_id: int
+    """The topic's stream."""
+    on: bool
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float
+    """Least time between two samples of one key on the water, s."""
+    priority: Priority
+    """Zenoh's priority."""
+    ordered_by: int
+    """Address of the node that has ordered it; 0: it was ordered here."""
+    changed_at: int
+    """Instant, ns."""
+
+
 class Orders:
     """What a node orders others to do, and does for them.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        protocols: Whose services carry orders, and whose topics are tuned.
+        services: They carry orders.
+        handshake: Knows how long an answer may take.
+        tunings: What was ordered of topics.
+        ledger: What was obeyed.
         silence: The gate in front of all transmissions.
         obeys: Addresses of the nodes whose orders it obeys; None: those of the table's list.
-        stored: What the journal has kept.
-        journal: Keeps the rest.
-        emit: Takes events.
+        emit: Takes `StreamTuned`.
     """
 
     def __init__(
         self,
         address: int,
         table: StreamTable,
-        protocols: Protocols,
+        services: Services,
+        handshake: Handshake,
+        tunings: Tunings,
+        ledger: Ledger,
         silence: Silence,
         obeys: frozenset[int] | None,
-        stored: Mapping[str, bytes],
-        journal: JournalPort,
-        emit: Callable[[Event], None],
+        emit: Callable[[StreamTuned], None],
     ) -> None:
-        self.tunings = Tunings(
-            address,
-            table,
-            queue=protocols.queue,
-            objects=protocols.large.objects,
-            stored=stored,
-            journal=journal,
-        )
+        self.tunings = tunings
         """What was ordered of topics; to be read only."""
         self._address = address
         self._table = table
         self._obeys = obeys
-        self._services = protocols.services
-        self._handshake = protocols.handshake
+        self._services = services
+        self._handshake = handshake
         self._silence = silence
-        self._ledger = Ledger(stored, journal)
+        self._ledger = ledger
         self._emit = emit
         self._serial = 0
         stream = table.get(ORDERS_STREAM_ID)

@@ -18,15 +18,9 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.answering import call_qos
+from zacoustic.core.callrecords import CallFailure, CallKey
+from zacoustic.core.calls import CallEvent, CallFailed, RequestReceived, ResponseReceived
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import (
-    CallFailed,
-    CallFailure,
-    CallKey,
-    Event,
-    RequestReceived,
-    ResponseReceived,
-)
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.queue import TransmitQueue, Waiting
@@ -87,7 +81,7 @@ class DesertCalls:
         queue: TransmitQueue,
         stats: EngineStats,
         rng: random.Random,
-        emit: Callable[[Event], None],
+        emit: Callable[[CallEvent], None],
     ) -> None:
         self._address = address
         self._table = table

@@ -19,11 +19,12 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
+from zacoustic.core.callrecords import CallFailure, CallKey
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.composer import Composed
+from zacoustic.core.deliveries import SampleReceived
 from zacoustic.core.doubt import Doubt
 from zacoustic.core.envelope import Damaged, Envelope, Opened
-from zacoustic.core.events import CallFailure, CallKey, Event, SampleReceived
 from zacoustic.core.generators import Generators
 from zacoustic.core.journal import JournalPort
 from zacoustic.core.keys import Instance
@@ -38,7 +39,7 @@ from zacoustic.core.linktypes import (
 )
 from zacoustic.core.payload import PayloadError
 from zacoustic.core.port import LinkPort
-from zacoustic.core.protocols import Protocols
+from zacoustic.core.protocols import ProtocolEvent, Protocols
 from zacoustic.core.queue import SAMPLE_LANE, LaneKey, Waiting
 from zacoustic.core.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.rmw_desert.discovery import Discovery
@@ -67,7 +68,7 @@ class RmwDesertProtocols(Protocols):
         journal: JournalPort,
         stats: EngineStats,
         generators: Generators,
-        emit: Callable[[Event], None],
+        emit: Callable[[ProtocolEvent], None],
     ) -> None:
         super().__init__(
             address,

@@ -9,8 +9,8 @@ client: it asks for the result as soon as a goal is accepted, and what comes cro
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from zacoustic.core.actions.news import GoalStatus
 from zacoustic.core.clock import Clock
+from zacoustic.core.events import GoalStatus
 from zacoustic.core.streams import Stream
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.gateway.dialects import Declared

@@ -1,4 +1,4 @@
-"""What a sample costs in bits: the smallest, the typical and the largest, for whoever plans a link.
+"""The cost of a sample in bits: the smallest, the typical and the largest, for planning a link.
 
 Of packed samples these are the payload's bits; the record's id, and what fills the last byte, come
 on top. Of a dense sample they are what it adds to a string that goes anyway; the largest is the
@@ -14,7 +14,7 @@ import msgspec
 from zacoustic.core.payload import PackedCodec, PayloadCodec
 from zacoustic.core.streams import Stream
 
-_MORE_BYTES: Final = 2  # a dense string of one sample, beside its packed payload, at most
+_MORE_BYTES: Final = 2  # of a dense block of one sample beside its packed payload, at most
 _LEAST_DENSE_BITS: Final = 1
 
 
@@ -32,7 +32,7 @@ class SampleBits(msgspec.Struct, frozen=True, kw_only=True):
 def sample_bits(
     stream: Stream, codec: PayloadCodec, typical: Mapping[int, float]
 ) -> SampleBits | None:
-    """Return what a sample costs; None where bytes are all there is to say: CBOR, opaque.
+    """Return the cost of a sample in bits; None where bytes say all: CBOR, opaque.
 
     Args:
         stream: The stream.

@@ -1,4 +1,4 @@
-"""What `check` says of a configuration for rmw_desert: sizes of its packets, and its limits."""
+"""`check` of a configuration for rmw_desert: sizes of its packets, and its limits."""
 
 from collections.abc import Callable, Iterator
 
@@ -15,14 +15,14 @@ _KIND_BYTES = 1
 
 
 def head_bytes(stream: Stream) -> int:
-    """Return what is around the fields of a message: packet, kind, id, for calls a sequence id."""
+    """Return the bytes around a message's fields: packet, kind, id, for calls a sequence id."""
     is_call = isinstance(stream.spec, ServiceSpec)
     head = encode_head(stream.stream_id, LAST_SEQUENCE if is_call else None)
     return OVERHEAD_BYTES + _KIND_BYTES + len(head)
 
 
 def notes(table: StreamTable) -> Iterator[str]:
-    """Yield what is valid and still worth a thought."""
+    """Yield valid settings that deserve a warning."""
     for stream in table:
         for part, codec in _parts(stream):
             yield from _notes_of(

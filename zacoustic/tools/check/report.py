@@ -1,4 +1,4 @@
-"""A configuration as a table: what each stream costs on the water, before anything is in the water.
+"""A configuration as a table: the airtime of each stream, before the dive.
 
 The bytes are those of a record alone in a frame, on a link that frames, addresses and checks by
 itself: stream id, wildcards, age or call byte, payload. The airtime is that of such a frame with
@@ -61,11 +61,11 @@ class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
     smallest_bytes: int
     """Smallest record, id included."""
     largest_bytes: int | None
-    """Largest record, id included; None: without a bound of its own."""
+    """Largest record, id included; None: unbounded."""
     airtime_s: float
     """Airtime of the largest record that fits a frame, alone in it, s."""
     bits: SampleBits | None = None
-    """What a sample costs where bytes do not tell: packed and dense ones."""
+    """Cost of a sample in bits, if packed or dense."""
 
 
 class TypeRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,7 +74,7 @@ class TypeRow(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """Its name."""
     fields: int
-    """How many fields it has, those of nested types not counted."""
+    """Number of its fields, without those of nested types."""
     smallest_bytes: int
     """Smallest payload."""
     largest_bytes: int | None
@@ -114,11 +114,11 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     digest: str
     """Digest of the stream table: equal on both ends, or typed streams stop."""
     wire: str
-    """Wire profile: what is spoken on the link."""
+    """Wire profile of the link."""
     profile: str
     """Whose airtimes they are: name of a modem profile, or locator of the link."""
     unsaid: str
-    """Why the airtimes are not those of the link; empty: they are, or a profile was asked for."""
+    """Why the airtimes are not the link's; empty: they are, or a profile was given."""
     mtu_bytes: int
     """Largest frame of that modem."""
     streams: tuple[StreamRow, ...]
@@ -132,7 +132,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...]
     """What is valid and still worth a thought."""
     misfits: tuple[str, ...] = ()
-    """What can never cross, with what would make it: the file does not do what it says."""
+    """Streams that can never cross, each with a setting that would help."""
 
 
 def report_of(config: Config, profile: ModemProfile | None) -> Report:
@@ -140,7 +140,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
 
     Args:
         config: The configuration.
-        profile: Modem of the airtimes; None: the link's, or the default where it does not tell.
+        profile: Modem of the airtimes; None: the link's, or the default if the link has none.
     """
     on_desert = config.table.wire is WireProfile.RMW_DESERT
     built = [_build(entry.locator, config.address) for entry in config.links]
@@ -280,7 +280,7 @@ def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
 
 
 def _build(locator: str, address: int) -> _Built:
-    """Build the link, without opening it: that tells whether its package and settings are right."""
+    """Build the link without opening it, to check its package and its settings."""
     shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)
@@ -387,6 +387,6 @@ def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
 
 
 def _is_writable(folder: Path) -> bool:
-    """Tell whether files can be made in a folder, which may have to be made first."""
+    """Tell whether files can be made in a folder, which may not exist yet."""
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
     return there.is_dir() and os.access(there, os.W_OK | os.X_OK)

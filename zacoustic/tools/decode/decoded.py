@@ -1,4 +1,4 @@
-"""One thing that a frame says, in words."""
+"""One item of a frame, in words."""
 
 import json
 
@@ -31,7 +31,7 @@ class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True)
 def decoded(
     kind: str, head: str, stream_id: int, name: str, codec: PayloadCodec, payload: bytes
 ) -> DecodedItem:
-    """Put a payload into words, with what is known of it before; never raises."""
+    """Explain a payload, with what is known of it; never raises."""
     try:
         value = printable(codec.decode(payload))
     except PayloadError as error:

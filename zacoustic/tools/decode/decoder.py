@@ -1,4 +1,4 @@
-"""Frames in words: what a frame off the water says, with or without the table it was written with.
+"""Frames in words, with or without the table of their sender.
 
 Where a record ends is known only to who has its stream's type, so without a table the first record
 that LEN does not delimit reaches to the end of the frame. Dense strings refer to earlier ones of
@@ -21,7 +21,7 @@ from zacoustic.core.actions.wire import (
 )
 from zacoustic.core.age import decode_age_s
 from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
-from zacoustic.core.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
+from zacoustic.core.callrecords import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.content import measure_content, server_of, split_age
 from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
@@ -96,7 +96,7 @@ class FrameDecoder:
 
     Args:
         table: The streams; None: values stay in hexadecimal.
-        wire: What is spoken; None: as the table says, native without one.
+        wire: Wire profile; None: the table's, native without one.
     """
 
     def __init__(
@@ -399,7 +399,7 @@ def _goal(stream: Stream, spec: ActionSpec, record: Record, source: int) -> Deco
 
 
 def _unread(record: Record) -> DecodedItem:
-    """A record that nobody here knows the type of."""
+    """A record of an unknown type."""
     before = record.prefixes
     prefixes = " deleted" if before.delete else ""
     prefixes += f", {before.encoding}" if before.encoding is not None else ""

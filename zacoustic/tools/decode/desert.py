@@ -1,4 +1,4 @@
-"""What nodes of rmw_desert say, in words: packets, pieces of a byte stream, or messages alone."""
+"""Packets of rmw_desert in words: packets, pieces of a byte stream, or messages alone."""
 
 import json
 import struct
@@ -35,7 +35,7 @@ class DesertWords:
         self._decoders: dict[int, PacketDecoder] = {}
 
     def explain(self, data: bytes, source: int) -> list[DecodedItem]:
-        """Put what one sender has said into words; never raises."""
+        """Explain the bytes of one sender; never raises."""
         decoder = self._decoders.setdefault(source, PacketDecoder())
         # A message alone begins with its kind, 0, 2 or 3, a packet with a marker.
         if not decoder.is_waiting and data[:1] != bytes((_START,)):
@@ -93,7 +93,7 @@ def _discovery(message: Message) -> DecodedItem | None:
 
 
 def _listed(kind: str, head: str, message: Message) -> DecodedItem:
-    """List the items of a message whose type nobody here knows."""
+    """List the items of a message of an unknown type."""
     if message.kind is not Kind.SAMPLE:
         head += f", {kind} of call {message.sequence}"
     found: list[object] = []

@@ -33,7 +33,7 @@ class Overheard:
         """Read a string; gives stream ids and values.
 
         Raises:
-            PayloadError: It cannot be read; says why.
+            PayloadError: It cannot be read; with the reason.
         """
         listener = self._listeners.get(source)
         if listener is None:

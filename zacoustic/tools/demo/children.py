@@ -1,7 +1,7 @@
-"""The processes of the demo: started, listened to, and stopped whatever happens.
+"""The processes of the demo: started, read, and stopped in any case.
 
-Each child tells what it does on standard output, one JSON object in a line. Of its standard error
-the last lines are kept, to be shown when it dies. Children get a process group of their own: Ctrl-C
+Each child reports on standard output, one JSON object a line. Of its standard error
+the last lines are kept, to show when it dies. Children get their own process group: Ctrl-C
 in a terminal reaches the demo only, which stops them in order.
 """
 
@@ -33,7 +33,7 @@ else:
     _INTERRUPT = signal.SIGTERM
 
 Told = Callable[[str, dict[str, Any]], None]
-"""``(child, object)``: takes each JSON object that a child tells."""
+"""``(child, object)``: takes each JSON object of a child."""
 
 
 class ChildDiedError(ZacousticError):
@@ -46,7 +46,7 @@ class Child:
     Args:
         name: What people call it.
         command: Program and arguments.
-        told: Takes what it tells.
+        told: Takes its objects.
         reads_input: It ends when its standard input does; otherwise it is interrupted.
     """
 
@@ -93,8 +93,8 @@ class Child:
         """Wait until it ends by itself.
 
         Raises:
-            ChildDiedError: It has ended, with whatever code: no child is to end before it is told.
-            Exception: What `told` raises.
+            ChildDiedError: It has ended, with any code: no child may end before its stop.
+            Exception: Any error of `told`.
         """
         assert self._process is not None
         code, *_ = await asyncio.gather(self._process.wait(), *self._readers)

@@ -1,9 +1,9 @@
 """The console of the demo, on the shore: an ordinary Zenoh program that knows nothing of sound.
 
 It listens to the vehicle, and after each report of navigation but the first it does the next thing:
-arms the vehicle, sends way-points, and arms it once more, which the vehicle refuses. It speaks when
+arms the vehicle, sends way-points, and arms it once more, which the vehicle refuses. It sends when
 it has just heard the vehicle, as an operator does; both modems speaking at once would lose both
-frames. What happens it tells on standard output, one JSON object in a line. It waits for the line
+frames. It reports on standard output, one JSON object a line. It waits for the line
 ``go``, and ends when its standard input does::
 
     python console.py tcp/127.0.0.1:7447
@@ -29,7 +29,7 @@ _told = threading.Lock()
 
 
 def tell(event: str, **said: object) -> None:
-    """Write a line; Zenoh calls back on threads of its own, so one at a time."""
+    """Write a line; Zenoh calls back on its own threads, so one at a time."""
     with _told:
         print(json.dumps({"event": event, "at": time.monotonic(), **said}), flush=True)
 
@@ -102,7 +102,7 @@ class Console:
 
 
 def main(endpoint: str) -> None:
-    """Open a session, wait for the line `go`, do what is planned, wait for the end of input."""
+    """Open a session, wait for the line `go`, run the plan, wait for the end of input."""
     with open_session(endpoint) as session:
         console = Console(session)
         session.declare_subscriber("auv1/nav", console.hear_nav)

@@ -1,7 +1,7 @@
-"""The files of the demo: one for the router of each island, made from `fleet.json5`, and the water.
+"""The files of the demo: one for each router, made from `fleet.json5`, and the scenario.
 
-`fleet.json5` is a configuration as a user would write it for two computers. Here both islands are
-on one, so each gets a copy with a port, an address and a modem of its own; nothing else is changed.
+`fleet.json5` is a configuration as a user would write it for two computers. Here both networks are
+on one, so each gets a copy with its own port, address and modem; nothing else is changed.
 """
 
 import contextlib
@@ -16,11 +16,11 @@ import msgspec
 from zacoustic.errors import ZacousticError
 
 SHORE: Final = 1
-"""Acoustic address of the shore island's gateway."""
+"""Acoustic address of the shore's gateway."""
 VEHICLE: Final = 2
-"""Acoustic address of the vehicle island's gateway."""
+"""Acoustic address of the vehicle's gateway."""
 NAMES: Final = {SHORE: "shore", VEHICLE: "auv1"}
-"""Name of each island by address, as in fleet.json5."""
+"""Name of each side by address, as in fleet.json5."""
 
 _ENDPOINT: Final = "tcp/127.0.0.1:7447"
 _ADDRESS: Final = "address: 1,\n"
@@ -28,7 +28,7 @@ _LOCATOR: Final = "sim/127.0.0.1:7000"
 
 
 class Island(msgspec.Struct, frozen=True, kw_only=True):
-    """One island."""
+    """One local network."""
 
     address: int
     """Acoustic address of its gateway."""
@@ -53,14 +53,14 @@ def write_water(folder: Path) -> Path:
 
 
 def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, Island]:
-    """Write a configuration for each island into a folder.
+    """Write a configuration for each network into a folder.
 
     Args:
         folder: Where to.
         locators: The modem of each by its address, or one locator for both.
 
     Returns:
-        The islands by address; their ports were free a moment ago.
+        The networks by address; their ports were free a moment ago.
     """
     islands = {}
     for (address, name), port in zip(NAMES.items(), free_ports(len(NAMES)), strict=True):
@@ -81,7 +81,7 @@ def write_islands(folder: Path, locators: str | Mapping[int, str]) -> dict[int, 
 
 
 def free_ports(count: int) -> list[int]:
-    """Return ports of the loopback interface that nobody listens at, all different."""
+    """Return free ports of the loopback interface, all different."""
     with contextlib.ExitStack() as held:
         sockets = [held.enter_context(socket.socket()) for _ in range(count)]
         for each in sockets:

@@ -1,4 +1,4 @@
-"""The lanes of the demo: what is to cross in one direction, what has, and how long it took."""
+"""The lanes of the demo: what should cross in one direction, what has, and how long it took."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -16,7 +16,7 @@ class Lane:
     Args:
         name: Name of the stream, for a service with `request` or `response`.
         stream: The stream.
-        source: Address of the island it comes from.
+        source: Address of the side it comes from.
     """
 
     def __init__(self, name: str, stream: Stream, source: int) -> None:
@@ -27,7 +27,7 @@ class Lane:
         self.is_repeated = not (
             isinstance(spec, TopicSpec) and spec.qos.reliability is Reliability.BEST_EFFORT
         )
-        """What the water loses is sent again; a best-effort sample is not."""
+        """A lost sample is sent again; a best-effort one is not."""
         self.transmitted_bytes: int | None = None
         """Bytes on the link, as the sender's gateway counts them; None: not heard yet."""
         self.faults: list[str] = []
@@ -38,7 +38,7 @@ class Lane:
 
     @property
     def sent(self) -> int:
-        """How many were given to the island."""
+        """How many were put on the local network."""
         return len(self._sent)
 
     @property
@@ -54,7 +54,7 @@ class Lane:
 
     @property
     def missing(self) -> list[int]:
-        """Numbers of what has not arrived."""
+        """Numbers of the missing ones."""
         return sorted(set(self._sent) - set(self._delays_s))
 
     def send(self, count: int, at: float, value: object) -> None:
@@ -103,7 +103,7 @@ class Lanes:
         return iter(self._by_name.values())
 
     def of_key(self, key: str, source: int) -> Lane:
-        """Return the lane of a topic's key that comes from an island.
+        """Return the lane of a topic's key from one side.
 
         Raises:
             UnknownStreamError: The table has no such topic.

@@ -1,7 +1,7 @@
-"""What the gateways say of themselves on their islands: that they are ready, and what they sent.
+"""The health reports of the gateways: that they are ready, and what they sent.
 
-This is a plain Zenoh client of each island's router, as any tool of a user can be one. Zenoh calls
-back on threads of its own; everything is handed to the loop.
+This is a plain Zenoh client of each router, as any tool of a user can be one. Zenoh calls
+back on its own threads; everything is handed to the loop.
 
 A gateway answers for its documents when its link is up and all that is to cross is declared; its
 liveliness token is there before, and says only that its address is taken. What is put in between
@@ -30,7 +30,7 @@ class LedgerListener:
     """Listens to the gateways of the demo.
 
     Args:
-        islands: Where their routers are.
+        islands: The local networks with their routers.
         took: Takes each ledger.
     """
 
@@ -44,7 +44,7 @@ class LedgerListener:
         self._answering = {island.address: asyncio.Event() for island in self._islands}
 
     async def open(self) -> None:
-        """Connect to all islands; returns when all gateways carry what is to cross.
+        """Connect to all networks; return when all gateways carry their streams.
 
         Raises:
             SessionError: A router does not answer.

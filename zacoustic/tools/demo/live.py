@@ -1,4 +1,4 @@
-"""The live view of the demo: the water, the last frames and what they carried, the streams.
+"""The live view of the demo: the channel, the last frames and what they carried, the streams.
 
 Needs rich, the extra `terminal`. Nothing here runs by itself: each `tick` draws once.
 """
@@ -29,7 +29,7 @@ FRAMES_SHOWN: Final = 7
 # The picture takes the reader's own font: it is to load nothing from elsewhere.
 _FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
 _WATER_CELLS: Final = 92
-_BESIDE_WATER: Final = 15  # names of the islands, and the frame around it
+_BESIDE_WATER: Final = 15  # names of the two sides, and the frame around it
 _CURSOR_LINES: Final = 1
 _PAPER_LINES: Final = 60
 _COLOURS: Final = {SHORE: "yellow", VEHICLE: "cyan"}
@@ -122,7 +122,7 @@ def _newest(frames: Sequence[Frame], lines: int) -> Sequence[Frame]:
 
 
 def _is_under_way(logbook: Logbook) -> bool:
-    """Whether there is sound in the middle of the water."""
+    """Whether there is sound in the middle of the channel."""
     now = time.monotonic()
     return any(
         0.6 < (now - frame.began_at) / logbook.propagation_s < 0.9
@@ -131,7 +131,7 @@ def _is_under_way(logbook: Logbook) -> bool:
 
 
 def _water(logbook: Logbook, width: int) -> RenderableType:
-    """The two islands, and the sound between them where it is at this moment."""
+    """The two sides, and the sound between them where it is at this moment."""
     now = time.monotonic()
     count = max(10, min(_WATER_CELLS, width - _BESIDE_WATER))
     cells = ["·"] * count
@@ -157,7 +157,7 @@ def _water(logbook: Logbook, width: int) -> RenderableType:
 
 
 def _waiting(logbook: Logbook) -> str:
-    """Who waits for the medium access, if nobody sounds."""
+    """Which node waits for medium access, if none transmits."""
     return " · ".join(
         f"{island_name(source)} listens before it sends" + (f", {count} wait" * (count > 1))
         for source, count in sorted(logbook.waiting.items())

@@ -1,7 +1,7 @@
-"""What has happened in the demo: written from what its processes tell, read by views and verdict.
+"""What has happened in the demo: written from its processes' lines, read by views and verdict.
 
-Two kinds of facts meet here. The clients tell what they gave to Zenoh and what Zenoh gave them:
-that is what a user sees. The water tells which frames were in it (`waters` has its language): that
+Two kinds of facts meet here. The clients report what they gave to Zenoh and what Zenoh gave them:
+that is what a user sees. The medium reports its frames (`waters` has its language): that
 is what it cost. All of them stamp with the machine's monotonic clock, so their instants can be
 compared.
 """
@@ -21,7 +21,7 @@ _TOGETHER_S: Final = 0.4
 
 
 class Frame:
-    """One frame in the water, or that was."""
+    """One frame that is or was on the channel."""
 
     def __init__(
         self,
@@ -43,13 +43,13 @@ class Frame:
         self.began_at = began_at
         """Instant of the first sound, s, monotonic."""
         self.outcome: str | None = None
-        """What became of it at the other island; None: still in the water."""
+        """Its outcome at the other side; None: still under way."""
         self.carried: list[Crossed] = []
         """What reached a client out of it."""
 
     @property
     def target(self) -> int:
-        """Address of the other island."""
+        """Address of the other side."""
         return VEHICLE if self.source == SHORE else SHORE
 
 
@@ -59,7 +59,7 @@ class Logbook:
     Args:
         table: The streams.
         clock: The monotonic clock of the machine, s.
-        propagation_s: How long sound takes from one island to the other, s.
+        propagation_s: Propagation delay between the two sides, s.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class Logbook:
         self.propagation_s = propagation_s
         self.frames: list[Frame] = []
         self.waiting: Counter[int] = Counter()
-        """Frames that a modem has taken and not begun to send, by address; where it tells."""
+        """Frames that a modem has taken and not begun to send, by address, if it reports them."""
         self.overhead_bytes: dict[int, int] = {}
         """Bytes that belong to no stream (HELLO and its kin), by address of the gateway."""
         self.began_at: float | None = None
-        """Instant at which the clients were told to go, s, monotonic."""
+        """Instant of the clients' start, s, monotonic."""
         self.ready: set[str] = set()
         """Children that are ready."""
         self.done: set[str] = set()
@@ -82,7 +82,7 @@ class Logbook:
 
     @property
     def elapsed_s(self) -> float:
-        """Time since the clients were told to go, s; 0 before."""
+        """Time since the clients' start, s; 0 before."""
         return 0.0 if self.began_at is None else self._clock() - self.began_at
 
     @property
@@ -92,7 +92,7 @@ class Logbook:
 
     @property
     def transmitted_bytes(self) -> int:
-        """Bytes in the water so far, of all frames."""
+        """Bytes on the channel so far, of all frames."""
         return sum(frame.frame_bytes for frame in self.frames)
 
     @property
@@ -107,7 +107,7 @@ class Logbook:
         return {"vehicle", "console"} <= self.done and not any(lane.missing for lane in self.lanes)
 
     def lost_frames(self, source: int | None = None) -> int:
-        """How many frames were lost, of one island or of all."""
+        """How many frames were lost, of one side or of all."""
         return sum(
             frame.outcome not in (None, "received")
             for frame in self.frames
@@ -119,7 +119,7 @@ class Logbook:
         return [frame for frame in self.frames if frame.outcome is None]
 
     def take(self, child: str, told: Mapping[str, Any]) -> list[AnyNote]:
-        """Take in what a child told; returns what is worth telling on."""
+        """Take an object of a child; return the notes to print."""
         event = told.get("event")
         if event in ("ready", "listening"):
             self.ready.add(child)
@@ -180,7 +180,7 @@ class Logbook:
         if event == "call":
             return [self._sent(request, told["count"], at, value)]
         if event == "served":
-            # The server is not told the number of the call; it serves them in their order.
+            # The server does not know the number of the call; it serves them in their order.
             count = request.next_unreceived()
             notes: list[AnyNote] = [self._crossed(request, count, at, value)]
             return [*notes, self._sent(response, count, at, told["answer"])]
@@ -205,7 +205,7 @@ class Logbook:
         return note
 
     def _frame_of(self, source: int, at: float) -> Frame | None:
-        """The frame out of which something came that a client received at an instant."""
+        """The frame that carried what a client received at an instant."""
         for frame in reversed(self.frames):
             arrives_at = frame.began_at + frame.sound_s + self.propagation_s
             if frame.source == source and abs(at - arrives_at) < _TOGETHER_S:
@@ -217,5 +217,5 @@ class Logbook:
 
 
 def island_name(address: int) -> str:
-    """Name of an island, for people."""
+    """Name of a side, for people."""
     return NAMES.get(address, str(address))

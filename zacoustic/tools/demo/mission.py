@@ -1,8 +1,8 @@
 """A run of the demo from start to end.
 
-Order of the start: the water, which says where it listens; the gateways, which are ready when
-they answer for their ledgers; the clients, which say when they are ready; then the word ``go``.
-Order of the end: clients, gateways, water. Whatever goes wrong on the way, a process that dies
+Order of the start: the medium, which prints where it listens; the gateways, which are ready when
+they answer for their ledgers; the clients, which report when they are ready; then the word ``go``.
+Order of the end: clients, gateways, medium. Any fault on the way, a process that dies
 among it, ends the run with a summary that says so, and nothing is left behind.
 """
 
@@ -54,7 +54,7 @@ class Mission:
 
     Args:
         view: Shows it.
-        water: What lies between the islands; for this run alone.
+        water: The process between the two sides, for this run alone.
         duration_s: How long the vehicle reports, s.
     """
 
@@ -171,7 +171,7 @@ class Mission:
             await asyncio.sleep(_TICK_S)
 
     def _watch(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do something beside; when it fails, so does the run."""
+        """Run something in the background; if it fails, so does the run."""
         task = asyncio.create_task(work)
         self._background.append(task)
         task.add_done_callback(self._take_failure)
@@ -196,7 +196,7 @@ class Mission:
             await asyncio.gather(task, return_exceptions=True)
 
     async def _stop(self) -> None:
-        """Stop everything, in order; what fails meanwhile is of no interest any more."""
+        """Stop everything, in order; errors meanwhile do not matter."""
         for task in self._background:
             task.cancel()
         await asyncio.gather(*self._background, return_exceptions=True)
@@ -217,7 +217,7 @@ def _fleet_table() -> StreamTable:
 
 @contextlib.contextmanager
 def _signals_into(end: Callable[[signal.Signals], None]) -> Iterator[None]:
-    """Let signals end the run, in order however many come; on Windows Ctrl-C is asyncio's own."""
+    """Let signals end the run in order, however many come; on Windows Ctrl-C is asyncio's own."""
     loop = asyncio.get_running_loop()
     caught = [] if sys.platform == "win32" else [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
     for number in caught:

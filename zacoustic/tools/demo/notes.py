@@ -1,4 +1,4 @@
-"""What is worth telling while the demo runs: frozen records, each with its instant."""
+"""What the demo prints while it runs: frozen records, each with its instant."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ class Note(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
     """Something that happened."""
 
     at_s: float
-    """Instant, s since the clients were told to go; negative before."""
+    """Instant, s since the clients' start; negative before."""
 
 
 class Started(Note, frozen=True, kw_only=True, tag="started"):
@@ -40,13 +40,13 @@ class Arrived(Note, frozen=True, kw_only=True, tag="arrived"):
     frame_bytes: int
     """Length of the frame."""
     outcome: str
-    """What became of it, in the word of the water; `received` is the good one."""
+    """Its outcome, in the medium's word; `received` is the good one."""
     propagation_s: float
     """How long the sound was on its way, s."""
 
 
 class Sent(Note, frozen=True, kw_only=True, tag="sent"):
-    """A client gave something to its island that is to cross."""
+    """A client put something that should cross."""
 
     stream: str
     """Lane: the name of the stream, for a service with `request` or `response`."""
@@ -59,7 +59,7 @@ class Sent(Note, frozen=True, kw_only=True, tag="sent"):
 
 
 class Crossed(Note, frozen=True, kw_only=True, tag="crossed"):
-    """It reached a client on the other island."""
+    """It reached a client on the other side."""
 
     stream: str
     """Lane, as in `Sent`."""

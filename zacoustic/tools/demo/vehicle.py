@@ -1,7 +1,7 @@
 """The vehicle of the demo: an ordinary Zenoh program that knows nothing of sound.
 
 It publishes where it is (CBOR) and how it is (JSON), follows way-points, and serves `auv1/arm`.
-What it does it tells on standard output, one JSON object in a line. It waits for the line ``go``,
+It reports on standard output, one JSON object a line. It waits for the line ``go``,
 and ends when its standard input does::
 
     python vehicle.py tcp/127.0.0.1:7448 30
@@ -27,7 +27,7 @@ _told = threading.Lock()
 
 
 def tell(event: str, **said: object) -> None:
-    """Write a line; Zenoh calls back on threads of its own, so one at a time."""
+    """Write a line; Zenoh calls back on its own threads, so one at a time."""
     with _told:
         print(json.dumps({"event": event, "at": time.monotonic(), **said}), flush=True)
 
@@ -43,7 +43,7 @@ def open_session(endpoint: str) -> zenoh.Session:
 
 
 class Vehicle:
-    """Where it is, how it is, and what it was told to do."""
+    """Its position, its state and its tasks."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
@@ -73,7 +73,7 @@ class Vehicle:
             query.reply(query.key_expr, cbor2.dumps(answer), encoding="application/cbor")
 
     def report(self) -> None:
-        """Publish status and navigation; the status first: it waits for company in a frame."""
+        """Publish status and navigation; the status first: it waits for others in its frame."""
         status = {
             "count": self._count, "battery": 87.5 - self._count, "leak": False,
             "mode": "transit" if self._armed else "idle",

@@ -20,38 +20,38 @@ class LaneSummary(msgspec.Struct, frozen=True, kw_only=True):
     source: str
     """Island it came from."""
     sent: int
-    """What was given to that island."""
+    """What was put on that side."""
     crossed: int
     """What reached a client on the other one."""
     mean_delay_s: float | None
     """From client to client, s; None when nothing crossed."""
     transmitted_bytes: int | None
-    """Bytes on the link, headers included; None when the gateway did not tell."""
+    """Bytes on the link, headers included; None if the gateway did not report them."""
     airtime_share: float | None
-    """Its part of all bytes in the water, 0…1."""
+    """Its share of all bytes on the channel, 0…1."""
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True, tag="summary", tag_field="event"):
     """How the demo went."""
 
     ok: bool
-    """Everything that should cross did, unchanged and once, but for what the water lost."""
+    """Everything that should cross did, unchanged and once, except for lost best-effort samples."""
     missing: tuple[str, ...]
     """What did not, or arrived otherwise than it was sent; one line each."""
     lost: tuple[str, ...] = ()
-    """Best-effort samples that were in frames which the water lost; one line each stream."""
+    """Best-effort samples in lost frames; one line each stream."""
     duration_s: float
     """From the word `go` to the end, s."""
     streams: tuple[LaneSummary, ...]
     """What each stream had."""
     frames: int
-    """Frames in the water."""
+    """Frames on the channel."""
     lost_frames: int
-    """Those of them that were lost; what they carried crossed in another one, or is missing."""
+    """The lost ones; what they carried crossed in another frame, or is missing."""
     transmitted_bytes: int
     """Bytes in those frames."""
     overhead_bytes: int
-    """Those of them that belong to no stream: who speaks, with which table."""
+    """Those of no stream: introductions."""
     airtime_s: float
     """Airtime of all frames, s."""
 
@@ -108,7 +108,7 @@ def _missing(logbook: Logbook) -> Iterator[str]:
 
 
 def _is_lost(lane: Lane, logbook: Logbook) -> bool:
-    """Whether what is missing is explained: it was sent once, in frames that were lost."""
+    """Whether the missing samples are explained: each was sent once, in a lost frame."""
     return not lane.is_repeated and 0 < len(lane.missing) <= logbook.lost_frames(lane.source)
 
 

@@ -1,8 +1,8 @@
-"""What lies between the islands of the demo: for each link the process that stands for it.
+"""The channel of the demo: for each link the process that stands for it.
 
-A water knows three things: which verb serves it, the locator at which each gateway finds its modem,
-and what the lines mean that the process tells. The lines of `zacoustic medium --json` are the
-common language; another water translates its own into them::
+It knows three things: the verb that serves it, the locator of each gateway's modem,
+and the meaning of the process's lines. The lines of `zacoustic medium --json` are the
+common language; another one translates its own into them::
 
     listening                                       every modem is there
     waiting     source                              a frame waits for its turn
@@ -23,20 +23,20 @@ from typing import Any, ClassVar, Final, TypeAlias
 from zacoustic.tools.demo.islands import NAMES, SHORE, VEHICLE, demo_text, write_water
 
 Told: TypeAlias = Mapping[str, Any]
-"""A line that a process tells."""
+"""A line of a process."""
 
 _ANY_PORT: Final = "127.0.0.1:0"
 
 
 class Water(ABC):
-    """What lies between the islands; used for one run."""
+    """The process between the two sides, for one run."""
 
     child: ClassVar[str]
     """What people call the process."""
     title: ClassVar[str]
     """What stands above the live view."""
     propagation_s: float
-    """How long sound takes from one island to the other, s."""
+    """Propagation delay between the two sides, s."""
 
     def __init__(self) -> None:
         self.locators: dict[int, str] = {}
@@ -74,7 +74,7 @@ class SimWater(Water):
 
 
 class EvologicsWater(Water):
-    """Emulated S2C modems on TCP ports, in the water of the simulator's scenario.
+    """Emulated S2C modems on TCP ports, on the channel of the simulator's scenario.
 
     What modems send by themselves carries no frame, and is not shown.
     """
@@ -184,12 +184,12 @@ WATERS: Final[Mapping[str, type[Water]]] = {
 
 
 def _address(told: Told) -> int:
-    """The island at a node of the stand-in, which counts from 0."""
+    """The side at a node of the stand-in, which counts from 0."""
     return tuple(NAMES)[told["node"]]
 
 
 def _scenario_propagation_s() -> float:
-    """How long sound takes between the islands of water.json5, s."""
+    """Propagation delay between the nodes of water.json5, s."""
     from zacoustic.channel.position import distance_m
     from zacoustic.channel.scenario import scenario_from_mapping
     from zacoustic.json5 import parse_json5

@@ -49,18 +49,18 @@ class DoctorReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Wishes(msgspec.Struct, frozen=True, kw_only=True):
-    """What the caller says beside the file."""
+    """Arguments that override the file."""
 
     address: int | None = None
-    """Address of the node; None: that of the file."""
+    """Address of the node; None: the file's."""
     locator: str | None = None
-    """The modem; None: that of the file."""
+    """The modem; None: the file's."""
     connect: tuple[str, ...] = ()
-    """Endpoints of the router; none: those of the file."""
+    """Endpoints of the router; none: the file's."""
     ntp: str | None = None
     """Time server that is asked, `HOST` or `HOST:PORT`."""
     recordings: tuple[str, ...] = ()
-    """How often things are said, for the plan."""
+    """Rates, for the plan."""
     water: Water = Water()
     """For the plan."""
     patience_s: float = DEFAULT_PATIENCE_S
@@ -74,7 +74,7 @@ async def diagnose(
 
     Args:
         file: Its configuration.
-        wishes: What else the caller says.
+        wishes: The other arguments.
         synchronised: Tells whether something keeps the clock right.
 
     Raises:
@@ -133,12 +133,12 @@ class _Rounds:
         await self._airtime(link)
 
     def _link(self, running: str) -> Link | None:
-        """Return the link; that of a gateway which runs may have come from its command line."""
+        """Return the link; a running gateway's may have come from its command line."""
         locators = [each.locator for each in self._config.links]
         if not running and not locators:
             self.left_out.append("the modem: the file names no link, and there is no --link")
             return None
-        # What runs tells its locator without the passwords in it.
+        # A running gateway publishes its locator without the passwords in it.
         known = (each for each in locators if without_secrets(each) == running)
         locator = next(known, running or locators[0])
         try:
@@ -164,7 +164,7 @@ class _Rounds:
         self.examined.append("clock")
 
     async def _airtime(self, link: Link | None) -> None:
-        """Ask the plan, where anything says how often things are said."""
+        """Ask the plan, if any rates are known."""
         config, wishes = self._config, self._wishes
         profile = profile_named(wishes.water.profile)
         capabilities = getattr(link, "capabilities", None)

@@ -59,7 +59,7 @@ def check_clock(
 
     Args:
         config: Of the node.
-        offset: How wrong it was found to be; None: nobody was asked.
+        offset: Its measured error; None: no time server was asked.
         synchronised: Tells whether something keeps it right.
     """
     access = config.rules.access
@@ -88,7 +88,7 @@ def check_clock(
 
 
 def kernel_synchronised() -> bool | None:
-    """Tell what the kernel says of its clock; None where it cannot be asked."""
+    """Return the kernel's report on its clock; None where it has none."""
     state = ask_kernel()
     return None if state is None else state.error_ns is not None
 

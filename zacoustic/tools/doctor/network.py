@@ -1,4 +1,4 @@
-"""The island: is the router there, and does a gateway of this node run already?"""
+"""The local network: is the router there, and does a gateway of this node run already?"""
 
 import asyncio
 import re
@@ -22,7 +22,7 @@ _CONNECT_S: Final = 3.0
 
 
 class Running(msgspec.Struct, kw_only=True):
-    """What was found on the island."""
+    """What was found on the local network."""
 
     is_joined: bool = False
     """A router was reached."""
@@ -33,18 +33,18 @@ class Running(msgspec.Struct, kw_only=True):
 
     @property
     def locator(self) -> str:
-        """Locator of that gateway's link; empty: none runs, or it has a link of its own making."""
+        """Locator of that gateway's link; empty: none runs, or its link has no locator."""
         node = self.health.get("node")
         found = node.get("link", "") if isinstance(node, dict) else ""
         return found if isinstance(found, str) and "/" in found else ""
 
 
 async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Finding]]:
-    """Join the island, if there is one, and read what a gateway of this node says.
+    """Join the local network, if there is one, and read the health report of this node's gateway.
 
     Args:
         config: Of the node.
-        connect: Endpoints of the router, instead of those of the file.
+        connect: Endpoints of the router, in place of the file's.
     """
     file = config.zenoh_config
     if file is None and not connect:
@@ -75,7 +75,7 @@ def _endpoints(config: Config) -> tuple[str, ...]:
 
 
 async def _listens(endpoint: str) -> bool:
-    """Tell whether somebody listens at an endpoint; what is no TCP is left to Zenoh."""
+    """Tell whether a program listens at an endpoint; anything but TCP is left to Zenoh."""
     found = _TCP.match(endpoint)
     if found is None:
         return True

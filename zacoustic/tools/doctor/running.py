@@ -1,4 +1,4 @@
-"""What a gateway that runs says of itself, judged."""
+"""Judges the health report of a running gateway."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, Final

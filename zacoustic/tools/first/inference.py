@@ -1,9 +1,9 @@
 """From some values of a topic to a type that fits them, and more than them.
 
 A few seconds of listening do not show what a value may become, so every bound is generous: integers
-get a type that holds eight times what was seen, floats ten times, texts twice. A step is only taken
-where the values themselves have few decimals, or the name says what it is (a latitude). What was
-seen is told beside each field, so that a person who knows the vehicle can do better.
+get a type that holds eight times the seen values, floats ten times, texts twice. A step is only set
+where the values themselves have few decimals, or the name is known (a latitude). What was
+seen stands beside each field, so that a person who knows the vehicle can do better.
 """
 
 import math
@@ -14,9 +14,9 @@ from typing import Any, Final
 import msgspec
 
 INTEGER_HEADROOM: Final = 8
-"""An integer type holds so many times what was seen."""
+"""An integer type holds so many times the seen values."""
 FLOAT_HEADROOM: Final = 10
-"""A range of floats reaches to so many times what was seen."""
+"""A range of floats reaches to so many times the seen values."""
 SHORTEST_TEXT_BYTES: Final = 16
 """Least bound of a text."""
 MOST_WORDS: Final = 8
@@ -38,7 +38,7 @@ class NoTypeError(Exception):
 
 
 class InferredField(msgspec.Struct, frozen=True, kw_only=True):
-    """One field, as it is to be written."""
+    """One field, in the form that is written."""
 
     keys: dict[str, Any]
     """`name`, `type` and what else a field has, in the order in which it is written."""
@@ -47,7 +47,7 @@ class InferredField(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InferredType(msgspec.Struct, frozen=True, kw_only=True):
-    """One type, as it is to be written."""
+    """One type, in the form that is written."""
 
     name: str
     """Its name."""
@@ -59,7 +59,7 @@ def infer_type(name: str, values: Sequence[object]) -> list[InferredType]:
     """Find the types of some values.
 
     Args:
-        name: What the outermost type is to be called.
+        name: Name of the outermost type.
         values: The values of a topic, at least one.
 
     Returns:

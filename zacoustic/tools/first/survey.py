@@ -59,7 +59,7 @@ class Survey(msgspec.Struct, frozen=True, kw_only=True):
     services: tuple[str, ...]
     """Keys of queryables, by name."""
     tells_services: bool
-    """The router has an admin space; otherwise `services` is empty whatever there is."""
+    """The router has an admin space; otherwise `services` is always empty."""
     left_out: int = 0
     """Samples on keys beyond `KEYS_LIMIT`."""
 

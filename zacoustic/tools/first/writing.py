@@ -27,7 +27,7 @@ from zacoustic.tools.first.inference import InferredField, InferredType, NoTypeE
 from zacoustic.tools.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
 
 FIRST_ID: Final = 10
-"""Stream id of the first topic; a few are left for what turns out to be more important."""
+"""Stream id of the first topic; lower ones are left for more important topics."""
 FAST_HZ: Final = 0.5
 """A topic that is faster gets a least interval: sound carries a frame or two per second in all."""
 INTERVAL_S: Final = 5.0
@@ -60,7 +60,7 @@ def draft_topic(topic: SeenTopic, name: str) -> TopicDraft:
 
     Args:
         topic: What was heard.
-        name: What its type is to be called.
+        name: Name of its type.
     """
     for encoding in _encodings_to_try(topic):
         try:
@@ -133,7 +133,7 @@ def _sized(draft: TopicDraft) -> TopicDraft:
 
 
 def _largest_payload(draft: TopicDraft) -> int:
-    """Return the largest payload on the water of what was seen, bytes."""
+    """Return the largest transmitted payload of the seen values, bytes."""
     seen = draft.seen
     if not draft.types or seen.largest_bytes > PAYLOAD_LIMIT_BYTES:
         return seen.largest_bytes
@@ -307,5 +307,5 @@ def _text(text: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """A text that stays inside its comment, whatever somebody has published."""
+    """A text that stays inside its comment, whatever was published."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)[:200]

@@ -1,6 +1,6 @@
 """Which single change would make it fit: each is tried in the model, and named if it does.
 
-What is tried, the least painful first: the codec of what takes most, company in the frame, a longer
+It tries, the least painful first: another codec of the largest, several in a frame, a longer
 interval of what takes most, all of that together, longer intervals of everything.
 """
 
@@ -31,7 +31,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """A change that makes it fit."""
 
     what: str
-    """What is to be changed."""
+    """What to change."""
     demand: float
     """Share of the time that everything takes then."""
 
@@ -68,7 +68,7 @@ def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
 
 
 def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
-    """Yield series of changes, each of which is only tried if those before it do not do."""
+    """Yield series of changes; each is only tried if those before it are not enough."""
     heavy = [each.stream for each in streams[:_MOST_STREAMS]]
     for each in streams:
         if each.refused and isinstance(each.stream.spec, TopicSpec):
@@ -95,7 +95,7 @@ def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
 
 
 def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
-    """Let what is not urgent wait for company."""
+    """Let samples that are not urgent wait for others."""
 
     def linger(spec: StreamSpec) -> StreamSpec:
         depth = max(spec.qos.depth, 8)
@@ -117,7 +117,7 @@ def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
 
 
 def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Fleet]]:
-    """Let streams speak more rarely: what is tried is what is told, in three digits."""
+    """Let streams send more rarely; tries the advised values, in three digits."""
     for factor in _SLOWER:
         told: dict[int, str] = {}
         offers = []
@@ -133,7 +133,7 @@ def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Flee
 
 
 def _in_parts(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
-    """Let what is larger than a frame cross in parts."""
+    """Let samples that are larger than a frame cross in parts."""
     reliable = msgspec.structs.replace(stream.qos, reliability=Reliability.RELIABLE)
     with contextlib.suppress(ConfigError):  # a dense topic cannot be reliable
         changed = _changed(fleet, {stream.stream_id: partial(_replace, qos=reliable)})

@@ -1,4 +1,4 @@
-"""What the exchanges of the model need of the walk: the clock, the nodes, whom to tell."""
+"""What the exchanges of the model need of the walk: the clock, the nodes, the listeners."""
 
 from collections.abc import Callable
 from typing import Final, Protocol
@@ -32,15 +32,15 @@ class Clockwork(Protocol):
         ...
 
     def serve(self, address: int) -> None:
-        """Let a node speak, if it may."""
+        """Let a node transmit, if it may."""
         ...
 
     def went(self, offer: Offer) -> None:
-        """What was said is on the water for the first time."""
+        """Something is transmitted for the first time."""
         ...
 
     def delivered(self, offer: Offer, began_at: int) -> None:
-        """Something has arrived that was said then."""
+        """Something from that instant has arrived."""
         ...
 
 

@@ -1,7 +1,7 @@
-"""What a plan is made of: the water, the tables and rules of its nodes, and what they say.
+"""The inputs of a plan: the channel, the tables and rules of its nodes, and their traffic.
 
 The file is a scenario with traffic, which has all of that; or a config, whose nodes are then put
-into water: in a row, at a distance, with a loss.
+into a channel: in a row, at a distance, with a loss.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,21 +46,21 @@ class Fleet(msgspec.Struct, kw_only=True):
     """Everything that a walk needs."""
 
     scenario: Scenario
-    """The water."""
+    """The channel."""
     tables: dict[int, StreamTable]
     """The streams of each node."""
     rules: dict[int, TransmitRules]
-    """What the config says of transmitting."""
+    """The config's rules of transmission."""
     offers: list[Offer]
-    """What is to be said."""
+    """The offered traffic."""
     notes: list[str]
-    """What is to be known of it."""
+    """Notes on it."""
     refused: dict[int, Refused] = {}
     """What a recording has that its types refuse, by stream id."""
 
 
 class Water(msgspec.Struct, frozen=True, kw_only=True):
-    """Where the nodes of a config are, which says nothing of it."""
+    """Positions for the nodes of a config, which has none."""
 
     profile: str = DEFAULT_PROFILE
     """Modem."""
@@ -74,7 +74,7 @@ def fleet_of(path: Path, recordings: Sequence[str], water: Water) -> Fleet:
     """Read a scenario or a config, and perhaps recordings.
 
     Raises:
-        ConfigError: One of them is wrong, or nothing says how often anything is said.
+        ConfigError: One of them is wrong, or no rates are known.
     """
     mapping = read_json5(path)
     is_config = isinstance(mapping, Mapping) and "nodes" not in mapping

@@ -1,4 +1,4 @@
-"""What waits at a node in the model: its size, whom it is for, what follows from its arrival.
+"""What waits at a node in the model: its size, its receivers, what follows from its arrival.
 
 The real queue (`zacoustic.core.queue`) has records; here are their sizes, and their rules: first
 in, first out in a lane, as deep as the stream says, nothing too old, the lane of the highest value
@@ -22,7 +22,7 @@ class Item:
     """A record, a control or a fragment that waits.
 
     Args:
-        stream_id: Whom its airtime is for; 0: nobody.
+        stream_id: Stream of its airtime; 0: none.
         destination: Address, or `BROADCAST`.
         size_bytes: Of the record, prefixes included, LEN excepted.
         queued_at: When it began to wait, ns.
@@ -40,7 +40,7 @@ class Item:
         self.size_bytes = size_bytes
         self.queued_at = queued_at
         self.wait_ns = 0
-        """How long it waits for company, ns."""
+        """How long it waits for others, ns."""
         self.rides = False
         """It is no reason for a frame, and goes with any."""
         self.expires_at: int | None = None
@@ -58,18 +58,18 @@ class Item:
         self.ends: Callable[[int], None] | None = None
         """Told when its frame has left."""
         self.heard: Callable[[int, int], None] | None = None
-        """Told who has got it, and when."""
+        """Called with the node that has received it, and when."""
         self.lost: Callable[[int, int], None] | None = None
-        """Told who has not got it, and when."""
+        """Called with the node that has lost it, and when."""
 
     def bytes_in(self, destination: int) -> int:
-        """Return its size in a frame: in a broadcast one a control names whom it concerns."""
+        """Return its size in a frame: in a broadcast one a control names its node."""
         named = self.is_control and destination == BROADCAST != self.destination
         return self.size_bytes + named
 
 
 class Lane:
-    """What waits of one key, in its order."""
+    """Waiting items of one key, in order."""
 
     __slots__ = ("depth", "held_until", "items", "min_interval_ns", "patience_ns", "taken_at")
 
@@ -117,7 +117,7 @@ class Lane:
         return pushed
 
     def expire(self, now: int) -> int:
-        """Forget what is too old; returns how many."""
+        """Drop old items; return how many."""
         old = [each for each in self.items if each.expires_at is not None and each.expires_at < now]
         for each in old:
             self.items.remove(each)

@@ -1,10 +1,10 @@
-"""What is to be said: who publishes or calls what, how often, how large.
+"""The offered traffic: who publishes or calls what, how often, how large.
 
 There are three sources, and the first that is there counts:
 
 * a scenario's `traffic`, the same that `zacoustic sim` has;
 * a recording: what each topic published in it, at the instants at which it did;
-* the config alone: `min_interval_s` of a topic is the most often that it may speak, `deadline_s`
+* the config alone: `min_interval_s` of a topic is its highest rate, `deadline_s`
   how often it promises to. A topic without either, a service or an action has no rate: it is named,
   and left out.
 
@@ -31,7 +31,7 @@ from zacoustic.tools.telemetry.recording import Mission
 
 _BITS: Final = 8
 _BLOCK: Final = 16
-"""So many random instants lie within as many periods: a plan is of what is usual."""
+"""So many random instants lie within as many periods: a plan is about the usual."""
 _HEAD_BYTES: Final = 12
 """TAG, SYNC, id, number and age: what the largest record leaves room for."""
 
@@ -93,7 +93,7 @@ class Offer:
     def repeats(
         self, sayings: Sequence[Saying], instants: Sequence[float] | None = None, span_s: float = 0
     ) -> None:
-        """Take what is said, again and again; and when, s, where that is known."""
+        """Repeat the traffic; with its instants, s, if known."""
         self._sayings, self._instants, self._span_s = sayings, instants, span_s
 
     @property
@@ -102,7 +102,7 @@ class Offer:
         return isinstance(self.stream.spec, ServiceSpec)
 
     def instants(self, rng: random.Random) -> Iterator[int]:
-        """Yield when something is said, ns, in order but for the jitter."""
+        """Yield the instants, ns, in order except for the jitter."""
         if self._instants is not None:
             for turn in itertools.count():
                 for at_s in self._instants:
@@ -120,7 +120,7 @@ class Offer:
         return sorted(begin_s + rng.random() * _BLOCK * self.every_s for _ in range(_BLOCK))
 
     def sayings(self, rng: random.Random) -> Iterator[Saying]:
-        """Yield what is said."""
+        """Yield the offers."""
         if self._spec is None:
             yield from itertools.cycle(self._sayings)
         while True:
@@ -155,7 +155,7 @@ def saying_of(stream: Stream, value: object) -> Saying:
 
 
 def offers_of_traffic(traffic: Sequence[TrafficSpec], table: StreamTable) -> list[Offer]:
-    """Return what a scenario says, whose traffic `zacoustic sim` would take."""
+    """Return the offers of a scenario, those of `zacoustic sim`."""
     offers = []
     for spec in traffic:
         name = spec.topic or spec.service or ""
@@ -180,7 +180,7 @@ def offers_of_traffic(traffic: Sequence[TrafficSpec], table: StreamTable) -> lis
 def offers_of_recording(
     missions: Sequence[Mission], table: StreamTable, nodes: Sequence[int]
 ) -> list[Offer]:
-    """Return what recordings say: each mission is one vehicle."""
+    """Return the offers of recordings: each mission is one vehicle."""
     offers = []
     taken: dict[int, set[int]] = {}
     for mission in missions:
@@ -209,7 +209,7 @@ def offers_of_recording(
 def offers_of_config(
     table: StreamTable, nodes: Sequence[int], typical: Mapping[int, float], room_bytes: int
 ) -> tuple[list[Offer], list[str]]:
-    """Return what a table allows or promises, and what is to be known of that."""
+    """Return the offers that a table allows or promises, and notes on them."""
     offers: list[Offer] = []
     notes: list[str] = []
     for stream in table:

@@ -1,4 +1,4 @@
-"""Samples that are acknowledged, in the model: what is repeated, and what is asked for.
+"""Reliable samples in the model: what is repeated, and what is asked for.
 
 The lane is told which of its frames have arrived, and lets the next thing wait at a node; so what a
 loss costs, and what rides in frames that go anyway, comes of itself. When something is repeated,
@@ -52,7 +52,7 @@ class Sample:
 
 
 class _Reception:
-    """What one receiver has, and has told."""
+    """What one receiver has, and has acknowledged."""
 
     def __init__(self) -> None:
         self.got: set[int] = set()
@@ -165,7 +165,7 @@ class ReliableLane:
         sample.asked = False
 
     def _sent(self, sample: Sample, at: int) -> None:
-        """Plan when it is repeated if nobody answers."""
+        """Plan when it is repeated without an answer."""
         sample.frame_ns, sample.sent_at = at - sample.sent_at, at
         if self._is_known(sample):
             assert self._rhythm is not None
@@ -273,7 +273,7 @@ class ReliableLane:
         self._acknowledge(node, at, wait_ns)
 
     def _ask(self, node: int, reception: _Reception) -> None:
-        """The receiver knows that something is missing, and says what it has."""
+        """The receiver knows that something is missing, and sends what it has."""
         now, ask_at = self._walk.now, reception.watch.ask_at
         if ask_at is None or ask_at > now:
             return

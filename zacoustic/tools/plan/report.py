@@ -1,4 +1,4 @@
-"""What a plan says: airtime, latency and energy of what is to be said, and whether it fits."""
+"""The result of a plan: airtime, latency and energy of the traffic, and whether it fits."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ _H_PER_DAY: Final = 24.0
 _WATT_DB: Final = 170.8
 """Source level of one acoustic watt, dB re 1 µPa at 1 m (Urick)."""
 _EFFICIENCY: Final = 0.5
-"""Of amplifier and transducer together, assumed where nobody says what the modem takes."""
+"""Of amplifier and transducer together, assumed if the modem's power is not given."""
 
 
 class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -80,13 +80,13 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     frames_per_h: float
     """Frames of all nodes in an hour."""
     utilisation: float
-    """Share of the time with sound, that of all nodes added up."""
+    """Share of the time with sound, summed over all nodes."""
     demand: float
-    """What that would be if everything got on the water."""
+    """The same if everything were transmitted."""
     fits: bool
     """Everything fits."""
     transmit_w: float
-    """What the energy is reckoned with, W."""
+    """Power for the energy, W."""
     streams: tuple[StreamPlan, ...]
     """What takes most first."""
     nodes: tuple[NodePlan, ...]
@@ -96,7 +96,7 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     changes: tuple[Change, ...]
     """Any one of these makes it fit."""
     notes: tuple[str, ...]
-    """What is to be known of the plan."""
+    """Notes on the plan."""
 
 
 def plan(
@@ -112,14 +112,14 @@ def plan(
 
     Args:
         path: A scenario with traffic, or a config.
-        water: What a config does not say.
+        water: What a config does not have.
         recordings: Where sizes and rates come from instead.
         hours: How long the model walks, h, above 0.
         transmit_w: What the modem takes while it transmits, W; None: from its source level.
         seed: Of the model.
 
     Raises:
-        ConfigError: A file is wrong, or nothing says how often anything is said.
+        ConfigError: A file is wrong, or no rates are known.
     """
     fleet = fleet_of(Path(path), recordings, water or Water())
     if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):

@@ -44,7 +44,7 @@ class Said(msgspec.Struct, kw_only=True):
     items: list[Item]
     """What is in it."""
     controls: bytes = b""
-    """What medium access says."""
+    """Controls of medium access."""
     hello: bool = False
     """It begins with HELLO."""
     introduced: bool = False
@@ -72,7 +72,7 @@ class Speaker:
         table: Its streams.
         hearers: Addresses of all others.
         capabilities: What its modem can do.
-        rules: What the config says of transmitting.
+        rules: The config's rules of transmission.
         rng: For pauses.
     """
 
@@ -135,7 +135,7 @@ class Speaker:
         return lane is not None and bool(lane.items)
 
     def ready_at(self, now: int) -> int | None:
-        """Return when the next frame may go, ns; None: nothing is to be said, or it depends."""
+        """Return when the next frame may go, ns; None: nothing waits, or it depends."""
         if self.on_air is not None:
             return None
         due = [lane.due_at for lane in self._busy(now)]
@@ -154,7 +154,7 @@ class Speaker:
             found.append(speak_at)
         return min(found, default=None)
 
-    # What is said
+    # Frames
 
     def say(self, now: int) -> Said | None:
         """Make the frame that goes now."""
@@ -271,7 +271,7 @@ class Speaker:
     # Who knows whom
 
     def heard(self, source: int, said: Said, now: int) -> None:
-        """Take what a frame says beside its records."""
+        """Take the controls of a frame."""
         known = self._known.setdefault(source, _Known())
         settling_ns = SETTLING_UNITS * self._unit_ns
         if said.hello and known.settled_at is None:
@@ -285,7 +285,7 @@ class Speaker:
                 self._dense.acknowledged(source, mark)
 
     def _confirm(self, source: int, known: _Known, now: int) -> None:
-        """Owe a CONFIRM: behind a frame of the source that comes when it may be said."""
+        """Owe a CONFIRM: after a frame of the source that comes when it is allowed."""
         assert known.settled_at is not None
         pause_ns = self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
         if now < known.settled_at:
@@ -306,7 +306,7 @@ class Speaker:
         self.push(key, item, Qos(priority=Priority.BACKGROUND))
 
     def _confirmed_at(self, node: int, now: int) -> None:
-        """Nothing: the walk tells the node that was confirmed."""
+        """Nothing: the walk informs the confirmed node."""
 
     def confirmed(self, hearer: int) -> None:
         """A hearer knows this node's table."""

@@ -1,4 +1,4 @@
-"""An object on its way in the model: rounds of fragments, each of which ends with a question.
+"""An object in the model: rounds of fragments, each ending with a question.
 
 How many repair fragments a round has is what the sender would decide (`repairs_to_send`), from what
 it knows of the loss. Everything else is docs/wire.md section 9.
@@ -99,7 +99,7 @@ class Transfer:
         return max(0, self._layout.size(block) - got[block])
 
     def _round(self) -> None:
-        """Send the next block, and what is lacking of those before."""
+        """Send the next block, and the missing fragments of those before."""
         lane, layout = self._lane, self._layout
         waiting = [each for each in lane.receivers if each not in self._done]
         more = self._next_source < layout.fragments
@@ -160,7 +160,7 @@ class Transfer:
         lane.walk.serve(lane.offer.node)
 
     def _answer(self, node: int, ask: int) -> None:
-        """Say what is lacking, or that all is there; again where fragments are being lost."""
+        """Send what is missing, or that all is there; repeat it while fragments are lost."""
         lane = self._lane
         sent = max(1, sum(self._sent))
         loss = 1 - sum(self._got[node]) / sent

@@ -1,4 +1,4 @@
-"""What of a walk fits: what got on the water, in time, and within what access carries."""
+"""Whether a walk fits: what was transmitted, in time, and within the limit of the access."""
 
 import math
 from typing import Final
@@ -12,7 +12,7 @@ from zacoustic.tools.plan.fleet import Fleet
 from zacoustic.tools.plan.walk import Found, Walk
 
 LEAST_WENT: Final = 0.95
-"""Share of the samples that has to get on the water."""
+"""Share of the samples that must be transmitted."""
 ALOHA_LIMIT: Final = 0.18
 """What unslotted ALOHA carries at most: 1/(2e) of the time."""
 _HALF, _WORST = 0.5, 0.99
@@ -80,12 +80,12 @@ def walk(fleet: Fleet, until_s: float, seed: int) -> Found:
 
 
 def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
-    """Return what was found of each stream, what takes most first."""
+    """Return the result of each stream, the largest first."""
     by_id = {offer.stream.stream_id: offer.stream for offer in fleet.offers}
     rows = []
     for stream_id, stream in by_id.items():
         own = [offer for offer in fleet.offers if offer.stream.stream_id == stream_id]
-        # What the least interval leaves out is meant to be left out.
+        # What the minimum interval leaves out is left out on purpose.
         floor_s = stream.qos.min_interval_s
         allowed = sum(min(1.0, each.every_s / floor_s) if floor_s else 1.0 for each in own)
         wanted = found.said.get(stream_id, 0) * allowed / len(own)
@@ -97,7 +97,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
             StreamFound(
                 stream=stream,
                 wanted=wanted,
-                # What was said last may not have gone yet.
+                # The last ones may not have gone yet.
                 went=min(1.0, (went + len(own)) / wanted) if wanted else 1.0,
                 airtime_s=found.stream_airtime_s.get(stream_id, 0.0),
                 expected_s=_share_of(latencies, _HALF),

@@ -1,4 +1,4 @@
-"""A model of the traffic, frame by frame: what each costs, who waits for whom, what is repeated.
+"""A model of the traffic, frame by frame: costs, waiting, repetitions.
 
 The problem: what a stream takes of the channel is not its bytes. A frame has a preamble, several
 records share one when they come together, acknowledgements and repetitions come on top, and who
@@ -66,11 +66,11 @@ class Found:
         self.said: dict[int, int] = {}
         """Samples and calls by stream."""
         self.went: dict[int, int] = {}
-        """Those of them that have been on the water, by stream."""
+        """Those of them that were transmitted, by stream."""
         self.refused: dict[int, int] = {}
         """Those that are larger than a frame, and may not cross in parts, by stream."""
         self.lost_frames = 0
-        """Arrivals that nobody has got."""
+        """Arrivals without a receiver."""
         self.dropped = 0
         """What was pushed out or became too old before it went."""
 
@@ -79,10 +79,10 @@ class Walk:
     """One walk.
 
     Args:
-        scenario: The water.
+        scenario: The channel.
         tables: The table of each node.
-        rules: What the config says of transmitting, by node.
-        offers: What is to be said.
+        rules: The config's rules of transmission, by node.
+        offers: The offered traffic.
         seed: Of everything that is drawn.
     """
 
@@ -148,18 +148,18 @@ class Walk:
         return self._timings.setdefault((source, target), PeerTiming())
 
     def delivered(self, offer: Offer, began_at: int) -> None:
-        """Something has arrived that was said then."""
+        """Something from that instant has arrived."""
         latencies = self.found.latencies_s.setdefault(offer.stream.stream_id, [])
         if len(latencies) < _MOST_LATENCIES:
             latencies.append((self.now - began_at) / NS_PER_S)
 
     def went(self, offer: Offer) -> None:
-        """What was said is on the water for the first time."""
+        """Something is transmitted for the first time."""
         stream_id = offer.stream.stream_id
         self.found.went[stream_id] = self.found.went.get(stream_id, 0) + 1
 
     def serve(self, address: int) -> None:
-        """Let a node speak, if it may."""
+        """Let a node transmit, if it may."""
         speaker = self._speakers[address]
         ready_at = speaker.ready_at(self.now)
         if ready_at is not None and ready_at <= self.now:
@@ -172,7 +172,7 @@ class Walk:
             speaker.armed_at = ready_at
             self._agenda.push(max(ready_at, self.now), self._wake, address, ready_at)
 
-    # What is to be said
+    # Offered traffic
 
     def _begin(self, offer: Offer) -> None:
         say = self._saying(offer)
@@ -259,7 +259,7 @@ class Walk:
         self.serve(offer.node)
 
     def _beat(self, address: int, rules: TransmitRules) -> None:
-        """Heartbeats; that whoever speaks anyway sends none is left out."""
+        """Heartbeats; ignores that a node that transmits anyway sends none."""
         if rules.contact.heartbeat_s is None:
             return
         heartbeat_ns = seconds_to_ns(rules.contact.heartbeat_s)
@@ -373,7 +373,7 @@ class Walk:
         self.serve(arrival.node)
 
     def _control(self, speaker: Speaker, arrival: Arrival, said: Said) -> None:
-        """Hand over what medium access says in a frame."""
+        """Hand over the medium-access controls of a frame."""
         for control in _controls(said.controls):
             frame = ReceivedFrame(
                 frame_bytes=bytes(said.size_bytes), received_at=self.now, source=arrival.source,

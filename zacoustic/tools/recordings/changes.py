@@ -1,4 +1,4 @@
-"""What `zacoustic replay --what-if` can change: losses, configuration, access, codec, the water."""
+"""What `zacoustic replay --what-if` can change: losses, configuration, access, codec, channel."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,12 +31,12 @@ CODECS: Final = ("cbor", "packed", "dense")
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be another way; nothing of it: as it was."""
+    """The changes; without any: as it was."""
 
     add_loss: float = 0.0
     """To be added to the share of frames that is lost, in every direction."""
     loss: float | None = None
-    """The share, whatever it was."""
+    """The share, in place of the recorded one."""
     config: str | None = None
     """Configuration of all nodes."""
     access: str | None = None
@@ -44,7 +44,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     codec: str | None = None
     """Codec of all typed topics that may have it, one of `CODECS`."""
     scenario: str | None = None
-    """The water, instead of the measured one, in all runs."""
+    """The channel, in place of the measured one, in all runs."""
     seed: int = 1
     """Of the losses."""
 

@@ -1,4 +1,4 @@
-"""`zacoustic replay --check`: engines made again say the same bytes, or the first that differ.
+"""`zacoustic replay --check`: engines made again send the same bytes; else the first difference.
 
 Every call of a recording is made again, of the same engine in the same state, and what comes of it
 is compared: frames, events, writes to the journal, timers, answers to commands. Beside that the
@@ -31,12 +31,12 @@ _LONGEST = 400
 
 
 class LifeVerdict(msgspec.Struct, kw_only=True):
-    """What came of one life."""
+    """The result of one boot epoch."""
 
     node: int
     """Address."""
     epoch: int
-    """Of the life."""
+    """Of the node's boot epoch."""
     calls: int = 0
     """Made again, and the same."""
     frames: int = 0
@@ -81,10 +81,10 @@ _DELIVERIES = frozenset(
 
 
 class LifeCheck:
-    """Makes one life again.
+    """Replays one boot epoch.
 
     Args:
-        life: What its engine was made of.
+        life: The parameters of its engine.
 
     Raises:
         ConfigError: The engine cannot be made.
@@ -146,10 +146,10 @@ class LifeCheck:
 
 
 def check_recording(path: str | Path) -> Verdict:
-    """Make all lives of a recording again.
+    """Replay all boot epochs of a recording.
 
     Raises:
-        ConfigError: The file is none of ours, or has no life in it.
+        ConfigError: The file is none of ours, or has no boot epoch in it.
     """
     source = RecordingReader(path, tells=False)
     verdict = check_messages(source, str(path))
@@ -158,7 +158,7 @@ def check_recording(path: str | Path) -> Verdict:
 
 
 def check_messages(messages: Iterable[ReadMessage], name: str) -> Verdict:
-    """Make all lives again that are in the messages of a recording.
+    """Replay all boot epochs in the messages of a recording.
 
     Raises:
         ConfigError: There is none, or it was recorded by another program.

@@ -8,7 +8,7 @@ from zacoustic.tools.recordings.otherwise import Otherwise
 
 
 def as_text(verdict: Verdict) -> str:
-    """Return a table of the lives, and what differs."""
+    """Return a table of the boot epochs, and the differences."""
     header = ("node", "epoch", "s", "calls", "frames", "bytes", "ledger", "deliveries", "")
     rows = [
         (
@@ -38,7 +38,7 @@ def as_text(verdict: Verdict) -> str:
 
 
 def otherwise_as_text(lives: Sequence[Otherwise]) -> str:
-    """Return tables of what was and what is, and the first frame that is another one."""
+    """Return tables of then and now, and the first frame that differs."""
     header = ("node", "epoch", "frames then", "now", "the same", "bytes then", "now")
     rows = [
         (

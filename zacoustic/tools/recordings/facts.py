@@ -79,7 +79,7 @@ class Asked(msgspec.Struct, kw_only=True):
 
 
 class Command(msgspec.Struct, frozen=True):
-    """A command that says nothing by itself."""
+    """A command without a result of its own."""
 
     at_ns: int
     """UTC, ns."""
@@ -99,14 +99,14 @@ class Facts:
         self.damage: dict[str, str] = {}
         """Why files end early."""
         self.gaps: set[int] = set()
-        """Nodes of which something is missing."""
+        """Nodes with gaps."""
         self.tables: dict[int, StreamTable] = {}
         """Streams of each node whose engine is recorded."""
         self.streams: dict[int, Stream] = {}
         """All streams that are known, by id."""
         self.capabilities: dict[int, LinkCapabilities] = {}
         self.lives: dict[int, int] = {}
-        """How many lives of each node were recorded."""
+        """How many boot epochs of each node were recorded."""
         self.published: list[Published] = []
         self.arrived: list[Arrived] = []
         self.asked: list[Asked] = []
@@ -115,7 +115,7 @@ class Facts:
         self.reactions = Reactions()
         """What they did when they were asked."""
         self.births: list[tuple[int, Life]] = []
-        """The lives, each with its beginning, UTC, ns."""
+        """The boot epochs, each with its beginning, UTC, ns."""
         self.refused: dict[int, int] = {}
         """Commands that the engine has not taken, by stream."""
         self.outcomes: dict[int, dict[str, int]] = {}
@@ -125,15 +125,15 @@ class Facts:
         self.reports: list[tuple[int, ReportRecord]] = []
         """With the instants of their ends, UTC, ns."""
         self.measured: list[tuple[int, int, PeerMeasured]] = []
-        """What modems have measured of others besides frames: UTC, ns, whose modem, and what."""
+        """Measurements of modems besides frames: UTC, ns, the modem's node, the values."""
         self.spans_ns: dict[int, tuple[int, int]] = {}
         """First and last message of each node, UTC, ns."""
         self.ledgers: dict[tuple[int, int], LedgerRecord] = {}
-        """The last of each life, by node and epoch."""
+        """The last of each boot epoch, by node and epoch."""
         self.sent_bytes: dict[int, int] = {}
         """Of the frames of each node."""
         self.covered_bytes: dict[int, int] = {}
-        """Of those of them that came before its last ledger."""
+        """Of the frames before its last ledger."""
         self.began_ns = 0
         self.ended_ns = 0
 
@@ -154,7 +154,7 @@ class Facts:
 
 
 def match(facts: Facts) -> None:
-    """Find of each sample that has arrived what was published, if its publisher is recorded.
+    """Find the publication of each arrived sample, if its publisher is recorded.
 
     It belongs to the newest publication of the same value that this node has not got yet; that is
     exact as long as values differ.

@@ -47,7 +47,7 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     age_s: Spread | None = None
     """How old samples were when their frames were composed, s, where they are stamped."""
     outcomes: dict[str, int] = {}
-    """How reliable samples ended, as their publishers were told."""
+    """Outcomes of reliable samples, as their publishers got them."""
     transmitted_bytes: int = 0
     """Given to the links for it, with headers and repetitions."""
     airtime_s: float = 0.0
@@ -66,7 +66,7 @@ class NodeFigures(msgspec.Struct, kw_only=True):
     frame_bytes: int = 0
     """Their sizes."""
     ledger_bytes: int | None = None
-    """Sum of the ledgers of all lives; None: none is in the recording."""
+    """Sum of the ledgers of all boot epochs; None: none is in the recording."""
     covered_bytes: int | None = None
     """Of the frames that came before the last ledger: less than all of them in a recording that
     ends early."""
@@ -100,7 +100,7 @@ class Figures(msgspec.Struct, kw_only=True):
     links: list[LinkFigures]
     """By speaker and hearer."""
     notes: list[str]
-    """What somebody should know who reads them, a line each."""
+    """Notes for the reader, a line each."""
     verdict: list[str] = []
     """What it comes to, a line each."""
 

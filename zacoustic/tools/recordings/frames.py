@@ -28,7 +28,7 @@ class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """A frame of a recording."""
 
     utc_ns: int | None = None
-    """When, ns since 1970; None in a log, which does not tell."""
+    """When, ns since 1970; None in a log, which has no times."""
     node: int
     """Whose link; 0 in a log."""
     direction: str
@@ -40,9 +40,9 @@ class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
     frame: str
     """As the link had it, in hexadecimal."""
     items: tuple[DecodedItem, ...]
-    """What it says."""
+    """Its contents in words."""
     fault: str = ""
-    """Why it says nothing; empty: it does."""
+    """Why it has no contents; empty: it has."""
 
 
 class _LinkDocument(msgspec.Struct):
@@ -52,7 +52,7 @@ class _LinkDocument(msgspec.Struct):
 
 
 class _TableMessage(msgspec.Struct):
-    """The table of a recording that has no lives."""
+    """The table of a recording without boot epochs."""
 
     table: Table
 
@@ -217,7 +217,7 @@ def decode_log(
 
 
 def line_of(frame: DecodedFrame, began_ns: int) -> str:
-    """Return what is known of a frame before what it says."""
+    """Return the heading of a frame, before its contents."""
     whom = "everybody" if frame.destination == BROADCAST else f"node {frame.destination}"
     who = f"node {frame.source}" if frame.source else "somebody"
     where = f", heard by node {frame.node}" if frame.direction != SENT and frame.node else ""

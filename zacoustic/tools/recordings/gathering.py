@@ -65,13 +65,13 @@ def gather(paths: Iterable[str | Path]) -> Facts:
 
 
 def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
-    """Take in what the messages of one recording say."""
+    """Take the messages of one recording."""
     gatherer = _Gatherer(facts)
     for message in messages:
         gatherer.take(message)
 
 
-# Whose a message is, and whom the document of a measurement is of.
+# The node of a message, and the node that a measurement is about.
 _WHOSE: Final = re.compile(r"/(?:@acoustic/)?([0-9]{1,3})/.+")
 _PEER: Final = re.compile(r"/@acoustic/([0-9]{1,3})/peer/([0-9]{1,3})/range")
 
@@ -91,7 +91,7 @@ class _Gatherer:
         self._ranges: dict[tuple[int, int], int] = {}
         """When the newest range of each pair was measured, UTC, ns."""
         self._table: StreamTable | None = None
-        """Of a recording without lives."""
+        """Of a recording without boot epochs."""
 
     def take(self, message: ReadMessage) -> None:
         facts = self._facts
@@ -159,7 +159,7 @@ class _Gatherer:
             self._facts.measured.append((at_ns, node, measured))
 
     def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
-        """Give frames with their senders, also where the link does not tell them."""
+        """Give frames with their senders, also where the link does not report them."""
         capabilities = self._facts.capabilities.get(frame.node)
         if frame.direction != RECEIVED or frame.source or capabilities is None:
             yield frame

@@ -22,16 +22,16 @@ METRICS: Final = (
     "range_m",
     "range_rate_m_s",
 )
-"""What a modem may measure, as in `LinkMetrics`, in the order of the table."""
+"""Quantities that a modem may measure, as in `LinkMetrics`, in the order of the table."""
 
 Pair = tuple[int, int]
 
 
 class LinkFigures(msgspec.Struct, kw_only=True):
-    """Of what one node says and another one hears."""
+    """From one node to another one."""
 
     source: int
-    """Who speaks."""
+    """The sender."""
     node: int
     """Who hears."""
     heard: int = 0
@@ -39,7 +39,7 @@ class LinkFigures(msgspec.Struct, kw_only=True):
     sent: int | None = None
     """Frames for it, or for everybody, while it was recorded; None: the speaker is not recorded."""
     loss: float | None = None
-    """Share of them that did not arrive, for whatever reason, 0…1."""
+    """Share of them that did not arrive, for any reason, 0…1."""
     snr_db: Spread | None = None
     """Signal-to-noise ratio, dB."""
     received_level_db: Spread | None = None
@@ -75,7 +75,7 @@ def links_of(facts: Facts) -> list[LinkFigures]:
     found = []
     for source, node in sorted({*heard, *sent}):
         if source == 0:
-            continue  # the link does not tell who speaks
+            continue  # the link does not report the sender
         figures = LinkFigures(source=source, node=node, heard=heard.get((source, node), 0))
         if source in recorded:
             figures.sent = sent.get((source, node), 0)
@@ -88,7 +88,7 @@ def links_of(facts: Facts) -> list[LinkFigures]:
 
 
 def numbers_of(facts: Facts, name: str) -> Iterator[tuple[int, Pair, float]]:
-    """Give what modems have measured of one kind: UTC, ns; whom, and who; the number.
+    """Give the measurements of one kind: UTC, ns; measured and measuring node; the number.
 
     Args:
         facts: What happened.

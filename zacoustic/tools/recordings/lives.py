@@ -1,4 +1,4 @@
-"""The lives of nodes in a recording, one message after the other."""
+"""The boot epochs of nodes in a recording, one message after the other."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,14 +19,14 @@ _RECORD_HINT: Final = "record with --record at the gateway, the Node or zacousti
 
 
 class NewLife(msgspec.Struct, frozen=True):
-    """A node has begun a life."""
+    """A node has begun a boot epoch."""
 
     life: Life
     """What its engine was made of."""
 
 
 class Calls(msgspec.Struct, frozen=True):
-    """Calls of the present life of a node."""
+    """Calls of a node's present boot epoch."""
 
     node: int
     """Which."""
@@ -45,7 +45,7 @@ class _Written(msgspec.Struct):
 
 
 class LifeReader:
-    """Takes the messages of a recording and finds lives and calls in them."""
+    """Takes the messages of a recording and finds boot epochs and calls in them."""
 
     def __init__(self) -> None:
         self.lives = 0
@@ -54,7 +54,7 @@ class LifeReader:
         self._decoder = msgspec.msgpack.Decoder(_Written)
 
     def read(self, message: ReadMessage) -> Part | None:
-        """Return what a message says of a life; None: nothing.
+        """Return the boot epoch or the calls of a message; None: it has none.
 
         Raises:
             ConfigError: It was recorded by a program that this one does not understand.
@@ -78,12 +78,12 @@ class LifeReader:
         node = whole_number(message.metadata.get("node", ""))
         reader = self._readers.get(node) if node is not None else None
         if reader is None or node is None:
-            return None  # of a life whose beginning is not in the file
+            return None  # of a boot epoch whose beginning is not in the file
         return Calls(node, tuple(reader.read(bytes(written.calls))))
 
 
 def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
-    """Read lives and calls of a recording.
+    """Read boot epochs and calls of a recording.
 
     Args:
         path: The file.
@@ -101,7 +101,7 @@ def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
 
 
 def must_have_lives(reader: LifeReader, name: str) -> None:
-    """Complain of a recording without any life.
+    """Complain about a recording without any boot epoch.
 
     Raises:
         ConfigError: There was none.
@@ -111,7 +111,7 @@ def must_have_lives(reader: LifeReader, name: str) -> None:
 
 
 def no_engine(name: str) -> ConfigError:
-    """Return the complaint of a recording that tells of no engine, though it should."""
+    """Return the complaint about a recording that should have an engine and has none."""
     return ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
 
 
@@ -121,7 +121,7 @@ def nodes_of(path: str | Path) -> list[int]:
     Raises:
         ConfigError: The file is none of ours, or has no life in it.
     """
-    # Whoever asks reads the file once more, for what is in these lives.
+    # The caller reads the file once more, for the contents of these boot epochs.
     parts = read_parts(path, tells=False)
     return sorted({part.life.address for part in parts if isinstance(part, NewLife)})
 
@@ -149,6 +149,6 @@ def make_call(engine: Engine, call: Recorded) -> Done:
         result = call_engine(engine, call.name, arguments)
     except (ZacousticError, ValueError) as error:
         return Done(None, outcome_of(None, error))
-    except Exception as error:  # whatever it is: it is what is looked for
+    except Exception as error:  # any error is the result
         return Done(None, outcome_of(None, error), error)
     return Done(result, outcome_of(result))

@@ -1,4 +1,4 @@
-"""The water of a recording, as far as its frames tell: where the nodes are, and what gets lost.
+"""The channel of a recording, as far as its frames show: positions of the nodes, and losses.
 
 Delays are measured by modems, or known as what the link reckons with. What is lost is counted
 between nodes that are both recorded, without the frames that something overlapped: collisions and
@@ -23,7 +23,7 @@ from zacoustic.tools.recordings.spread import spread_of
 _SOUND_M_S: Final = 1500.0
 _DEPTH_M: Final = 10.0
 _MOST_LOSS: Final = 0.99
-# Clocks of two computers, and what is between the sound and the telling of it.
+# Clocks of two computers, and the time between the sound and its report.
 _CLOCKS_NS: Final = 5_000_000_000
 _USUAL_S: Final = 1.0
 
@@ -40,11 +40,11 @@ class MeasuredWater(msgspec.Struct, frozen=True, kw_only=True):
     losses: dict[str, float]
     """Share of the frames that were lost alone, by `SOURCE to NODE`."""
     notes: list[str]
-    """What had to be assumed, a line each."""
+    """Assumptions, a line each."""
 
 
 def measure_water(facts: Facts, *, seed: int) -> MeasuredWater:
-    """Measure the water of a recording."""
+    """Measure the channel of a recording."""
     notes: list[str] = []
     nodes = sorted({*facts.tables, *(each.source for each in facts.arrived)} - {0})
     delays = _delays(facts, nodes, notes)
@@ -76,12 +76,12 @@ def measure_water(facts: Facts, *, seed: int) -> MeasuredWater:
 
 
 def with_loss(scenario: Scenario, *, add: float = 0.0, instead: float | None = None) -> Scenario:
-    """Return a scenario in which more is lost.
+    """Return a scenario with more loss.
 
     Args:
-        scenario: The water.
+        scenario: The channel.
         add: What to add to the share of frames that is lost, in every direction.
-        instead: The share, whatever it was.
+        instead: The share, in place of the measured one.
     """
 
     def changed(loss: LossSpec) -> LossSpec:
@@ -169,7 +169,7 @@ def _arrivals(sounds: list[Sound], node: int, delays: dict[Pair, float]) -> list
 def _count(
     arrivals: list[Sound], source: int, node: int, heard: dict[tuple[int, int, bytes], list[int]]
 ) -> tuple[int, int]:
-    """Count the frames that nothing overlapped, and those of them that were lost."""
+    """Count the frames that nothing overlapped, and the lost ones among them."""
     sent = lost = 0
     ended_before = 0
     for index, (begun, ended, frame) in enumerate(arrivals):

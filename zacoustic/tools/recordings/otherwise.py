@@ -48,12 +48,12 @@ _SPINS = 10_000
 
 
 class Otherwise(msgspec.Struct, kw_only=True):
-    """One life, then and now."""
+    """One boot epoch, then and now."""
 
     node: int
     """Address."""
     epoch: int
-    """Of the life."""
+    """Of the node's boot epoch."""
     same_table: bool
     """The table has the digest that it had."""
     differing: list[str] = []
@@ -75,11 +75,11 @@ class Otherwise(msgspec.Struct, kw_only=True):
     refused: dict[str, int] = {}
     """Commands that are refused today and were not, by error."""
     first_difference: str = ""
-    """The first frame that is another one; empty: none."""
+    """The first frame that differs; empty: none."""
 
 
 class _Through:
-    """One life through an engine of another configuration."""
+    """One boot epoch through an engine of another configuration."""
 
     def __init__(self, life: Life, config: Config | None) -> None:
         self._life = life
@@ -109,7 +109,7 @@ class _Through:
         self._airtimes: LinkCapabilities | None = None
         self._envelope: Envelope | None = None
         self._epochs: dict[int, int] = {}
-        """Of who has said HELLO with the table of the recording."""
+        """Epochs of nodes that have sent HELLO with the recording's table."""
         self._now = 0
         # When a timer is set may be drawn at random at the moment when somebody asks. So the
         # engine is asked where the recorded one was, and after what it does of its own.
@@ -118,7 +118,7 @@ class _Through:
         """What the timer was set to; what is due then, the recording itself brings, if late."""
 
     def take(self, call: Recorded) -> None:
-        """Make a call, and before that whatever today's engine would have done by then."""
+        """Make a call, after everything that today's engine would have done by then."""
         now = call.now
         if now is not None:
             self._advance(now)

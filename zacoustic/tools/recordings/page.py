@@ -25,7 +25,7 @@ def as_page(figures: Figures, plots: Sequence[Plot], *, title: str) -> str:
     """Return the page.
 
     Args:
-        figures: What it tells.
+        figures: Its contents.
         plots: What it shows.
         title: What it is of.
     """

@@ -20,7 +20,7 @@ _WIDTH_IN: Final = 9.0
 _HEIGHT_IN: Final = 2.8
 _BINS: Final = 60
 _MOST_POINTS: Final = 2000
-"""Points of one plot: more make a page slow, and nobody sees them."""
+"""Points of one plot: more make a page slow and are not visible."""
 _MOST_ROWS: Final = 16
 _LABEL_CHARACTERS: Final = 40
 
@@ -50,7 +50,7 @@ class Plot(msgspec.Struct, frozen=True):
 
 
 def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
-    """Draw what there is to be drawn.
+    """Draw all plots with data.
 
     Raises:
         ConfigError: The extra is missing.
@@ -73,7 +73,7 @@ def plots_of(facts: Facts, figures: Figures) -> list[Plot]:
 
 
 def _draw(title: str, draw: "Callable[[Axes], bool]") -> Plot | None:
-    """Draw one plot; None where there is nothing to be seen."""
+    """Draw one plot; None without data."""
     try:
         import matplotlib as mpl
         from matplotlib.figure import Figure
@@ -219,7 +219,7 @@ def _scatter(axes: "Axes", rows: dict[str, list[Point]]) -> bool:
 
 
 def _label(name: str) -> str:
-    """Return a name as it stands beside a plot: short, and only to be looked at."""
+    """Return a name for a plot: short and safe."""
     shown = one_line(name)
     return shown if len(shown) <= _LABEL_CHARACTERS else f"{shown[: _LABEL_CHARACTERS - 1]}…"
 

@@ -1,4 +1,4 @@
-"""The samples of a recording as they are to be put on a Zenoh network again.
+"""The samples of a recording, for a Zenoh network.
 
 A recording of a network has them as they were. One of an engine has values: they are written in the
 encoding of their stream; what had come off the water gets the mark of a gateway again, so that no
@@ -30,20 +30,20 @@ _GID = b"zacoustic replay"
 
 
 class Put(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample to be put, or a key to be deleted."""
+    """A sample to put, or a key to delete."""
 
     utc_ns: int
     """When it was recorded, ns since 1970."""
     key: str
     """Its key."""
     payload: bytes = b""
-    """What it says."""
+    """Its payload."""
     encoding: str = ""
     """Zenoh encoding."""
     attachment: bytes | None = None
-    """What goes beside it."""
+    """Its attachment."""
     deleted: bool = False
-    """The key is to be deleted."""
+    """Delete the key."""
 
 
 class _Arrived(msgspec.Struct):
@@ -58,7 +58,7 @@ class _Arrived(msgspec.Struct):
 
 
 class PutReader:
-    """Finds what is to be put.
+    """Finds the samples.
 
     Args:
         node: Whose samples; None: of the only node there is.
@@ -77,10 +77,10 @@ class PutReader:
         """Samples that cannot be put, by key."""
 
     def read(self, message: ReadMessage) -> Iterator[Put]:
-        """Return what a message has to be put.
+        """Return the sample of a message.
 
         Raises:
-            ConfigError: There are several nodes, and nobody has said which.
+            ConfigError: There are several nodes, and none is selected.
         """
         if message.topic == SAMPLES_TOPIC:
             record = msgspec.json.decode(message.data, type=SampleRecord)
@@ -118,7 +118,7 @@ class PutReader:
         return self._node == node
 
     def _note(self, message: ReadMessage) -> Iterator[Put]:
-        """Keep what is known of a sample beside its value."""
+        """Keep the facts about a sample beside its value."""
         arrived = msgspec.json.decode(message.data, type=_Arrived)
         if arrived.event == "SampleReceived":
             self._arrived = arrived

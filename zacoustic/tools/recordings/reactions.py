@@ -70,7 +70,7 @@ class Reactions:
         return copied
 
     def of(self, node: int, stream_id: int, value: object) -> list[Step] | None:
-        """Return what is done when this is asked; the last one goes on for ever. None: unknown."""
+        """Return the reaction to this question; the last one repeats for ever. None: unknown."""
         known = self._found.get(_key(node, stream_id, value))
         if not known:
             return None
@@ -82,7 +82,7 @@ def _key(node: int, stream_id: int, value: object) -> tuple[int, int, bytes]:
 
 
 def _name(key: Any) -> str:  # noqa: ANN401 (a key, or the parts of one)
-    """Name a question, whoever names it: an event has the parts, a call the record."""
+    """Name a question, from its parts in an event or from the record of a call."""
     if isinstance(key, msgspec.Struct):
         return str([getattr(key, name) for name in key.__struct_fields__])
     return str(list(key.values()) if isinstance(key, dict) else key)

@@ -23,7 +23,7 @@ def left_out(facts: Facts) -> list[Published]:
     """Return the samples that made room.
 
     Args:
-        facts: Matched already: what has arrived is known.
+        facts: Matched already, so the arrivals are known.
     """
     keys: dict[tuple[int, int, object], list[Published]] = {}
     for published in facts.published:
@@ -42,7 +42,7 @@ def left_out(facts: Facts) -> list[Published]:
 
 
 def _of_key(samples: Iterable[Published], interval_ns: int, depth: int) -> Iterator[Published]:
-    """Give those of one key that made room."""
+    """Give the ones of one key that were left out."""
     waiting: deque[Published] = deque()
     next_ns = 0
     ordered = sorted(samples, key=lambda each: each.at_ns)

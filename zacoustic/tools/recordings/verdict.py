@@ -1,4 +1,4 @@
-"""The verdict of a report: what somebody wants to know who reads one line of it."""
+"""The verdict of a report: its one-line summary."""
 
 from typing import TYPE_CHECKING, Final
 
@@ -10,7 +10,7 @@ _NAMED: Final = 5
 
 
 def verdict_of(figures: "Figures") -> list[str]:
-    """Return it: what did not arrive, of whom it is known; then what was left out on purpose."""
+    """Return it: what is known not to have arrived, then what was left out on purpose."""
     expected = sum(each.expected for each in figures.streams)
     delivered = sum(each.delivered for each in figures.streams)
     if not expected:

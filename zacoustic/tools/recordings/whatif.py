@@ -42,7 +42,7 @@ class Change(msgspec.Struct, frozen=True, kw_only=True):
     """What is another way."""
 
     scenario: Scenario
-    """The water."""
+    """The channel."""
     modem: Modem
     """What the modems do by themselves."""
     tables: Mapping[int, StreamTable]
@@ -65,7 +65,7 @@ class WhatIf(msgspec.Struct, kw_only=True):
     not_taken: int = 0
     """Samples, calls and commands that the changed engines did not take."""
     notes: list[str] = []
-    """What somebody should know who reads it, a line each."""
+    """Notes for the reader, a line each."""
 
 
 class Trial:
@@ -179,7 +179,7 @@ class Trial:
             self.not_taken += 1
 
     def _stream(self, node: int, stream_id: int) -> Stream | None:
-        """Return the stream that has the name of a recorded one, whatever its id is now."""
+        """Return the stream with the name of a recorded one; its id may differ now."""
         name = self._names.get(stream_id)
         table = self.network.engine(node).table if self.network.is_running(node) else None
         if table is None or name is None:

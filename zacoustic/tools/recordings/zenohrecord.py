@@ -147,7 +147,7 @@ class IslandRecorder:
         _logger.warning("%s", WORDS[is_up])
 
     def end(self) -> None:
-        """The session is about to be closed: that is no gap."""
+        """The session is about to close: that is no gap."""
         with self._guard:
             self._has_ended = True
 

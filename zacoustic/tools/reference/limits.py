@@ -1,4 +1,4 @@
-"""What the words of `ALLOWED` say of numbers and texts, as keywords of JSON Schema.
+"""The limits in the words of `ALLOWED`, as keywords of JSON Schema.
 
 The words stand in every error and on every page; so the schema cannot allow what they do not, and
 nobody has to write a limit twice.

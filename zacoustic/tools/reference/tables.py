@@ -43,7 +43,7 @@ class KeyRow(msgspec.Struct, frozen=True, kw_only=True):
     default: str | None
     """As it would be written; "" where nothing takes its place, None: the key must be there."""
     allowed: str
-    """What it takes, in words; empty where the type says it all."""
+    """Allowed values, in words; empty where the type says it all."""
     meaning: str
     """What it does."""
 

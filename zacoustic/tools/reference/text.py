@@ -7,16 +7,16 @@ from typing import Final
 from zacoustic.tools.columns import align
 from zacoustic.tools.reference.tables import SECTION, KeyRow, KeyTable
 
+COLUMNS: Final = 100
 _WIDTH: Final = 96
 _HEAD: Final = f"""\
 # Every key of the configuration
 
-`zacoustic schema --markdown` writes this page out of the records that read a file;
-`zacoustic schema TABLE` prints one table on a terminal, and `zacoustic schema --json` is a JSON
-Schema for an editor. What the keys are for, with examples, is in [config.md](config.md).
+`zacoustic schema --markdown` writes this page from the records that read a file.
+`zacoustic schema TABLE` prints one table on a terminal, and `zacoustic schema --json` prints a JSON
+Schema for editors. [config.md](config.md) explains the keys with examples.
 
-Below `{SECTION}`; a key that is not listed is an error. *required*: the key must be there.
-–: nothing takes its place.
+All keys stand below `{SECTION}`. A key that is not listed is an error.
 """
 
 
@@ -48,15 +48,19 @@ def _section(table: KeyTable) -> Iterator[str]:
     yield ""
     if not table.rows:
         yield "It has no keys."
-        yield ""
-        return
-    yield "| key | type | default | allowed | meaning |"
-    yield "|---|---|---|---|---|"
     for row in table.rows:
-        default = "*required*" if row.default is None else _code(row.default) or "–"
-        cells = (f"`{row.key}`", row.type, default, row.allowed, _marked(row.meaning))
-        yield f"| {' | '.join(cell.replace('|', '&#124;') for cell in cells)} |"
+        yield from _item(row)
     yield ""
+
+
+def _item(row: KeyRow) -> list[str]:
+    default = _code(row.default) if row.default else ""
+    state = "*required*" if row.default is None else f"default {default}" if default else "optional"
+    allowed = f" Allowed: {row.allowed}." if row.allowed else ""
+    text = f"- `{row.key}` ({row.type}, {state}): {_marked(row.meaning)}{allowed}"
+    return textwrap.wrap(
+        text, COLUMNS, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
 
 
 def _default(row: KeyRow) -> str:

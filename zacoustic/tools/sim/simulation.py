@@ -41,7 +41,7 @@ from zacoustic.tools.fleets import configs_of, tables_of
 from zacoustic.tools.sim.recorder import SimulationRecorder
 
 DEFAULT_UNTIL_S: Final = 3600.0
-"""How long a scenario runs unless told otherwise, s of virtual time."""
+"""Default length of a run, s of virtual time."""
 
 
 def simulate(
@@ -56,7 +56,7 @@ def simulate(
 
     Args:
         path: The file, JSON5.
-        seed: Replaces that of the file.
+        seed: Replaces the file's.
         until_s: How long, s of virtual time, > 0.
         trace: Takes each trace record.
         record: Records the engines.
@@ -249,7 +249,7 @@ class _Run:
             self.tally.crashed(address, self.network.now)
 
     def _subscribe(self, address: int) -> None:
-        """Want all on-demand topics: somebody looks at everything."""
+        """Subscribe to all on-demand topics."""
         if not self.network.is_running(address):
             return
         for stream in self.network.engine(address).table:
@@ -263,7 +263,7 @@ def _want(stream_id: int, engine: Engine, now: int) -> None:
 
 
 class _Sent:
-    """A publication, and who has got it."""
+    """A publication, and the nodes that have it."""
 
     __slots__ = ("got", "publication")
 

@@ -1,4 +1,4 @@
-"""`zacoustic sim --story SEED`: a random story, and whether all held that must hold."""
+"""`zacoustic sim --story SEED`: a random scenario, and whether all invariants held."""
 
 from collections.abc import Callable
 
@@ -12,12 +12,12 @@ from zacoustic.tools.sim.recorder import SimulationRecorder
 
 
 class StoryResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a story."""
+    """The result of a random scenario."""
 
     complaints: tuple[str, ...]
     """What must not have happened, one line each."""
     summary: str
-    """What the story was, one line."""
+    """The scenario in one line."""
     simulation: SimulationResult
     """The figures."""
 
@@ -28,7 +28,7 @@ def tell_story(
     trace: Callable[[TraceRecord], None] | None = None,
     record: SimulationRecorder | None = None,
 ) -> StoryResult:
-    """Tell the story of a seed, as the tests do.
+    """Run the random scenario of a seed, as the tests do.
 
     Args:
         seed: The seed.
@@ -51,7 +51,7 @@ def tell_story(
 
 
 def summary_of(story: Story) -> str:
-    """Return what a story is about, one line."""
+    """Return a summary of a random scenario, one line."""
     faults = story.scenario.faults
     crashes = sum(len(spec.at_s) for spec in faults.crashes)
     worst = max((link.loss.frame for link in story.scenario.links if link.loss), default=0.0)

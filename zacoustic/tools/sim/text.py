@@ -18,7 +18,7 @@ def as_text(result: SimulationResult) -> str:
 
 
 def story_as_text(result: StoryResult) -> str:
-    """Return a story and what is wrong with it as lines."""
+    """Return a random scenario and its violations as lines."""
     return "\n".join(
         (result.summary, *_lines(result.simulation), *result.complaints, _verdict(result))
     )

@@ -1,4 +1,4 @@
-"""A vehicle and one who listens, over lossy water: what frames cost, and that they are read right.
+"""A vehicle and a listener over a lossy channel: sizes of frames, and that they decode right.
 
 An acknowledgement is known when the next but one frame is written, unless it is lost too. It goes
 in a frame that goes anyway, as on the water, and is not counted here.
@@ -62,7 +62,7 @@ def counted(mission: Mission, streams: Sequence[int] = ()) -> list[tuple[float, 
 
 
 def windows(timed: Sequence[tuple[float, Thing]], window_s: float) -> list[list[Thing]]:
-    """Put what is of the same time together.
+    """Group the samples of the same time.
 
     Args:
         timed: Each with its time, s.
@@ -83,7 +83,7 @@ def exchange(
     loss: float = 0.0,
     seed: int = 1,
 ) -> Tally:
-    """Send groups of samples, each in a frame of its own, and read what arrives.
+    """Send groups of samples, each in its own frame, and decode what arrives.
 
     Args:
         codec: The vehicle's.

@@ -33,7 +33,7 @@ RECORDS: Final = ("json", "cbor_map", "cbor", "packed")
 """What values can be in records, by name."""
 
 
-_OPEN_ENDED: Final = ("json", "cbor_map")  # which are opaque bytes on the water
+_OPEN_ENDED: Final = ("json", "cbor_map")  # opaque bytes on the wire
 
 Sizes = dict[str, int]
 """Bytes of a record, by `RECORDS`."""
@@ -85,7 +85,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     different: int
     """How many of them did not decode, or to something else: a fault."""
     notes: tuple[str, ...]
-    """What somebody should know of the recordings."""
+    """Notes on the recordings."""
 
 
 def measure(
@@ -184,7 +184,7 @@ class _Bench:
         model: Model | None,
         loss: float | None,
     ) -> float:
-        """Mean size of frames; `loss` None: nobody acknowledges."""
+        """Mean size of frames; `loss` None: no acknowledgements."""
         total = frames = 0
         for mission, groups in zip(self._missions, missions, strict=True):
             if not groups:
@@ -219,7 +219,7 @@ class _Records:
         """Write a sample in all ways, and read it back; gives their sizes."""
         sent = {name: part for name, part in value.items() if name != AGE_FIELD}
         packed = self._packed.encode(sent)
-        # As few digits as the steps allow, as whoever publishes text by hand would have them.
+        # As few digits as the steps allow, as somebody who publishes text by hand would write them.
         rounded = self._packed.decode(packed)
         written = {
             "json": encode_application(rounded, JSON),
@@ -262,6 +262,6 @@ def _mean_records(frames: Sequence[Sequence[Sizes]]) -> dict[str, float]:
     for frame in frames:
         for name in RECORDS:
             totals[name] += sum(each[name] for each in frame)
-            if name in _OPEN_ENDED:  # all but the last have to be delimited
+            if name in _OPEN_ENDED:  # all but the last need a delimiter
                 totals[name] += DELIMITER_BYTES * (len(frame) - 1)
     return {name: total / len(frames) for name, total in totals.items()}

@@ -53,7 +53,7 @@ class StreamFit(msgspec.Struct, frozen=True, kw_only=True):
     packed_bits: float
     """Packed, mean, bits."""
     first_bits: Cost
-    """A sample of which nothing is known yet, mean, bits."""
+    """The first sample of a stream, mean, bits."""
     next_bits: Cost
     """A sample behind the one before it, mean, bits."""
 
@@ -74,7 +74,7 @@ class FitReport(msgspec.Struct, frozen=True, kw_only=True):
     digest: str
     """Of the model: part of what both ends must agree on."""
     notes: tuple[str, ...]
-    """What somebody should know of the recordings."""
+    """Notes on the recordings."""
 
 
 def fit_recordings(

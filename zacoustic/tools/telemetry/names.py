@@ -13,7 +13,7 @@ class Named(msgspec.Struct, frozen=True):
     stream: Stream
     """A topic."""
     source: int | None
-    """The node whose samples these are; None: not said."""
+    """The node of these samples; None: unknown."""
 
 
 class StreamNames:

@@ -61,7 +61,7 @@ class Recordings(msgspec.Struct, kw_only=True):
     counts: dict[int, StreamCount]
     """By stream id."""
     notes: list[str]
-    """What somebody should know of the reading, a line each."""
+    """Notes on the reading, a line each."""
 
 
 def read_recordings(
@@ -111,7 +111,7 @@ class _Reading:
             streams[stream.stream_id] = stream
             sample = (line.at_s, stream.stream_id, value)
             written.setdefault(named.source, []).append(sample)
-        # What nobody is named for belongs to the only vehicle there is.
+        # Samples without a named node belong to the only vehicle.
         if len(written) == 2 and None in written:
             written = {0: [each for samples in written.values() for each in samples]}
         for samples in written.values():

@@ -43,7 +43,7 @@ def value_of(type_spec: TypeSpec, content: object) -> dict[str, Any]:
 
 
 def is_right(type_spec: TypeSpec, sent: Mapping[str, Any], found: object) -> bool:
-    """Tell whether what was decoded is what was sent: within half a step, or the same."""
+    """Tell whether the decoded value is the sent one: within half a step, or equal."""
     if not isinstance(found, Mapping) or found.keys() != sent.keys():
         return False
     return all(

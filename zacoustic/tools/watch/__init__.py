@@ -1,6 +1,6 @@
 """Watching gateways from anywhere on their Zenoh network: one model, several ways to show it.
 
-Every gateway tells of itself in documents under ``@acoustic/ADDRESS/``
+Every gateway publishes its health in documents under ``@acoustic/ADDRESS/``
 (`zacoustic.gateway.health`): counters, instants and mean times, which stay true while nothing
 happens. `Watch` subscribes to them, `Board` keeps the newest and makes of them what people want to
 read, `GatewayView`: ages, rates, shares, now. The rest shows views::
@@ -10,5 +10,5 @@ read, `GatewayView`: ages, rates, shares, now. The rest shows views::
                                                 ├─► text       zacoustic monitor --once, topics
                                                 └─► JSON       --json
 
-Nothing of it costs anything on the water.
+Nothing of it takes airtime.
 """

@@ -47,7 +47,7 @@ from zacoustic.tools.watch.views import (
 )
 
 WINDOW_S: Final = 60.0
-"""The utilisation is that of the last so many seconds, once they were observed."""
+"""The utilisation covers the last so many seconds, once they were observed."""
 _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
 # A rate of more than this is two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
@@ -59,7 +59,7 @@ T = TypeVar("T")
 
 
 def addresses_in(key: str) -> list[int]:
-    """Return the address of the gateway whose document has this key; none: it is nobody's."""
+    """Return the address of the gateway whose document has this key; none: no gateway's."""
     prefix, _, rest = key.partition("/")
     address = rest.partition("/")[0]
     return [int(address)] if prefix == PREFIX and _ADDRESS.fullmatch(address) else []
@@ -81,7 +81,7 @@ class Board:
         self._boards: dict[int, _GatewayBoard] = {}
 
     def take(self, key: str, payload: bytes) -> None:
-        """Take a document; one that cannot be read is counted, one that nobody shows is not kept.
+        """Take a document; an unreadable one is counted, an unknown one is dropped.
 
         Args:
             key: Its key.
@@ -111,11 +111,11 @@ class Board:
         board.note_alive(is_alive, self._unix_s())
 
     def note_answer(self, address: int, *, has_answered: bool) -> None:
-        """A gateway was asked whether it lives."""
+        """A gateway was asked whether it runs."""
         self._boards[address].note_answer(has_answered, self._unix_s())
 
     def addresses(self) -> list[int]:
-        """Return the gateways of which there is something to show, in order."""
+        """Return the gateways with something to show, in order."""
         return sorted(address for address, board in self._boards.items() if board.has_documents)
 
     def view(self, address: int) -> GatewayView:
@@ -143,7 +143,7 @@ class _GatewayBoard:
 
     @property
     def has_documents(self) -> bool:
-        """It has told enough."""
+        """It has published enough."""
         return "link" in self._documents and "streams" in self._documents
 
     def take(self, name: str, document: Any, now_s: float) -> None:  # noqa: ANN401 (of any kind)
@@ -165,7 +165,7 @@ class _GatewayBoard:
         self._note_gone(now_s)
 
     def note_answer(self, answers: bool, now_s: float) -> None:
-        """It has answered when it was asked whether it lives, or has not."""
+        """It has answered the question whether it runs, or has not."""
         self._answers = answers
         self._note_gone(now_s)
 

@@ -170,7 +170,7 @@ class FrameRow(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WaterDocument(msgspec.Struct, frozen=True, kw_only=True):
-    """``water``: what is being sent, and what was sent and heard last."""
+    """``water``: the frame being sent, and the last frames sent and heard."""
 
     transmitting: FrameRow | None = None
     last: list[FrameRow] = []

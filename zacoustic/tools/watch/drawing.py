@@ -104,7 +104,7 @@ def transfer_bars(transfers: Sequence[TransferView]) -> str:
 
 
 def event_lines(events: Sequence[EventView]) -> str:
-    """Write the last events, the newest first; what was said several times is one line."""
+    """Write the last events, the newest first; a repeated one is one line."""
     if not events:
         return '<div class="za-dim">none</div>'
     times: dict[tuple[str, str], int] = {}
@@ -113,7 +113,7 @@ def event_lines(events: Sequence[EventView]) -> str:
     rows = ""
     for event in events:
         number = times.pop((event.event, event.text), 0)
-        if not number:  # it stands above already, where it was said last
+        if not number:  # it stands above already, at its last occurrence
             continue
         again = f" ({number} times)" if number > 1 else ""
         ago = age_html(event.ago_s, time_words(event.ago_s), form="short")

@@ -103,7 +103,7 @@ class Page:
         self._where.set_text(f"{number} on {lookout.where}")
         views = [lookout.board.view(address) for address in addresses]
         self._banner.beat(alarm_of(views, lookout.trouble))
-        # Above gateways the banner says it.
+        # Above the gateways the banner shows it.
         trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
         self._trouble.set_text(trouble)
         self._trouble.set_visibility(bool(trouble))
