@@ -1,9 +1,9 @@
 """The shape of the source: what `make shape` prints, so that a rise gets a sentence.
 
-A room is a module or package directly below `zacoustic`, `zacoustic.core` or a link. A ring is a
-set of rooms, or of files, that import each other in a circle. An upward import goes from a layer
-to one above it, by the layers contracts in pyproject.toml. Code lines are lines without
-docstrings, comments and blanks. Counts say where to look; they are no verdict.
+A room is a module or package directly below `zacoustic`, a layer of `zacoustic.core` or a link. A
+ring is a set of entries of a folder, or of files, that import each other in a circle. An upward
+import goes from a layer to one above it, by the layers contracts in pyproject.toml. Code lines are
+lines without docstrings, comments and blanks. Counts say where to look; they are no verdict.
 """
 
 import ast
@@ -32,8 +32,7 @@ Graph = dict[str, set[str]]
 def main() -> None:
     """Print rings, upward imports, code lines, entries, constructors and functions."""
     graph = imports()
-    show_rings("rooms of zacoustic.core in a ring", rings(rooms_of(graph, "zacoustic.core")))
-    show_rings("rooms of zacoustic in a ring", rings(rooms_of(graph, "zacoustic")))
+    show_rings("entries of one folder in a ring", folder_rings(graph))
     show_rings("files in a ring", rings(graph))
     show("upward imports", list(upward(graph)))
     show("code lines by room", code_lines())
@@ -66,6 +65,14 @@ def rooms_of(graph: Graph, container: str) -> Graph:
                 if name.startswith(container + ".")
             )
     return {room: imported - {room} for room, imported in found.items()}
+
+
+def folder_rings(graph: Graph) -> list[list[str]]:
+    """Return the rings between modules and packages that lie in one folder."""
+    containers = {name.rpartition(".")[0] for name in graph} - {""}
+    found = [ring for each in sorted(containers) for ring in rings(rooms_of(graph, each))]
+    files = rings(graph)  # those are told of as files
+    return [ring for ring in found if ring not in files]
 
 
 def rings(graph: Graph) -> list[list[str]]:
@@ -134,7 +141,7 @@ def module_of(path: Path) -> str:
 
 def room_of(module: str) -> str:
     """Return the room that a module belongs to."""
-    depth = 3 if module.startswith("zacoustic.core.") else 2
+    depth = 4 if module.startswith("zacoustic.core.") else 2
     return ".".join(module.split(".")[: depth if module.startswith("zacoustic.") else 1])
 
 

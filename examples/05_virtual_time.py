@@ -9,10 +9,10 @@ from typing import Annotated
 import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import Bounds, TypeTable, type_from_struct
+from zacoustic.core.base.qos import Qos, Stamp
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import Bounds, TypeTable, type_from_struct
 from zacoustic.testing import VirtualNetwork
 
 HOURS = 24

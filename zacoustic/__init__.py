@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 
     from zacoustic import blocking
     from zacoustic.config import Config, read_config
-    from zacoustic.core.events import (
+    from zacoustic.core.base.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
+    from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
+    from zacoustic.core.engine.events import (
         ClockStateChanged,
         DeadlineMissed,
         DeadlineSide,
@@ -51,13 +53,11 @@ if TYPE_CHECKING:
         StreamTuned,
         SubscribersChanged,
     )
-    from zacoustic.core.linktypes import LinkMetrics, LinkState, ModemRead, PeerMeasured
-    from zacoustic.core.measurements import Range
-    from zacoustic.core.objects.progress import ObjectProgress, ObjectState
-    from zacoustic.core.orders.words import Order, OrderKind, OrderState
-    from zacoustic.core.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
-    from zacoustic.core.rmw_desert.entities import RosEntitySeen
-    from zacoustic.core.types import Bounds
+    from zacoustic.core.peers.measurements import Range
+    from zacoustic.core.profiles.entities import RosEntitySeen
+    from zacoustic.core.streams.commands import Order, OrderKind, OrderState
+    from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+    from zacoustic.core.values.types import Bounds
     from zacoustic.node import (
         ActionClient,
         ActionServer,
@@ -151,7 +151,7 @@ __all__ = [
 
 _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
-    "zacoustic.core.events": (
+    "zacoustic.core.engine.events": (
         "ClockStateChanged",
         "DeadlineMissed",
         "DeadlineSide",
@@ -171,13 +171,13 @@ _HOMES = {
         "StreamsDiffer",
         "SubscribersChanged",
     ),
-    "zacoustic.core.linktypes": ("LinkMetrics", "LinkState", "ModemRead", "PeerMeasured"),
-    "zacoustic.core.measurements": ("Range",),
-    "zacoustic.core.objects.progress": ("ObjectProgress", "ObjectState"),
-    "zacoustic.core.orders.words": ("Order", "OrderKind", "OrderState"),
-    "zacoustic.core.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
-    "zacoustic.core.rmw_desert.entities": ("RosEntitySeen",),
-    "zacoustic.core.types": ("Bounds",),
+    "zacoustic.core.base.linktypes": ("LinkMetrics", "LinkState", "ModemRead", "PeerMeasured"),
+    "zacoustic.core.peers.measurements": ("Range",),
+    "zacoustic.core.transport.objects.progress": ("ObjectProgress", "ObjectState"),
+    "zacoustic.core.streams.commands": ("Order", "OrderKind", "OrderState"),
+    "zacoustic.core.base.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
+    "zacoustic.core.profiles.entities": ("RosEntitySeen",),
+    "zacoustic.core.values.types": ("Bounds",),
     "zacoustic.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",
         "GoalResult", "Node", "NodeEvent", "Publisher", "Sample", "ServerGoalHandle", "Service",

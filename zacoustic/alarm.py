@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.base.clock import Clock, ns_to_seconds
 
 # Expiries in a row after which the timer is due again at once. A sound engine has none.
 _STUCK_LIMIT: Final = 1000

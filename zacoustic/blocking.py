@@ -12,11 +12,11 @@ from types import TracebackType
 from typing import Any, Self, TypeVar, cast, overload
 
 from zacoustic.config import Config
-from zacoustic.core.measurements import Range
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.orders.words import Order, OrderState
-from zacoustic.core.qos import Qos
-from zacoustic.core.stats import EngineStats, LedgerEntry
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LocalError
 from zacoustic.journal import Journal
 from zacoustic.link import Link

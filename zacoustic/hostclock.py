@@ -17,8 +17,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.journal import BOOT_KEY
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import BOOT_KEY
 
 _BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 _STA_UNSYNC: Final = 0x40

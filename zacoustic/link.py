@@ -38,7 +38,7 @@ from typing import (
 
 import msgspec
 
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
     Measurement,

@@ -27,9 +27,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S, ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.base.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic.core.engine.engine import Engine
 from zacoustic.errors import ConfigError
 
 _WAITING_LIMIT: Final = 10_000  # emissions while the disk is full: hours of them

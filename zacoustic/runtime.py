@@ -26,17 +26,17 @@ from functools import partial
 from typing import Final, TypeAlias, TypeVar
 
 from zacoustic.alarm import Alarm
-from zacoustic.core.clock import NS_PER_S, Clock
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
-from zacoustic.core.journal import JournalWrite
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.clock import NS_PER_S, Clock
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.base.linktypes import (
     LinkState,
     Measurement,
     ReceivedFrame,
     Transmission,
     TransmitReport,
 )
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
 from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
 from zacoustic.hostclock import AskClock, error_asked
 from zacoustic.inbox import Inbox

@@ -13,7 +13,7 @@ import time
 from collections.abc import Coroutine, Iterator
 from typing import Any, Final, Self, TypeVar
 
-from zacoustic.core.clock import Clock, ns_to_seconds
+from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.errors import ConfigError, LinkOpenError
 
 T = TypeVar("T")

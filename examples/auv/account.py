@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from examples.auv.shore import Answer
-from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.engine.events import DeliveryOutcome
 
 
 def unaccounted(

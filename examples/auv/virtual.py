@@ -36,17 +36,10 @@ from examples.auv.start import (
 )
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import config_from_mapping
-from zacoustic.core.actions.news import (
-    CancelRequested,
-    FeedbackReceived,
-    GoalAnswered,
-    GoalFailed,
-    GoalReceived,
-    ResultReceived,
-)
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     DeliveryEnded,
     Event,
@@ -59,7 +52,14 @@ from zacoustic.core.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.qos import Reliability
+from zacoustic.core.transport.actions.news import (
+    CancelRequested,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    ResultReceived,
+)
 from zacoustic.json5 import read_json5
 from zacoustic.testing import Modem, VirtualNetwork
 

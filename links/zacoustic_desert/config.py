@@ -14,7 +14,7 @@ import math
 from typing import Final, Literal
 
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
+from zacoustic.core.values.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
 from zacoustic.link import LinkConfig
 
 READ_LIMIT_BYTES: Final = 4096

@@ -30,7 +30,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitOutcome,
 )
-from zacoustic.core.rmw_desert.packets import PacketDecoder, encode_packet
+from zacoustic.core.values.rmw_desert.packets import PacketDecoder, encode_packet
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
 from zacoustic_desert.config import DesertConfig

@@ -11,7 +11,7 @@ from examples.auv.dive import DEPTH_WITHIN_M, REACHED_WITHIN_M, WAYPOINTS, Dive
 from examples.auv.messages import ARM, NAV, Arm, Hold, Mode, Nav
 from examples.auv.shore import Answer, Shore
 from examples.auv.virtual import VirtualDive
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
 
 
 @pytest.mark.parametrize("loss", [0.0, 0.2, 0.4])

@@ -34,7 +34,7 @@ from tests.telemetry.exchange import LISTENER, dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.recording import Recording, recordings_in
 from tests.telemetry.streams import STREAM_IDS, UPLINK, Sample, by_id, is_near
-from zacoustic.core.dense import (
+from zacoustic.core.values.dense import (
     DenseCodec,
     DenseSample,
     Listener,
@@ -43,10 +43,10 @@ from zacoustic.core.dense import (
     StreamPrior,
     fit,
 )
-from zacoustic.core.dense.streamcodec import StreamCodec
-from zacoustic.core.dense.writer import Writer
-from zacoustic.core.payload import PackedCodec
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.dense.stream.streamcodec import StreamCodec
+from zacoustic.core.values.payload import PackedCodec
+from zacoustic.core.values.types import TypeSpec
 
 WINDOW_S: Final = 10.0
 FRAME_BYTES: Final = 64

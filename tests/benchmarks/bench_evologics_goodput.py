@@ -33,13 +33,13 @@ import msgspec
 
 from tests.links.evologics.driver.crew import CrewedSea, CrewNode
 from tests.links.evologics.driver.sea import Node, Sea
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.frame import TAG_BYTES
+from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.linktypes import Transmission, TransmitOutcome
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import TAG_BYTES
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.session import GAP_S

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
 from zacoustic.journal import SqliteJournal
 
 LIMIT: Final = 2.0

@@ -19,11 +19,11 @@ import msgspec
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SEEDS: Final = 20

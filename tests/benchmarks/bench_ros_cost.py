@@ -17,7 +17,7 @@ from typing import Any, Final
 # Run as a file, as `make bench` does, the project's root is not on the path.
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from zacoustic.core.payload import CborCodec, PackedCodec, TypedCodec
+from zacoustic.core.values.payload import CborCodec, PackedCodec, TypedCodec
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper
 from zacoustic.ros.messages import HeaderStamp, RosMessage

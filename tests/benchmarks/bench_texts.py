@@ -27,11 +27,11 @@ import cbor2
 from tests.telemetry.exchange import LISTENER
 from tests.telemetry.mission import Mission
 from tests.telemetry.recording import Recording, recordings_in
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.dense.examples import payload_examples
-from zacoustic.core.dense.lines import LINES
-from zacoustic.core.dense.packedbytes import PackedBytesCodec
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
+from zacoustic.core.values.dense.text.examples import payload_examples
+from zacoustic.core.values.dense.text.lines import LINES
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 OCTETS: Final = TypeSpec(name="Octets", fields=(FieldSpec(name="octets", type="bytes"),))
 DICTIONARY: Final = b"\n".join([*(line.encode() for line in LINES), *payload_examples()])

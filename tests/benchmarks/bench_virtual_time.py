@@ -14,8 +14,8 @@ from functools import partial
 import msgspec
 
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 NODES = range(1, 6)

@@ -9,7 +9,7 @@ import pytest
 
 from tests.cli.dive import dive, write, write_config
 from zacoustic.cli import main
-from zacoustic.core.dense import Decoded, Listener
+from zacoustic.core.values.dense import Decoded, Listener
 
 
 @pytest.fixture

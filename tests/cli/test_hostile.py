@@ -19,7 +19,7 @@ import pytest
 
 from zacoustic.cli import complete_parser, main
 from zacoustic.cli.newfile import new_file
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
 from zacoustic.journal import journal_in
 
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.core.rmw_desert.vectors import read_vectors
 from zacoustic.cli import main
 from zacoustic.config import read_config
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.tools.decode.decoder import FrameDecoder
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "09_rmw_desert.json5"

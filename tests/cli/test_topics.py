@@ -7,7 +7,7 @@ import pytest
 from tests.cli.watched import WATCHED, lines_of, pair, verb
 from tests.gateway.islands import cbor, get, hear, run
 from zacoustic.cli import main
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.gateway.chronicle import EVENTS_KEPT, TROUBLES_KEPT, Chronicle
 from zacoustic.gateway.notices import LinkChanged, RouterChanged
 from zacoustic.gateway.traffic import EXCHANGES_KEPT, Traffic

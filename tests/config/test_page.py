@@ -9,7 +9,7 @@ import pytest
 from zacoustic.config import Config, read_config
 from zacoustic.config.later import LATER_VALUES
 from zacoustic.config.sections import ALLOWED, RECORDS, ServiceEntry, TopicEntry
-from zacoustic.core.types import FieldSpec
+from zacoustic.core.values.types import FieldSpec
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "config.md").read_text(encoding="utf-8")
 

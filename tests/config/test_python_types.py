@@ -10,7 +10,7 @@ import pytest
 
 from tests.config.section import ROOT, message_of
 from zacoustic.config import config_from_mapping
-from zacoustic.core.types import Bounds
+from zacoustic.core.values.types import Bounds
 
 
 class Nav(msgspec.Struct):

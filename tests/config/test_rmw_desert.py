@@ -9,8 +9,8 @@ import pytest
 
 from tests.core.rmw_desert.vectors import read_vectors
 from zacoustic.config import Config, config_from_mapping, read_config
-from zacoustic.core.rmw_desert.entities import DiscoverySpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 
 PAGE = Path(__file__).parents[2] / "docs" / "rmw_desert.md"

@@ -6,19 +6,19 @@ from typing import Any
 import pytest
 
 from zacoustic.config import config_from_mapping, read_config
-from zacoustic.core.access import (
+from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import (
     AlohaSpec,
     CarrierSenseSpec,
     DelegatedSpec,
     PollingSpec,
     TdmaSpec,
 )
-from zacoustic.core.access.spec import AccessSpec
-from zacoustic.core.contact import ContactRules
-from zacoustic.core.objects.limits import ObjectLimits
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.silence import QuietWindow
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.schedule.access.spec import AccessSpec
+from zacoustic.core.schedule.silence import QuietWindow
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.errors import ConfigError
 
 ACCESS: dict[str, Any] = {

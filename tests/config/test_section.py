@@ -9,8 +9,8 @@ import pytest
 
 from tests.config.section import ROOT, SECTION, changed, message_of
 from zacoustic.config import config_from_mapping, read_config
-from zacoustic.core.qos import Priority, Reliability, Stamp
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.base.qos import Priority, Reliability, Stamp
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.errors import ConfigError
 
 

@@ -1,16 +1,11 @@
 """Two ends that call services, for tests: one asks, the other answers."""
 
 from tests.core.rig import Rig, link
-from zacoustic.core.events import (
-    CallFailed,
-    CallFailure,
-    RequestReceived,
-    ResponseReceived,
-)
+from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived, ResponseReceived
 from zacoustic.core.linktypes import Transmission
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])

@@ -6,8 +6,8 @@ from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkCapabilities,
@@ -17,8 +17,8 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
 
 E = TypeVar("E", bound=Event)
 NO_RULES: Final = TransmitRules()

@@ -5,8 +5,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.age import OLDER, decode_age_s, encode_age
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.values.age import OLDER, decode_age_s, encode_age
 
 HOUR_NS = 3600 * NS_PER_S
 

@@ -4,19 +4,19 @@ import random
 
 import pytest
 
-from zacoustic.core.airtime import AirtimeAccount
+from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.airtime import AirtimeAccount
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 S = NS_PER_S
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.2)

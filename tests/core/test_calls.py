@@ -8,7 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from zacoustic.core.callrecords import (
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import CallFailure, CallKey
+from zacoustic.core.transport.calls.calls import (
+    WINDOW,
+    Answer,
+    ClientCalls,
+    Served,
+    ServerCalls,
+    _Numbers,
+)
+from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
     LONGEST_ERROR_TEXT_BYTES,
     CallKind,
@@ -19,10 +30,6 @@ from zacoustic.core.callrecords import (
     encode_error,
     encode_name,
 )
-from zacoustic.core.calls import WINDOW, Answer, ClientCalls, Served, ServerCalls, _Numbers
-from zacoustic.core.events import CallFailure, CallKey
-from zacoustic.core.qos import Qos
-from zacoustic.core.repeating import Repetition
 from zacoustic.errors import QueueFullError
 
 ANSWER = Answer(CallKind.RESPONSE, b"done")

@@ -3,15 +3,15 @@
 import pytest
 
 from tests.core.rig import End, Rig, link
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.frame import Hello
+from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.frame import Hello
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}
 MTUS = (8, 32, 64, 512)

@@ -3,14 +3,14 @@
 import pytest
 
 from tests.core.rig import Rig, link
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.contact import ContactRules
-from zacoustic.core.events import PeerFound, PeerLost
+from zacoustic.core.engine.events import PeerFound, PeerLost
 from zacoustic.core.linktypes import BROADCAST, LinkState
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 
 def fleet(nodes: int = 2, *, listed: bool = True) -> StreamTable:

@@ -5,20 +5,20 @@ from typing import Any
 import pytest
 
 from tests.core.rig import Rig
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.demand.wire import Subscribe
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     SampleReceived,
     SubscribersChanged,
 )
-from zacoustic.core.frame import parse_frame
 from zacoustic.core.linktypes import BROADCAST, Transmission
-from zacoustic.core.qos import Forward, Priority, Qos, Reliability
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import parse_frame
+from zacoustic.core.wire.subscriptions import Subscribe
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 
 ON_DEMAND = Qos(forward=Forward.ON_DEMAND, depth=4)

@@ -2,7 +2,7 @@
 
 import random
 
-from zacoustic.core.savings import Savings
+from zacoustic.core.schedule.savings import Savings
 
 
 def test_a_string_that_is_a_byte_longer_goes_until_that_has_not_paid() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.encoding import (
+from zacoustic.core.values.encoding import (
     CBOR,
     ENCODINGS,
     JSON,
@@ -22,7 +22,7 @@ from zacoustic.core.encoding import (
     encode_application,
     encode_prefix,
 )
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import PayloadInvalidError
 
 

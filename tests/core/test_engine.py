@@ -6,14 +6,14 @@ from collections.abc import Callable
 import pytest
 
 from tests.core.rig import End, link
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallKey, LinkStateChanged
-from zacoustic.core.journal import EPOCH_KEY
+from zacoustic.core.base.journal import EPOCH_KEY
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallKey, LinkStateChanged
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import (
     ConfigError,
     LocalError,

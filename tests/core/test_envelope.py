@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.envelope import Damaged, Envelope, Opened, stuff, unstuff
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.wire.envelope import Damaged, Envelope, Opened, stuff, unstuff
 
 COMBINATIONS = [
     {"addressed": addressed, "checked": checked, "framed": framed}

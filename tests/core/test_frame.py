@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.frame import (
+from zacoustic.core.wire.frame import (
     ABSENT_DIGEST,
     Ask,
     Confirm,

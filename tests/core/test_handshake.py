@@ -3,13 +3,13 @@
 import pytest
 
 from tests.core.rig import Rig, link
-from zacoustic.core.events import PeerSeen, SampleReceived, StreamsDiffer
-from zacoustic.core.frame import ASSURED, WIRE_VERSION, Confirm, Hello, TableRow, Tag
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import PeerSeen, SampleReceived, StreamsDiffer
 from zacoustic.core.linktypes import Transmission
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.frame import ASSURED, WIRE_VERSION, Confirm, Hello, TableRow, Tag
 
 NODES = {1: "shore", 2: "auv"}
 

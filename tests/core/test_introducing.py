@@ -3,13 +3,13 @@
 from typing import Final
 
 from tests.core.rig import End, Rig
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import RequestReceived, ResponseReceived
-from zacoustic.core.frame import ASSURED, VOUCHED, WIRE_VERSION, Confirm, Hello, Tag
-from zacoustic.core.handshake import SETTLING_UNITS
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.engine.events import RequestReceived, ResponseReceived
+from zacoustic.core.peers.handshake import SETTLING_UNITS
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import ASSURED, VOUCHED, WIRE_VERSION, Confirm, Hello, Tag
 
 ARM: Final = 20
 

@@ -2,12 +2,12 @@
 
 import random
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import JournalStateChanged
-from zacoustic.core.journal import EPOCH_KEY
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.journal import EPOCH_KEY
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import JournalStateChanged
+from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 
 def test_application_is_told_once_that_the_journal_fails_and_once_that_it_works() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from zacoustic.core.keys import MOST_VALUES, KeyPattern, Wildcard
+from zacoustic.core.streams.keys import MOST_VALUES, KeyPattern, Wildcard
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 NODES = {1: "shore", 2: "auv1"}

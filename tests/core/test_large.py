@@ -9,21 +9,21 @@ from typing import Any
 import pytest
 
 from tests.core.rig import End, Pass, Rig, link
+from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     DeliveryStored,
     SampleReceived,
 )
 from zacoustic.core.linktypes import LinkState, Transmission
-from zacoustic.core.objects.limits import ObjectLimits
-from zacoustic.core.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.objects.wire import FRAGMENT_CODE
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.wire.objects import FRAGMENT_CODE
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
 LOG, KEPT, LAST, BRIEF = 1, 2, 3, 4

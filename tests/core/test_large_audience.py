@@ -3,13 +3,13 @@
 from typing import Any
 
 from tests.core.rig import Rig, link
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SampleReceived
+from zacoustic.core.base.qos import Forward, Qos, Reliability
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, SampleReceived
 from zacoustic.core.linktypes import Transmission
-from zacoustic.core.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.objects.wire import FRAGMENT_CODE
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.wire.objects import FRAGMENT_CODE
 
 LOG = 30
 NODES = {1: "shore", 2: "auv", 3: "buoy"}

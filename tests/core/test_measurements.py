@@ -1,7 +1,7 @@
 """Measurements: of each peer the newest of everything, whatever comes late."""
 
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
-from zacoustic.core.measurements import Measurements
+from zacoustic.core.peers.measurements import Measurements
 
 FIX = LinkMetrics(propagation_s=0.1, range_m=150.0, east_m=90.0, north_m=120.0, up_m=0.0)
 

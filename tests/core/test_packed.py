@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from zacoustic.core.payload import CborCodec, PackedCodec, PayloadError
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.payload import CborCodec, PackedCodec, PayloadError
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 VECTORS = json.loads(

@@ -10,8 +10,8 @@ import cbor2
 import msgspec
 import pytest
 
-from zacoustic.core.payload import CborCodec, OpaqueCodec, PayloadCodec, PayloadError
-from zacoustic.core.types import Bounds, FieldSpec, TypeSpec, TypeTable, type_from_struct
+from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PayloadCodec, PayloadError
+from zacoustic.core.values.types import Bounds, FieldSpec, TypeSpec, TypeTable, type_from_struct
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 VECTORS = json.loads(

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from zacoustic.core.qos import PATIENCE_NS, PRIORITY_NAMES, Priority, Qos, Tuning
+from zacoustic.core.base.qos import PATIENCE_NS, PRIORITY_NAMES, Priority, Qos, Tuning
 
 
 @pytest.mark.parametrize(

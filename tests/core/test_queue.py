@@ -2,10 +2,10 @@
 
 import pytest
 
+from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
-from zacoustic.core.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.errors import PayloadTooLargeError
 
 SECOND = seconds_to_ns(1)

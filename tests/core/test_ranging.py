@@ -6,8 +6,10 @@ import random
 import pytest
 
 from tests.core.rig import End, Rig, link
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.engine import Engine
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkMetrics,
@@ -17,11 +19,9 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitOutcome,
 )
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.ranging import RangeFailed, RangeFailure, RangeMeasured
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.peers.ranging import RangeFailed, RangeFailure, RangeMeasured
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError, RangeUnavailableError
 
 MODEM = link(acknowledges=True, measures_range=True, propagation_s=1.0)

@@ -9,20 +9,20 @@ import msgspec
 import pytest
 
 from tests.core.rig import End, Rig, link
+from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     DeliveryStored,
     JournalStateChanged,
     SampleReceived,
 )
-from zacoustic.core.frame import Control
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import Control
 from zacoustic.errors import JournalUnavailableError, LocalError
 
 NODES = {1: "shore", 2: "auv", 3: "buoy"}

@@ -5,13 +5,13 @@ import random
 import pytest
 
 from tests.core.rig import link
-from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
-from zacoustic.core.qos import Qos
-from zacoustic.core.queue import TransmitQueue
-from zacoustic.core.repeating import RepeatedRecord, Repeater, Repetition
-from zacoustic.core.stats import Cause
+from zacoustic.core.schedule.queue import TransmitQueue
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.transport.repeating import RepeatedRecord, Repeater, Repetition
 
 SLOW = {"bit_rate_bps": 1000, "propagation_s": 1.0}
 TIMES = LinkTimes(link(**SLOW))

@@ -14,11 +14,8 @@ from tests.core.calling import (
 )
 from tests.core.rig import Rig
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import (
-    CallFailure,
-    ResponseReceived,
-)
-from zacoustic.core.frame import Hello
+from zacoustic.core.engine.events import CallFailure, ResponseReceived
+from zacoustic.core.wire.frame import Hello
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, QueueFullError
 
 

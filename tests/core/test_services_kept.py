@@ -14,12 +14,10 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig
-from zacoustic.core.callrecords import CALL_NUMBERS
-from zacoustic.core.events import (
-    CallFailure,
-)
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.calls import CALL_NUMBERS
 
 
 def test_nothing_runs_and_nothing_is_confirmed_before_it_is_written_down() -> None:

@@ -16,16 +16,12 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig, link
-from zacoustic.core.callrecords import CALL_NUMBERS
-from zacoustic.core.calls import WINDOW
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import (
-    CallFailed,
-    CallFailure,
-    ResponseReceived,
-)
-from zacoustic.core.frame import Hello
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.linktypes import LinkState
+from zacoustic.core.transport.calls.calls import WINDOW
+from zacoustic.core.wire.calls import CALL_NUMBERS
+from zacoustic.core.wire.frame import Hello
 from zacoustic.errors import QueueFullError
 
 

@@ -6,16 +6,16 @@ from collections.abc import Callable
 import pytest
 
 from tests.core.rig import link
+from zacoustic.core.base.journal import BOOT_KEY
+from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import ClockStateChanged, SilenceChanged
-from zacoustic.core.journal import BOOT_KEY
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import ClockStateChanged, SilenceChanged
 from zacoustic.core.linktypes import LinkState, TransmitOutcome, TransmitReport
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.silence import QuietWindow
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.silence import QuietWindow
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 S = NS_PER_S
 HOUR = 3600 * S

@@ -5,12 +5,12 @@ import random
 import pytest
 
 from tests.core.rig import Rig, link
-from zacoustic.core.events import RequestReceived
-from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.stats import Cause, EngineStats
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Priority, Qos, Stamp
+from zacoustic.core.base.stats import Cause, EngineStats
+from zacoustic.core.engine.events import RequestReceived
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 
 def fleet(name: str = "a") -> StreamTable:

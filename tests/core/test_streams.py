@@ -6,11 +6,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Priority, Qos, Stamp
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, UnknownStreamError
 
 NODES = {1: "shore", 2: "auv1"}

@@ -5,14 +5,14 @@ import math
 import pytest
 
 from tests.core.rig import Rig
+from zacoustic.core.base.qos import Qos, Stamp
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.frame import Hello
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.frame import Hello
 
 NODES = {1: "shore", 2: "auv"}
 TYPES = TypeTable([TypeSpec(name="N", fields=(FieldSpec(name="n", type="uint8", range=(0, 9)),))])

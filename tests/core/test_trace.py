@@ -3,12 +3,12 @@
 import random
 
 from tests.core.rig import link
-from zacoustic.core.engine import Engine
-from zacoustic.core.frame import Hello
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, TransmitOutcome, TransmitReport
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import Hello
 
 
 def told() -> list[TraceRecord]:

@@ -21,7 +21,7 @@ from zacoustic.channel.medium import Emission
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.clock import Clock
-from zacoustic.core.encoding import JSON
+from zacoustic.core.values.encoding import JSON
 from zacoustic.gateway import Gateway, Notice
 from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal

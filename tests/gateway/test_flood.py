@@ -10,7 +10,7 @@ from typing import Any
 import zenoh
 
 from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, zenoh_config
-from zacoustic.core.encoding import LARGEST_VALUE_BYTES
+from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.lastvalues import LastValue, LastValues
 from zacoustic.gateway.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel

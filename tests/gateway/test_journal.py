@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from tests.gateway.islands import Island, Water, config_of, free_port, get, run, zenoh_config
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.gateway import Gateway
 from zacoustic.gateway.notices import JournalChanged, JournalInDoubt, Started

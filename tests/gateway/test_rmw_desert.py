@@ -25,7 +25,7 @@ from tests.links.desert.desert_rig import SCALE, standin
 from tests.links.desert.desert_rig import config as desert
 from tests.links.desert.test_rmw_desert import Vehicle
 from zacoustic.config import config_from_mapping
-from zacoustic.core.rmw_desert.entities import DiscoverySpec
+from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.gateway import Gateway, Marker, read_marker
 from zacoustic.gateway.notices import EntityHeard, LinkChanged
 from zacoustic_desert.link import DesertLink

@@ -6,7 +6,7 @@ import cbor2
 import zenoh
 
 from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
-from zacoustic.core.events import CallFailure
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
 from zacoustic.island.queries import QueryDesk
 from zacoustic.island.worker import Worker

@@ -24,7 +24,7 @@ from tests.gateway.islands import (
     zenoh_config,
     zenoh_router,
 )
-from zacoustic.core.streams import Stream
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import SessionError
 from zacoustic.gateway import Gateway
 from zacoustic.gateway.notices import SiblingsChanged, Started

@@ -21,11 +21,11 @@ from tests.gateway.islands import (
     zenoh_config,
 )
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.contact import Contact, ContactRules
-from zacoustic.core.engine import Engine
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
-from zacoustic.core.measurements import Measurements
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.peers.contact import Contact, ContactRules
+from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
 from zacoustic.gateway.notices import RangingFailed

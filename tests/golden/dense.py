@@ -12,10 +12,17 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Model, Speaker, StreamPrior
-from zacoustic.core.dense.packedbytes import PackedBytesCodec
-from zacoustic.core.dense.prior import Companion, First
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.dense import (
+    DenseCodec,
+    DenseSample,
+    Listener,
+    Model,
+    Speaker,
+    StreamPrior,
+)
+from zacoustic.core.values.dense.model.prior import Companion, First
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 VECTORS: Final = Path(__file__).parent / "dense_frames.json"
 ROOM: Final = 4096

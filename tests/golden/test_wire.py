@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.golden.vectors import VECTORS, Vector, vectors
-from zacoustic.core.encoding import ENCODINGS
+from zacoustic.core.values.encoding import ENCODINGS
 
 WIRE_PAGE = Path(__file__).parents[2] / "docs" / "wire.md"
 PROMISED = {each["name"]: Vector(**each) for each in json.loads(VECTORS.read_text())}

@@ -13,22 +13,11 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.actions.wire import (
-    REMINDER,
-    UNKNOWN_RESULT,
-    Operation,
-    Refusal,
-    encode_cancel,
-    encode_head,
-    encode_result,
-)
-from zacoustic.core.arq.numbers import Ack
-from zacoustic.core.callrecords import NAMED, CallKind, encode_call_byte, encode_error, encode_name
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.envelope import Envelope
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailure,
     CallKey,
     GoalFailure,
@@ -36,7 +25,18 @@ from zacoustic.core.events import (
     GoalStatus,
     RequestReceived,
 )
-from zacoustic.core.frame import (
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.code.code import Fragments
+from zacoustic.core.transport.objects.manifest import encode_object
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
+from zacoustic.core.wire.envelope import Envelope
+from zacoustic.core.wire.frame import (
     ASSURED,
     VOUCHED,
     Ask,
@@ -47,11 +47,17 @@ from zacoustic.core.frame import (
     TableRow,
     Tag,
 )
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.objects.code import Fragments
-from zacoustic.core.objects.manifest import encode_object
-from zacoustic.core.objects.wire import (
+from zacoustic.core.wire.goals import (
+    REMINDER,
+    UNKNOWN_RESULT,
+    Operation,
+    Refusal,
+    encode_cancel,
+    encode_head,
+    encode_result,
+)
+from zacoustic.core.wire.numbers import Ack
+from zacoustic.core.wire.objects import (
     NO_FRAGMENT,
     WITHDRAWN,
     Call,
@@ -62,12 +68,6 @@ from zacoustic.core.objects.wire import (
     Reason,
     Refused,
 )
-from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind
-from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 VECTORS = Path(__file__).parent / "wire_native.json"

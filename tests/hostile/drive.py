@@ -12,10 +12,11 @@ from typing import Any, Final
 from tests.hostile import fleet, foreign
 from tests.hostile.oracle import Given, Oracle
 from tests.hostile.scenario import CALM_S, LONGEST_REST_S, Hostile
-from zacoustic.core.actions.news import GoalAnswered, GoalFailed, GoalReceived, ResultReceived
+from zacoustic.core.base.journal import EPOCH_KEY
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     DeliveryEnded,
     Event,
@@ -25,9 +26,13 @@ from zacoustic.core.events import (
     SampleReceived,
     SilenceChanged,
 )
-from zacoustic.core.journal import EPOCH_KEY
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.transport.actions.news import (
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    ResultReceived,
+)
 from zacoustic.errors import LocalError
 from zacoustic.testing.virtual import VirtualNetwork
 

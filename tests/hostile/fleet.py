@@ -5,11 +5,11 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 RAW: Final = 1
 """Opaque, best effort."""

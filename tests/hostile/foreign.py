@@ -8,10 +8,10 @@ import msgspec
 
 from tests.hostile import fleet, load
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.actions.news import GoalReceived
-from zacoustic.core.events import Event, GoalStatus, RequestReceived
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.events import Event, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 VARIANTS: Final = 4

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 from tests.hostile import fleet
-from zacoustic.core.engine import Engine
-from zacoustic.core.keys import Instance
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError
 
 Say = Callable[[Engine, int], object]

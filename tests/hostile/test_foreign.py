@@ -9,11 +9,11 @@ import pytest
 from tests.core.rig import End
 from tests.hostile import fleet, foreign, load
 from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 FRAMES = 1_000_000

@@ -1,13 +1,13 @@
 """What anybody can say under the addresses of others takes no room for ever."""
 
 from tests.core.rig import End, Rig
-from zacoustic.core.actions.news import GoalReceived
+from zacoustic.core.base.qos import Forward, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.demand.wire import Subscribe
-from zacoustic.core.events import SampleReceived, SubscribersChanged
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, TopicSpec
+from zacoustic.core.engine.events import SampleReceived, SubscribersChanged
+from zacoustic.core.streams.specs import ActionSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import GoalReceived
+from zacoustic.core.wire.subscriptions import Subscribe
 
 SOURCES = range(2, 254)
 LISTED = {1: "shore", 2: "vehicle"}

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Mapping
 from typing import Final
 
-from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.journal import SqliteJournal
 
 NUMBER_KEY: Final = "number"

@@ -1,6 +1,6 @@
-from zacoustic.core.qos import Forward, Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.base.qos import Forward, Qos
+from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.journal.forgotten import forgotten
 
 SPECS: list[StreamSpec] = [

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.journal import EPOCHS, MemoryJournal, SqliteJournal, journal_in
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 
 from tests.runtime.loop_checks import run, until
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.journal import JournalState, thread
 from zacoustic.journal.thread import JournalThread, recover, release

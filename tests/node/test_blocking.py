@@ -9,7 +9,7 @@ import pytest
 
 from tests.node.fleet import Arm, Goto, Nav, Raw, WaterServer, config, router
 from zacoustic import DeliveryError, GoalStatus, LocalError, Sample, ServiceError, blocking
-from zacoustic.core.events import LinkStateChanged
+from zacoustic.core.engine.events import LinkStateChanged
 
 LIMIT_S = 10.0
 

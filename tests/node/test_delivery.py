@@ -27,8 +27,8 @@ from zacoustic import (
     blocking,
 )
 from zacoustic.config import config_from_mapping
-from zacoustic.core.events import DeliveryEnded, JournalStateChanged
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.engine.events import DeliveryEnded, JournalStateChanged
 from zacoustic.journal import MemoryJournal
 
 RELIABLE = {"reliability": "reliable", "publishers": [1], "subscribers": [2]}

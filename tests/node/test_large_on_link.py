@@ -18,7 +18,7 @@ from zacoustic import (
     blocking,
 )
 from zacoustic.config import config_from_mapping
-from zacoustic.core.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 
 S2C = "evologics_s2c_18_34"
 """A modem on which a photo takes six minutes, and here two seconds."""

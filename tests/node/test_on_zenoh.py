@@ -39,7 +39,7 @@ from zacoustic import (
     ServiceError,
     UnknownStreamError,
 )
-from zacoustic.core.events import LinkStateChanged
+from zacoustic.core.engine.events import LinkStateChanged
 from zacoustic.core.linktypes import LinkState
 from zacoustic.island.session import CALLBACKS_LIMIT_S
 

@@ -21,7 +21,7 @@ from zacoustic import (
     ServiceError,
     blocking,
 )
-from zacoustic.core.events import SilenceChanged, StreamTuned
+from zacoustic.core.engine.events import SilenceChanged, StreamTuned
 
 SILENCE = Order(kind=OrderKind.SILENCE, for_s=1800.0)
 RESUME = Order(kind=OrderKind.RESUME)

@@ -10,7 +10,7 @@ from tests.node.fleet import water
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, LocalError, Node, PayloadInvalidError
 from zacoustic.config import Config, config_from_mapping
-from zacoustic.core.types import struct_from_type, type_from_struct
+from zacoustic.core.values.types import struct_from_type, type_from_struct
 from zacoustic.ros import message_class, ros_type
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper

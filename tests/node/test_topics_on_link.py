@@ -23,7 +23,7 @@ from zacoustic import (
     Sample,
     Stamp,
 )
-from zacoustic.core.events import LinkStateChanged, PeerSeen, StreamsDiffer
+from zacoustic.core.engine.events import LinkStateChanged, PeerSeen, StreamsDiffer
 from zacoustic_sim.medium import SimMedium
 
 

@@ -30,9 +30,9 @@ from tests.virtual.test_polling import network as polling
 from tests.virtual.test_rmw_desert import WHOLE
 from tests.virtual.test_rmw_desert import Story as DesertStory
 from tests.virtual.test_tdma import Fleet
-from zacoustic.core.engine import Engine
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.tap import EngineCall, Tap
 from zacoustic.core.linktypes import Transmission
-from zacoustic.core.tap import EngineCall, Tap
 from zacoustic.testing.stories import random_story, tell
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

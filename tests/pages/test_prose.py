@@ -9,8 +9,6 @@ import pytest
 from tests.pages.blocks import PAGES, ROOT
 
 COLUMNS: Final = 100
-WIDE: Final = {"docs/links.md"}
-"""Pages that are still to be rewritten."""
 GLOSSARY: Final = ROOT / "docs" / "glossary.md"
 
 _FENCE: Final = re.compile(r"^```.*?^```$", re.DOTALL | re.MULTILINE)
@@ -29,7 +27,7 @@ def prose_lines(text: str) -> Iterator[tuple[int, str]]:
         yield number, _URL.sub("", _TARGET.sub("]()", line))
 
 
-@pytest.mark.parametrize("page", sorted({*PAGES} - WIDE))
+@pytest.mark.parametrize("page", PAGES)
 def test_a_page_keeps_to_its_columns(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     wide = [number for number, line in prose_lines(text) if len(line) > COLUMNS]

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.core.rig import End, Rig, link
-from zacoustic.core.events import RequestReceived, ResponseReceived, SampleReceived
-from zacoustic.core.frame import Ask, Confirm, Hello, TableRow, Tag
-from zacoustic.core.keys import Wildcard
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.engine.events import RequestReceived, ResponseReceived, SampleReceived
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import Forward, Priority, Qos, Reliability, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.frame import Ask, Confirm, Hello, TableRow, Tag
 
 NODES = {1: "shore", 2: "auv", 3: "glider"}
 TYPE = TypeSpec(

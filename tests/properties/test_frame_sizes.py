@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 
 from tests.core.rig import Pass, Rig, link
 from tests.hostile import fleet, foreign, load
-from zacoustic.core.access.spec import AccessSpec, PollingSpec, TdmaSpec
-from zacoustic.core.actions.news import GoalReceived
-from zacoustic.core.contact import ContactRules
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, GoalStatus, RequestReceived
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import LinkCapabilities, Transmission
-from zacoustic.core.rules import TransmitRules
+from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, TdmaSpec
+from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.virtual import Modem
 

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from zacoustic.core.payload import CborCodec, PackedCodec, PayloadError, TypedCodec
-from zacoustic.core.types import INTEGER_LIMITS, FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.types.fields import OUTSIDE_WORDS
+from zacoustic.core.values.payload import CborCodec, PackedCodec, PayloadError, TypedCodec
+from zacoustic.core.values.types import INTEGER_LIMITS, FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.values.types.fields import OUTSIDE_WORDS
 from zacoustic.errors import ConfigError
 
 STEPS = (1e-6, 1e-3, 0.01, 0.05, 0.1, 0.25, 0.3, 0.5, 1.0, 2.5, 7.0)

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invariant, rule
 
+from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
-from zacoustic.core.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 
 LONGEST_PATIENCE_NS = PATIENCE_NS[Priority.BACKGROUND]
 

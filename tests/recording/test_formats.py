@@ -16,10 +16,10 @@ from tests.recording.test_exact import run_survey, survey
 from tests.virtual.fleet import line
 from zacoustic.cli import main
 from zacoustic.config import config_from_mapping
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.recording.schemas import as_json, schema_of_type
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.sim.recorder import recorded_to

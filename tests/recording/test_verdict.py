@@ -11,9 +11,9 @@ from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
 from tests.recording.memory import recorded
 from tests.virtual.fleet import line
 from zacoustic.cli import main
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.figures import Figures, figures_of

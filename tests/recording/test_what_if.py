@@ -14,10 +14,10 @@ from tests.recording.test_exact import run_survey, survey
 from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
 from zacoustic.cli import main
-from zacoustic.core.actions.news import GoalReceived
-from zacoustic.core.events import Event, GoalStatus
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec
+from zacoustic.core.engine.events import Event, GoalStatus
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.testing.virtual import VirtualNetwork
 from zacoustic.tools.recordings.changes import Wanted, what_if
 from zacoustic.tools.recordings.facts import Facts

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from zacoustic.config import Config, config_from_mapping
-from zacoustic.core.qos import Stamp
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.errors import ConfigError
 from zacoustic.ros.qos import RosDurability, RosReliability
 from zacoustic.ros.streams import RosAction, RosService, RosTopic

@@ -6,7 +6,7 @@ from typing import Any, Final
 import pytest
 
 from tests.ros import captures
-from zacoustic.core.payload import CborCodec, PackedCodec
+from zacoustic.core.values.payload import CborCodec, PackedCodec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper

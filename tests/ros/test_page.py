@@ -9,7 +9,7 @@ import pytest
 
 from tests.virtual.fibonacci import ORDER, Run
 from zacoustic.config import config_from_mapping, read_config
-from zacoustic.core.payload import CborCodec, PackedCodec
+from zacoustic.core.values.payload import CborCodec, PackedCodec
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper
 from zacoustic.ros.messages import HeaderStamp, RosMessage

@@ -11,8 +11,8 @@ import pytest
 from tests.core.rmw_desert import vectors
 from zacoustic.config import config_from_mapping
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import SampleReceived
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -20,10 +20,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.types import TypeSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.mapping import TypeMapper

@@ -11,9 +11,10 @@ from typing import Any, Self, TypeVar
 import pytest
 
 from tests.runtime.loop_checks import run, until
-from zacoustic.core.actions.news import GoalAnswered, GoalFailed, GoalRecovered
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.base.qos import Forward, Qos, Reliability
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     DeliveryEnded,
@@ -23,7 +24,6 @@ from zacoustic.core.events import (
     Event,
     JournalDoubted,
 )
-from zacoustic.core.journal import JournalWrite
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -32,10 +32,10 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.ranging import RangeFailed
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.peers.ranging import RangeFailed
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import GoalAnswered, GoalFailed, GoalRecovered
 from zacoustic.journal import MemoryJournal
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.replacement.faults import FREE, REPORT

@@ -10,9 +10,9 @@ import pytest
 
 from tests.runtime.loop_checks import run, until
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, LinkStateChanged, SampleReceived
-from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, LinkStateChanged, SampleReceived
 from zacoustic.core.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -21,8 +21,8 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LinkOpenError, LocalError
 from zacoustic.inbox import SUBMIT_LIMIT
 from zacoustic.journal import EPOCHS, JournalState, MemoryJournal

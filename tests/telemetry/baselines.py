@@ -15,7 +15,7 @@ from typing import Any, Final
 import cbor2
 import msgspec
 
-from zacoustic.core.types import FieldSpec, Lattice, TypeSpec
+from zacoustic.core.values.types import FieldSpec, Lattice, TypeSpec
 
 RMW_DESERT_FRAMING: Final = 6
 """Two markers, length, type, topic id, end."""

@@ -12,12 +12,12 @@ import msgspec
 
 from tests.telemetry.streams import STREAM_IDS
 from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 VEHICLE: Final = 1

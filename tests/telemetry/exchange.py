@@ -7,9 +7,9 @@ from typing import Any
 import msgspec
 
 from tests.telemetry.streams import STREAM_IDS, Sample, is_near
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.types import TypeSpec
 
 LISTENER = 1
 """Address of the one who listens."""

@@ -11,7 +11,7 @@ import random
 from collections.abc import Iterator
 
 from tests.telemetry.streams import Sample, vehicle_types
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.types import TypeSpec
 
 _TICK_S = 0.5
 _DEGREE_M = 111_200.0

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from tests.telemetry.streams import Sample, number, vehicle_types
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 # Bounds and step of the fields of real logs: as narrow as their values allow, widened where a
 # vehicle leaves them.

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 STREAM_IDS: Final = {
     "nav": 10,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from zacoustic.config import read_config
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.tools.demo.children import Child, ChildDiedError
 from zacoustic.tools.demo.islands import NAMES, SHORE, VEHICLE, demo_text, free_ports, write_islands
 from zacoustic.tools.demo.logbook import Logbook

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.cli import main
 from zacoustic.config import Config
-from zacoustic.core.encoding import decode_application
-from zacoustic.core.qos import Reliability
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.base.qos import Reliability
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.values.encoding import decode_application
 from zacoustic.errors import ConfigError
 from zacoustic.testing import VirtualNetwork
 from zacoustic.tools.first.inference import NoTypeError, infer_type

@@ -13,7 +13,7 @@ import pytest
 from zacoustic.cli import main
 from zacoustic.config import config_from_mapping, read_config
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
-from zacoustic.core.access.spec import METHODS
+from zacoustic.core.schedule.access.spec import METHODS
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
 from zacoustic.tools.reference import json_schema, table_named, tables

@@ -15,15 +15,15 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.actions.news import GoalReceived
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, RequestReceived, SampleReceived
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, RequestReceived, SampleReceived
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.testing.virtual import VirtualNetwork
 
 NEVER: Final = math.inf

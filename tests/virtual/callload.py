@@ -8,10 +8,16 @@ import msgspec
 
 from tests.virtual.fleet import line
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailed, CallKey, Event, RequestReceived, ResponseReceived
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
+    CallFailed,
+    CallKey,
+    Event,
+    RequestReceived,
+    ResponseReceived,
+)
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import VirtualNetwork
 

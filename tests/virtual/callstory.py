@@ -11,17 +11,17 @@ from typing import Any, Final
 import msgspec
 
 from tests.virtual.weather import LONGEST_OUTAGE_S, weather
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     Event,
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

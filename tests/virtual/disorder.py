@@ -11,8 +11,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkCapabilities,
@@ -22,7 +22,7 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 
 _LINK: Final = LinkCapabilities(mtu_bytes=64, bit_rate_bps=50_000.0, propagation_s=0.01)
 

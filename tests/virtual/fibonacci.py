@@ -9,8 +9,13 @@ from typing import Any, Final
 
 from tests.virtual.fleet import line
 from zacoustic.config import config_from_mapping
-from zacoustic.core.actions.news import FeedbackReceived, GoalAnswered, GoalReceived, ResultReceived
-from zacoustic.core.events import Event, GoalKey, GoalStatus
+from zacoustic.core.engine.events import Event, GoalKey, GoalStatus
+from zacoustic.core.transport.actions.news import (
+    FeedbackReceived,
+    GoalAnswered,
+    GoalReceived,
+    ResultReceived,
+)
 from zacoustic.testing.virtual import VirtualNetwork
 
 TWIST: Final = "geometry_msgs/msg/Twist"

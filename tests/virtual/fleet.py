@@ -14,13 +14,13 @@ import msgspec
 
 from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
+from zacoustic.core.base.qos import Priority, Qos, Stamp
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.events import Event, StreamsDiffer
-from zacoustic.core.keys import Wildcard
+from zacoustic.core.engine.events import Event, StreamsDiffer
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 from zacoustic.testing.stories.invariants import OncePerCall
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story, cast_of
 from zacoustic.testing.stories.telling import Telling, settling_ns

@@ -12,7 +12,13 @@ from typing import Final
 import msgspec
 
 from tests.virtual.weather import LONGEST_OUTAGE_S, weather
-from zacoustic.core.actions.news import (
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.streams.specs import ActionSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import (
     CancelAnswered,
     CancelRequested,
     FeedbackReceived,
@@ -22,12 +28,6 @@ from zacoustic.core.actions.news import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, GoalFailure, GoalKey, GoalStatus
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, TopicSpec
 from zacoustic.errors import JournalUnavailableError, QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

@@ -13,14 +13,14 @@ import msgspec
 from tests.virtual.fleet import line, settling_s
 from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailed, CallFailure, Event, ResponseReceived
-from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind, OrderState
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, Event, ResponseReceived
+from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind, OrderState
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

@@ -13,10 +13,10 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.actions.news import GoalFailed, GoalReceived, ResultReceived
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     DeliveryEnded,
     DeliveryOutcome,
@@ -26,10 +26,10 @@ from zacoustic.core.events import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import GoalFailed, GoalReceived, ResultReceived
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 LIMIT_S: Final = 10_800.0

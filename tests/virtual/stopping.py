@@ -14,14 +14,14 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import CarrierSenseSpec
-from zacoustic.core.access.spec import AccessSpec
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import DeliveryEnded, Event, RequestReceived, SampleReceived
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, Event, RequestReceived, SampleReceived
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import CarrierSenseSpec
+from zacoustic.core.schedule.access.spec import AccessSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Deliver, Modem, VirtualNetwork
 
 PHOTO_BYTES: Final = 20_000

@@ -13,14 +13,14 @@ import msgspec
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import TdmaSpec
-from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import TdmaSpec
+from zacoustic.core.schedule.access.spec import SLOWEST_SOUND_M_S
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 NODES: Final = range(1, 6)

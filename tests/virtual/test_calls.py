@@ -7,18 +7,18 @@ from functools import partial
 import pytest
 
 from tests.virtual.fleet import line, settling_s
-from zacoustic.core.events import (
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     Event,
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.frame import Tag
 from zacoustic.core.linktypes import ReceivedFrame
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import Tag
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import VirtualNetwork
 

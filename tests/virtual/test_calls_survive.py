@@ -6,9 +6,9 @@ import pytest
 
 from tests.virtual.callload import carry_calls
 from tests.virtual.callstory import CallStory
-from zacoustic.core.answering import Answering
-from zacoustic.core.callrecords import CallKind
-from zacoustic.core.peer import Peer
+from zacoustic.core.peers.peer import Peer
+from zacoustic.core.transport.calls.answering import Answering
+from zacoustic.core.wire.calls import CallKind
 
 BLOCKS = range(10)
 
@@ -54,7 +54,7 @@ def _answers_of_any_life(monkeypatch: pytest.MonkeyPatch) -> None:
     always = property(lambda self: True, lambda self, value: None)
     monkeypatch.setattr(Peer, "knows_us", always, raising=False)
     monkeypatch.setattr(
-        "zacoustic.core.services.decode_name",
+        "zacoustic.core.transport.calls.services.decode_name",
         lambda content, epoch: CallKind(content[0] >> 6) if content else None,
     )
 

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.core.contact import ContactRules
-from zacoustic.core.events import Event, PeerFound, PeerLost
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import Event, PeerFound, PeerLost
+from zacoustic.core.peers.contact import ContactRules
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 HEARTBEAT_S = 60.0

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
+from zacoustic.core.base.qos import Forward, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import DeadlineMissed, DeadlineSide, Event, SampleReceived
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import DeadlineMissed, DeadlineSide, Event, SampleReceived
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEADLINE_S = 30.0

@@ -6,12 +6,12 @@ from functools import partial
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.core.keys import Wildcard
+from zacoustic.core.base.qos import Priority, Qos, Stamp
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import Priority, Qos, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NODES = {1: "shore", 2: "auv1", 3: "auv2"}

@@ -8,12 +8,12 @@ import msgspec
 import pytest
 
 from zacoustic.channel.nodefaults import JournalSpec
+from zacoustic.core.base.qos import Forward, Qos, Reliability
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import Event
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.events import Event
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.stories import random_story
 from zacoustic.testing.virtual import VirtualNetwork
 

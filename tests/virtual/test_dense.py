@@ -10,11 +10,11 @@ import pytest
 
 from tests.telemetry.crossing import WAYS, Way, cross
 from tests.virtual.fleet import line
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.qos import Qos, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Qos, Stamp
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NAV: Final = TypeSpec(

@@ -11,12 +11,12 @@ from typing import Any, Final
 import pytest
 
 from tests.virtual.disorder import Disorder, DisorderlyNetwork
-from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 NAV, STATUS, COMMAND, WORD = 10, 11, 12, 13
 TICKETS: Final = 60_000

@@ -9,15 +9,15 @@ import pytest
 
 from tests.virtual.fleet import line
 from zacoustic.channel.nodefaults import ClockSpec, JournalSpec, JumpSpec, SpanSpec
+from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.trace import TraceRecord, TraceSink
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord, TraceSink
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtual import NodeDownError, VirtualNetwork
 from zacoustic.testing.virtualclock import NodeClock

@@ -12,10 +12,10 @@ from typing import Final
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SampleReceived
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 LOG, PHOTO = 10, 11

@@ -3,8 +3,8 @@
 from functools import partial
 
 from tests.virtual.fleet import line
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 NODES = {1: "shore", 2: "auv1"}

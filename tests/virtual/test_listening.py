@@ -9,14 +9,14 @@ import pytest
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import AlohaSpec, CarrierSenseSpec
-from zacoustic.core.access.spec import AccessSpec
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import AlohaSpec, CarrierSenseSpec
+from zacoustic.core.schedule.access.spec import AccessSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 TALK, EMERGENCY, STOP, COMMAND, PHOTO = 1, 2, 3, 4, 5

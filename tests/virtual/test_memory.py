@@ -6,12 +6,12 @@ import types
 from functools import partial
 
 from tests.virtual.fleet import line
-from zacoustic.core.engine import Engine
-from zacoustic.core.frame import Hello, Tag
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import ReceivedFrame
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import Hello, Tag
 from zacoustic.testing.virtual import VirtualNetwork
 
 DEPTH = 10

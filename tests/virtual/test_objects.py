@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from tests.virtual.fleet import line
-from zacoustic.core.access.spec import AccessSpec, AlohaSpec, CarrierSenseSpec, TdmaSpec
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access.spec import AccessSpec, AlohaSpec, CarrierSenseSpec, TdmaSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LocalError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 

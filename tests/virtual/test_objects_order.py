@@ -6,8 +6,8 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.testing.stories import Story, random_story, tell
 from zacoustic.testing.stories.story import Lane, Shape, cast_of
 

@@ -6,13 +6,13 @@ import pytest
 
 from tests.virtual.fleet import line
 from tests.virtual.orderstory import OrderStory
-from zacoustic.core.events import ResponseReceived
-from zacoustic.core.handshake import Handshake
-from zacoustic.core.orders import orders
-from zacoustic.core.orders.ledger import Ledger, Standing
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.silence import Silence
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.engine.events import ResponseReceived
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.commands import orders
+from zacoustic.core.transport.commands.ledger import Ledger, Standing
 from zacoustic.testing.virtual import VirtualNetwork
 
 BLOCKS = range(4)

@@ -8,11 +8,11 @@ import pytest
 from tests.virtual.fleet import line
 from tests.virtual.test_ranging import MODEM, table
 from zacoustic.cli.ping import MOST_BYTES, MOST_FRAMES
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, ResponseReceived
-from zacoustic.core.orders.words import Order
-from zacoustic.core.ranging import RangeMeasured
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, ResponseReceived
+from zacoustic.core.peers.ranging import RangeMeasured
+from zacoustic.core.streams.commands import Order
 from zacoustic.testing.virtual import VirtualNetwork
 
 PINGS = 5

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from functools import partial
 
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import PollingSpec
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import PollingSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NODES = range(1, 5)

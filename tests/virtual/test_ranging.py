@@ -7,13 +7,13 @@ import pytest
 from tests.virtual.fleet import line
 from zacoustic.channel.position import Waypoint
 from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import PeerMeasured
-from zacoustic.core.qos import Qos
-from zacoustic.core.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 MODEM = Modem(acknowledges=True)

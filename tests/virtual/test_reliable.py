@@ -14,11 +14,11 @@ import pytest
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
+from zacoustic.core.base.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import DeliveryEnded, DeliveryStored, Event
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryStored, Event
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.testing.stories import INVARIANTS, Arrived, Lane, Publication, Story, Witness, tell
 from zacoustic.testing.stories.story import cast_of, opaque
 from zacoustic.testing.virtual import Modem

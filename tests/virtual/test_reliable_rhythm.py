@@ -10,12 +10,12 @@ from functools import partial
 import pytest
 
 from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 SEEDS = 200

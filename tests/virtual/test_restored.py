@@ -13,8 +13,9 @@ from typing import Final
 import pytest
 
 from tests.virtual.fleet import line
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     JournalDoubted,
@@ -23,9 +24,8 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.linktypes import ReceivedFrame
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 LOG, NOTE, PHOTO, ARM = 10, 11, 12, 20

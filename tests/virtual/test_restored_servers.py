@@ -8,15 +8,10 @@ from collections.abc import Callable
 from typing import Final
 
 from tests.virtual.fleet import line
-from zacoustic.core.actions.news import (
-    GoalAnswered,
-    GoalFailed,
-    GoalReceived,
-    ResultReceived,
-)
+from zacoustic.core.base.qos import Forward, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     GoalStatus,
@@ -25,10 +20,15 @@ from zacoustic.core.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.orders.words import Order, OrderKind
-from zacoustic.core.qos import Forward, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.commands import Order, OrderKind
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import (
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    ResultReceived,
+)
 from zacoustic.testing.virtual import VirtualNetwork
 
 LOG, ASKED, ARM, GOTO = 10, 11, 20, 30

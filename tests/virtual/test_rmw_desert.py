@@ -10,8 +10,8 @@ import pytest
 
 from tests.core.rmw_desert.vehicle import ADD, COMMAND, NOTE, SHORE, TWIST, VEHICLE, table
 from tests.virtual.fleet import line
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     Event,

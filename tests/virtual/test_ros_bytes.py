@@ -10,7 +10,7 @@ import pytest
 from tests.virtual.fibonacci import ORDER, Run, network
 from tests.virtual.fleet import line
 from zacoustic.config import config_from_mapping
-from zacoustic.core.events import Event, SampleReceived
+from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.testing.virtual import VirtualNetwork
 
 SELF_CONTAINED_BYTES: Final = 9

@@ -8,11 +8,11 @@ import pytest
 
 from tests.virtual.settling import BEGIN_S, Settling
 from zacoustic.channel.scenario import scenario_from_mapping
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import DeliveryEnded, RequestReceived
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, RequestReceived
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 WORST_S: Final = 1800.0

@@ -5,12 +5,12 @@ from functools import partial
 import pytest
 
 from tests.virtual.fleet import line
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import Qos
-from zacoustic.core.stats import Cause
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 DAY_S = 24 * 3600.0

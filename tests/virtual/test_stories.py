@@ -5,8 +5,8 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import SampleReceived
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
 from zacoustic.testing.stories import INVARIANTS, Story, Witness, random_story, tell
 from zacoustic.testing.stories.invariants import InOrder, NothingLost, NothingTwice
 from zacoustic.testing.stories.telling import Telling

@@ -11,15 +11,15 @@ import pytest
 
 from tests.virtual.survey import survey
 from zacoustic.channel.scenario import scenario_from_mapping
-from zacoustic.core.access import TdmaSpec
-from zacoustic.core.access.spec import SLOWEST_SOUND_M_S
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import ClockStateChanged
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.events import ClockStateChanged
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import TdmaSpec
+from zacoustic.core.schedule.access.spec import SLOWEST_SOUND_M_S
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 FRAME_S = 0.951

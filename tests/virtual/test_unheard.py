@@ -1,10 +1,10 @@
 """A link on which everything is sent and nothing is heard says so, once."""
 
 from tests.virtual.fleet import line
-from zacoustic.core.events import NothingHeard
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import NothingHeard
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 TABLE = StreamTable(

@@ -25,7 +25,7 @@ from zacoustic.bytestream.connection import (
     settle,
     to_the_end,
 )
-from zacoustic.core.clock import Clock
+from zacoustic.core.base.clock import Clock
 
 if TYPE_CHECKING:
     import serial

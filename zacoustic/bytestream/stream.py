@@ -22,7 +22,7 @@ from typing import Final, Protocol
 from zacoustic.bytestream.connection import Connection, reason_of, settle, to_the_end
 from zacoustic.bytestream.serialport import SerialConnection
 from zacoustic.bytestream.tcp import TcpConnection
-from zacoustic.core.clock import Clock
+from zacoustic.core.base.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
 
 FIRST_DELAY_S: Final = 0.2

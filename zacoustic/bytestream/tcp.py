@@ -11,7 +11,7 @@ from zacoustic.bytestream.connection import (
     reason_of,
     settle,
 )
-from zacoustic.core.clock import Clock
+from zacoustic.core.base.clock import Clock
 
 CONNECT_LIMIT_S: Final = 5.0
 """Time limit of one attempt to connect, s: the system's own is minutes."""

@@ -14,7 +14,7 @@ from zacoustic.serving import stopped_by_signals
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zacoustic.core.types import TypeSpec
+    from zacoustic.core.values.types import TypeSpec
     from zacoustic.node import GoalHandle, GoalResult, Node
 
     Handle = GoalHandle[Any, Any, Any]
@@ -135,7 +135,7 @@ async def _follow(
     handle: "Handle", arguments: argparse.Namespace, interrupted: asyncio.Event
 ) -> int:
     """Wait for the end; the first interrupt cancels the goal, the second the waiting."""
-    from zacoustic.core.events import GoalStatus
+    from zacoustic.core.engine.events import GoalStatus
 
     end = asyncio.create_task(handle.result(timeout_s=arguments.timeout))
     await _first(end, interrupted)

@@ -3,7 +3,7 @@
 import argparse
 from typing import Final
 
-from zacoustic.core.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
+from zacoustic.core.base.clock import DURATIONS, LONGEST_S, SHORTEST_S, is_duration
 from zacoustic.errors import ConfigError
 
 DEFAULT_WINDOW_S: Final = 10.0

@@ -10,7 +10,7 @@ from zacoustic.cli.pub import add_node_arguments, make_node
 from zacoustic.command import EXIT_OK, Command
 
 if TYPE_CHECKING:
-    from zacoustic.core.types import TypeSpec
+    from zacoustic.core.values.types import TypeSpec
 
 _EXAMPLE = """examples:
   zacoustic call auv1/arm '{ on: true }' --connect tcp/127.0.0.1:7447

@@ -13,7 +13,7 @@ from zacoustic.errors import ConfigError
 from zacoustic.safetext import one_line
 
 if TYPE_CHECKING:
-    from zacoustic.core.streams import StreamTable
+    from zacoustic.core.streams.table import StreamTable
     from zacoustic.tools.decode.decoded import DecodedItem
 
 _BROADCAST: Final = 255
@@ -65,7 +65,7 @@ class DecodeCommand(Command):
         """
         import msgspec
 
-        from zacoustic.core.wireprofile import WireProfile
+        from zacoustic.core.streams.wireprofile import WireProfile
         from zacoustic.tools.decode.decoder import FrameDecoder
 
         table = None
@@ -108,7 +108,7 @@ def _decode_recording(arguments: argparse.Namespace, table: "StreamTable | None"
     Raises:
         ConfigError: It is none, or has no frames in it.
     """
-    from zacoustic.core.wireprofile import WireProfile
+    from zacoustic.core.streams.wireprofile import WireProfile
     from zacoustic.tools.recordings.frames import decode_log, decode_recording, line_of
 
     wire = None if arguments.wire is None else WireProfile(arguments.wire)

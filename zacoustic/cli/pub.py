@@ -15,7 +15,7 @@ from zacoustic.errors import ConfigError, DeliveryError
 
 if TYPE_CHECKING:
     from zacoustic.cli.progress import ProgressLine
-    from zacoustic.core.streams import Stream
+    from zacoustic.core.streams.table import Stream
     from zacoustic.node import Delivery, Node
     from zacoustic.tools.following import End, GatewayFollower
 

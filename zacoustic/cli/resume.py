@@ -33,6 +33,6 @@ class ResumeCommand(Command):
             ConfigError: An argument is wrong.
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        from zacoustic.core.orders.words import OrderKind
+        from zacoustic.core.streams.commands import OrderKind
 
         return give(arguments, make_order(kind=OrderKind.RESUME), silence_text)

@@ -15,7 +15,7 @@ from zacoustic.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from zacoustic.core.orders.words import Order
+    from zacoustic.core.streams.commands import Order
 
 _EXAMPLE: Final = """what waits goes on waiting; a frame that the modem has begun is not cut off
 
@@ -61,7 +61,7 @@ class SilenceCommand(Command):
             ConfigError: The arguments contradict each other.
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        from zacoustic.core.orders.words import OrderKind
+        from zacoustic.core.streams.commands import OrderKind
 
         for_s = None if arguments.duration is None else _seconds(arguments.duration)
         if arguments.order is not None and for_s is not None:
@@ -93,7 +93,7 @@ def make_order(**fields: Any) -> "Order":  # noqa: ANN401 (of an order)
     Raises:
         ConfigError: Its fields do not fit.
     """
-    from zacoustic.core.orders.words import Order
+    from zacoustic.core.streams.commands import Order
 
     try:
         return Order(**fields)
@@ -113,7 +113,7 @@ def give(arguments: argparse.Namespace, order: "Order", text: "Callable[[Any], s
         ConfigError: An argument is wrong.
         DeliveryError, ServiceError: There is no such node, or it refuses.
     """
-    from zacoustic.core.orders.words import ORDERS_TIMEOUT_S
+    from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S
     from zacoustic.tools.fleetfile import read_fleet
     from zacoustic.tools.orders import give_order
 

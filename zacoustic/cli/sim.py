@@ -8,11 +8,11 @@ from typing import IO, TYPE_CHECKING
 from zacoustic.cli.newfile import new_file
 from zacoustic.cli.printing import print_result
 from zacoustic.command import EXIT_FAILED, EXIT_OK, Command
-from zacoustic.core.clock import DURATIONS, is_duration
+from zacoustic.core.base.clock import DURATIONS, is_duration
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
-    from zacoustic.core.trace import TraceRecord
+    from zacoustic.core.base.trace import TraceRecord
 
 
 class SimCommand(Command):

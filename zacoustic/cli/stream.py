@@ -52,8 +52,8 @@ class StreamCommand(Command):
             ConfigError: An argument is wrong.
             DeliveryError, ServiceError: There is no such node, or it refuses.
         """
-        from zacoustic.core.orders.words import OrderKind
-        from zacoustic.core.qos import PRIORITY_NAMES
+        from zacoustic.core.base.qos import PRIORITY_NAMES
+        from zacoustic.core.streams.commands import OrderKind
 
         check_positive(arguments, "rate")
         fields: dict[str, Any] = {

@@ -75,7 +75,7 @@ async def _listen(arguments: argparse.Namespace) -> int:
 
 
 def _subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None]") -> None:
-    from zacoustic.core.qos import Qos
+    from zacoustic.core.base.qos import Qos
 
     for name in _names(node, key):
         stream = node.find_stream(name)

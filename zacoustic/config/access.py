@@ -1,7 +1,7 @@
 """The table `access` of a link: its medium access, checked as far as the file allows.
 
 What depends on the link itself (can it sense a carrier, how long does its largest frame take) is
-checked when it opens, by `zacoustic.core.access.choose`.
+checked when it opens, by `zacoustic.core.schedule.access.choose`.
 """
 
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from zacoustic.config.complaints import Place, shown
-from zacoustic.core.access.spec import (
+from zacoustic.core.schedule.access.spec import (
     METHODS,
     AccessSpec,
     AlohaSpec,

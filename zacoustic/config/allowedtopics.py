@@ -14,9 +14,9 @@ import msgspec
 
 from zacoustic.config.complaints import Place, shown
 from zacoustic.config.sections import ALLOWED
-from zacoustic.core.rmw_desert.discovery import BEACON_TOPIC, REQUEST_TOPIC
-from zacoustic.core.rmw_desert.entities import DiscoverySpec
-from zacoustic.core.rmw_desert.messages import LAST_STREAM_ID
+from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.profiles.rmw_desert.discovery import BEACON_TOPIC, REQUEST_TOPIC
+from zacoustic.core.values.rmw_desert.messages import LAST_STREAM_ID
 
 _MOST_BYTES: Final = 1 << 20
 _KINDS: Final = ("topic", "service", "action")

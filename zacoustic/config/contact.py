@@ -2,8 +2,8 @@
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import ALLOWED, NodeEntry, Section
-from zacoustic.core.clock import LONGEST_S, is_duration
-from zacoustic.core.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
+from zacoustic.core.base.clock import LONGEST_S, is_duration
+from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
 
 
 def read_contact(place: Place, written: Section, own: int) -> ContactRules:

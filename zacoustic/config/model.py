@@ -6,8 +6,8 @@ import msgspec
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import ALLOWED
-from zacoustic.core.dense import DenseCodec, Model
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense import DenseCodec, Model
 from zacoustic.errors import ConfigError
 
 _HINT = "`zacoustic fit RECORDING --config FILE --output MODEL` makes one"

@@ -2,8 +2,8 @@
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import ObjectsEntry
-from zacoustic.core.objects.limits import MOST_BYTES, ObjectLimits
-from zacoustic.core.objects.wire import MOST_TRANSFERS
+from zacoustic.core.transport.objects.limits import MOST_BYTES, ObjectLimits
+from zacoustic.core.wire.objects import MOST_TRANSFERS
 
 _DEFAULT = ObjectLimits()
 

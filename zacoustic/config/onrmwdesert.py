@@ -4,8 +4,8 @@ from typing import Final
 
 from zacoustic.config.complaints import Place, shown
 from zacoustic.config.sections import Section
-from zacoustic.core.access.spec import AccessSpec, PollingSpec, TdmaSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.schedule.access.spec import AccessSpec, PollingSpec, TdmaSpec
+from zacoustic.core.streams.wireprofile import WireProfile
 
 _WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
 _REASONS: Final = {

@@ -5,8 +5,8 @@ from typing import Final
 
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import QuietEntry
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.silence import QuietWindow
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.schedule.silence import QuietWindow
 
 _TIME: Final = re.compile(r"([01][0-9]|2[0-3]):([0-5][0-9])")
 _TIME_ALLOWED: Final = 'a time of day in UTC, "00:00" to "23:59"'

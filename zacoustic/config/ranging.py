@@ -5,7 +5,7 @@ import math
 from zacoustic.config.complaints import Place
 from zacoustic.config.sections import ALLOWED, RangingEntry
 from zacoustic.config.streams import Fleet, check_address
-from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
+from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
 
 
 def check_ranging(

@@ -32,18 +32,18 @@ from zacoustic.config.sections import (
     TypeEntry,
 )
 from zacoustic.config.streams import Fleet, check_address, read_streams
-from zacoustic.core.keys import fault_of_name
-from zacoustic.core.objects.limits import ObjectLimits
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.types import (
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.keys import fault_of_name
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.values.types import (
     TypeSpec,
     TypeTable,
     check_agreement,
     struct_from_type,
     type_from_struct,
 )
-from zacoustic.core.wireprofile import WireProfile
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_zenoh_config

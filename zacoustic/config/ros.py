@@ -14,9 +14,9 @@ import msgspec
 
 from zacoustic.config.complaints import Place, shown
 from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
-from zacoustic.core.qos import Stamp
-from zacoustic.core.types import TypeSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.ros.interfaces import Interfaces, has_header

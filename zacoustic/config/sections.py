@@ -8,12 +8,12 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.contact import LEAST_HEARTBEAT_S
-from zacoustic.core.encoding import TYPED_ENCODINGS
-from zacoustic.core.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
-from zacoustic.core.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
-from zacoustic.core.types import SCALAR_TYPES, FieldSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
+from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
+from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.encoding import TYPED_ENCODINGS
+from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
 from zacoustic.ros.interfaces import DEFAULT_DISTRO
 from zacoustic.ros.overlays import Overlay, OverlayField
 

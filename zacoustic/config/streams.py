@@ -10,15 +10,15 @@ from zacoustic.config.complaints import Place, shown
 from zacoustic.config.later import check_word
 from zacoustic.config.ros import RosReader
 from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
-from zacoustic.core.dense import Model
-from zacoustic.core.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
-from zacoustic.core.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.objects.limits import LARGEST_BYTES
-from zacoustic.core.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import TypeTable
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.keys import NODE_PLACEHOLDER, Wildcard
+from zacoustic.core.streams.specs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.transport.objects.limits import LARGEST_BYTES
+from zacoustic.core.values.dense import Model
+from zacoustic.core.values.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODINGS
+from zacoustic.core.values.types import TypeTable
 from zacoustic.errors import ConfigError
 
 E = TypeVar("E", bound=StreamEntry)

@@ -4,35 +4,35 @@ No clock, no thread, no socket, no file and no randomness of its own: instants a
 ``now``, randomness is a `random.Random`. The same inputs give the same bytes and the same trace.
 It imports with nothing but msgspec and cbor2 installed.
 
-Map, in reading order:
+Nine layers; each imports only what stands below it (import-linter holds that in `make test`):
 
-==================================  ================================================================
-`clock`, `linktypes`, `events`      what goes in and comes out
-`frame`, `envelope`, `age`          the wire (docs/wire.md is normative)
-`engine`                            the wiring, and the contract for whoever drives it
-`queue`, `qos`, `composer`          what waits, what it is worth, how it becomes a frame
-`receiver`, `topics`, `services`,   what arrives, and what becomes of it
-`answering`, `calls`, `repeating`
-`large`, `objects`                  samples that are larger than a frame
-`orders`, `silence`                 what other nodes order; when nothing may be transmitted
-`handshake`, `introducing`, `peer`  HELLO: do both ends hold the same table?
-`port`, `access`                    the link, and when a frame may start
-`demand`                            topics that cross only where somebody has subscribed
-`hosttime`                          UTC, as far as the host may be believed
-`contact`                           heartbeats, and nodes that are not heard any more
-`ranging`, `measurements`           ranges on demand; what the modem measured
-`streams`, `keys`                   names ⇄ bytes, and the digest of the table
-`types`, `payload`, `encoding`      typed values ⇄ bytes on the water ⇄ bytes at the application
-`journal`, `stats`, `trace`         what is to be written down, counted, traced
-`tap`, `makeengine`                 every call of an engine, for whoever records it
-==================================  ================================================================
+==============  ====================================================================================
+`engine`        the contract for whoever drives a node, and the wiring: `engine`, `makeengine`;
+                `events` is what it tells, `tap` every call of it, for whoever records it
+`profiles`      which transports a node speaks, and how a frame is taken apart: `native`,
+                `rmw_desert`; `rules` is what the config says, `entities` what discovery speaks of
+`transport`     what two nodes do with each other, end to end: `topics`, `reliable`, `objects`,
+                `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
+                answer, `deliveries` is what becomes of samples
+`schedule`      `queue` to `composer` and `filling` to `port` to `transmitter`; `access`,
+                `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
+                `sources` and `savings` are what a frame is composed from beside the queue
+`peers`         what is known of each other node: `handshake`, `introducing`, `peer`, `contact`,
+                `ranging`, `measurements`; `doubt` is what this one does not know of itself
+`wire`          grammar only: `envelope`, `frame`, `content`; `access`, `calls`, `goals`,
+                `numbers`, `objects`, `subscriptions` (docs/wire.md is normative)
+`streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
+                `commands` are in every table, `rmwdesert` says what streams can be there
+`values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
+                `encoding`, `age`
+`base`          `clock`, `linktypes`, `qos`, `journal`, `stats`, `trace`
+==============  ====================================================================================
 
-Rooms that are left for later versions: `arq` and `objects` beside `topics`, `actions` beside
-`services`, `dense` beside `payload`, further policies in `access`.
+`clock` and `linktypes` are importable from here as well, for links.
 
 Invariants:
 
-- What comes off the water never raises and costs bounded memory.
+- What comes off the channel never raises and costs bounded memory.
 - A sample is decoded only when both ends are known to define its stream in the same way.
 - An idle engine has no timer and transmits nothing.
 - Every byte given to the link is in the ledger, under a stream and a cause.

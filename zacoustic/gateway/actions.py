@@ -15,7 +15,12 @@ from typing import Final
 
 import zenoh
 
-from zacoustic.core.actions.news import (
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.news import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,
@@ -26,11 +31,6 @@ from zacoustic.core.actions.news import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailure, GoalFailure, GoalKey, GoalStatus
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects

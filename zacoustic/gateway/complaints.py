@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.clock import Clock, seconds_to_ns
+from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.safetext import one_line
 
 # A sensor with the wrong unit at 100 Hz makes one line in this time, not a thousand.

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S, Clock
+from zacoustic.core.base.clock import NS_PER_S, Clock
 
 _SET_NS: Final = NS_PER_S // 20
 """Reading two clocks one after the other differs by less."""

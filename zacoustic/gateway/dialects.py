@@ -14,10 +14,10 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
-from zacoustic.core.events import CallKey, SampleReceived
-from zacoustic.core.qos import Durability
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.events import CallKey, SampleReceived
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.gateway.lastvalues import LastValue
 from zacoustic.gateway.latched import LatchedKeys
 from zacoustic.gateway.mailbox import Parcel

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import assert_never
 
-from zacoustic.core.actions.news import ActionEvent
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.linktypes import ModemRead, PeerMeasured
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     ClockStateChanged,
     DeadlineMissed,
@@ -28,11 +28,11 @@ from zacoustic.core.events import (
     StreamTuned,
     SubscribersChanged,
 )
-from zacoustic.core.linktypes import ModemRead, PeerMeasured
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.rmw_desert.entities import RosEntitySeen
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.health import Health
 from zacoustic.gateway.notices import (

@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.encoding import JSON
-from zacoustic.core.linktypes import ReceivedFrame, Transmission, TransmitReport
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.linktypes import ReceivedFrame, Transmission, TransmitReport
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.values.encoding import JSON
 from zacoustic.island.doorbell import tell_loop
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.session import Island

@@ -26,9 +26,9 @@ import zenoh
 
 from zacoustic import registry
 from zacoustic.config import Config, read_config
-from zacoustic.core.clock import Clock
-from zacoustic.core.engine import Engine
-from zacoustic.core.qos import Durability
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.engine import Engine
 from zacoustic.errors import ConfigError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects

@@ -37,21 +37,21 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.encoding import JSON
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.base.stats import LedgerEntry
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     DeliveryEnded,
     DeliveryOutcome,
     PeerSeen,
     SampleReceived,
     StreamsDiffer,
 )
-from zacoustic.core.qos import Priority, Reliability
-from zacoustic.core.stats import LedgerEntry
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.encoding import JSON
 from zacoustic.gateway.chronicle import Chronicle
 from zacoustic.gateway.dates import Dates
 from zacoustic.gateway.objects import ObjectDesk

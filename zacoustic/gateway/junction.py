@@ -15,13 +15,13 @@ from typing import Final
 
 import zenoh
 
-from zacoustic.core.clock import Clock
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import EngineRestarted, Event, PeerFound, PeerLost
-from zacoustic.core.makeengine import MakeEngine
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import EngineRestarted, Event, PeerFound, PeerLost
+from zacoustic.core.engine.makeengine import MakeEngine
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.chronicle import Chronicle

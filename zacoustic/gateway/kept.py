@@ -15,8 +15,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.gateway.lastvalues import LastValue
 
 LIMIT_BYTES: Final = 4 * 1024 * 1024

@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import ns_to_seconds
+from zacoustic.core.base.clock import ns_to_seconds
 
 KEYS_LIMIT: Final = 4096
 """Keys whose value is kept; the one that has not changed for longest makes room."""

@@ -7,7 +7,7 @@ import threading
 from collections import deque
 from functools import partial
 
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
 from zacoustic.island.latching import Latched, latched_publisher
 from zacoustic.island.session import Island
 

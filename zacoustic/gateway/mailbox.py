@@ -11,7 +11,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.encoding import LARGEST_VALUE_BYTES
+from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 
 # A stalled loop costs at most this much for each stream, whatever its depth and number of keys;
 # four times the largest value that is read at all.

@@ -17,7 +17,7 @@ from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.island.doorbell import tell_loop
 from zacoustic.serving import cannot_listen, place_name
 

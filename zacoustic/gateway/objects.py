@@ -13,12 +13,12 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.encoding import JSON
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailure
-from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.values.encoding import JSON
 from zacoustic.digits import whole_number
 from zacoustic.island.orders import PREFIX
 from zacoustic.island.queries import Answer, HeldQuery

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.gateway.topics import Topics
 from zacoustic.island.session import Island

@@ -15,12 +15,12 @@ from typing import Final, cast
 
 import msgspec
 
-from zacoustic.core.clock import Clock, ns_to_seconds, seconds_to_ns
-from zacoustic.core.encoding import JSON
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
-from zacoustic.core.orders.words import Order, OrderState
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.island.orders import (

@@ -1,10 +1,10 @@
 """Pings from the island: is the node there, how long does an answer take, how far away is it?
 
 The node itself is asked whether it is silent (an order that changes nothing,
-`zacoustic.core.orders`): what comes back says that its engine lives, not only its modem, and a
-refusal says so as well. Then, where the modem measures ranges and has told none on those frames,
-one is asked for: behind the answer, since a modem that waits for an acknowledgement is deaf to it.
-Where the wire knows no orders the range alone has to do.
+`zacoustic.core.transport.commands`): what comes back says that its engine lives, not only its
+modem, and a refusal says so as well. Then, where the modem measures ranges and has told none on
+those frames, one is asked for: behind the answer, since a modem that waits for an acknowledgement
+is deaf to it. Where the wire knows no orders the range alone has to do.
 """
 
 from collections.abc import Iterable
@@ -13,12 +13,12 @@ from typing import Final, cast
 
 import msgspec
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.encoding import JSON
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailed, CallFailure, ResponseReceived
-from zacoustic.core.orders.words import Order
-from zacoustic.core.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.streams.commands import Order
+from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.gateway.siblings import Siblings
 from zacoustic.island.pings import PINGS, PingAnswer, ping_selector, pinged_node, read_ping

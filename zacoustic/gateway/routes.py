@@ -23,8 +23,8 @@ from functools import partial
 
 import zenoh
 
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.gateway.actions import Actions
 from zacoustic.gateway.dialects import Declared, Dialects
 from zacoustic.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE, WATCH

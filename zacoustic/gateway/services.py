@@ -16,17 +16,17 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     CallKey,
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects

@@ -32,9 +32,9 @@ stands by.
 
 from typing import Final
 
-from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
 
 # The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
 RETIRED_S: Final = 10.0

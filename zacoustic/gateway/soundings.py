@@ -18,10 +18,10 @@ from collections.abc import Callable
 
 import msgspec
 
-from zacoustic.core.clock import Clock, ns_to_seconds
-from zacoustic.core.contact import Contact
-from zacoustic.core.deadlines import Deadlines
-from zacoustic.core.measurements import Measurements
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.peers.contact import Contact
+from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.transport.topics.deadlines import Deadlines
 
 
 class Soundings:

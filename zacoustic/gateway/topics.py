@@ -11,13 +11,13 @@ from typing import Final
 import msgspec
 import zenoh
 
-from zacoustic.core.clock import Clock, ns_to_seconds, seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Priority, Reliability
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Dialects, Reading, Written

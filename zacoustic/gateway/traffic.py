@@ -12,8 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOutcome
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOutcome
+from zacoustic.core.base.trace import TraceRecord
 
 EXCHANGES_KEPT: Final = 64
 """The error rate of frames to a node is that of the last so many that its modem was to confirm."""

@@ -5,7 +5,7 @@ A sample's encoding crosses only where it is another than the stream's, which bo
 
 from typing import Final
 
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.island.values import read_value, said_encoding, write_value
 

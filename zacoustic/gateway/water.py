@@ -12,10 +12,10 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.linktypes import BROADCAST, UNKNOWN_SOURCE
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
 
 KEPT: Final = 16
 """Frames of the past that are told."""

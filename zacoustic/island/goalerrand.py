@@ -7,8 +7,8 @@ from typing import Final, Protocol, TypeVar
 
 import zenoh
 
-from zacoustic.core.events import CallFailure
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.island.doorbell import tell_loop
 from zacoustic.island.goals import ActionForm, ActionKey, Ending, Verdict

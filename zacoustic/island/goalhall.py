@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.events import CallFailure, GoalStatus
+from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.engine.events import CallFailure, GoalStatus
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.island.goals import ActionForm, ActionKey, Asked, Ending, GoalState, Verdict
 from zacoustic.island.queries import Answer, HeldQuery

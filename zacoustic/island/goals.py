@@ -25,9 +25,14 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.encoding import CBOR, TYPED_ENCODINGS, decode_application, encode_application
-from zacoustic.core.events import GoalFailure, GoalStatus
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.engine.events import GoalFailure, GoalStatus
+from zacoustic.core.values.encoding import (
+    CBOR,
+    TYPED_ENCODINGS,
+    decode_application,
+    encode_application,
+)
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.island.marker import is_marked
 

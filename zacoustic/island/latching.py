@@ -13,7 +13,7 @@ from collections.abc import Callable
 import zenoh
 import zenoh.ext
 
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
 from zacoustic.island.session import Island, one_line, zenoh_priority
 
 _logger = logging.getLogger(__name__)

@@ -5,8 +5,8 @@ from typing import Final
 
 import zenoh
 
-from zacoustic.core.events import CallFailure
-from zacoustic.core.orders.words import Order
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.commands import Order
 from zacoustic.island.doorbell import tell_loop
 from zacoustic.island.orders import selector
 from zacoustic.island.replies import read_error

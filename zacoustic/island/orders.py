@@ -21,8 +21,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.orders.words import ORDERS_TIMEOUT_S, Order, OrderKind, OrderState
-from zacoustic.core.qos import PRIORITY_NAMES
+from zacoustic.core.base.qos import PRIORITY_NAMES
+from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S, Order, OrderKind, OrderState
 from zacoustic.digits import real_number, whole_number
 
 PREFIX: Final = "@acoustic"

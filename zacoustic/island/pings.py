@@ -10,7 +10,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.orders.words import ORDERS_TIMEOUT_S
+from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S
 from zacoustic.digits import real_number, whole_number
 from zacoustic.island.orders import ANY_NODE, PREFIX
 

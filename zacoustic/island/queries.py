@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 import msgspec
 import zenoh
 
-from zacoustic.core.events import CallFailure
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.island.replies import ERROR_ENCODING, error_text
 from zacoustic.island.worker import Worker
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 import zenoh
 
-from zacoustic.core.events import CallFailure
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.island.replies import read_error
 from zacoustic.island.session import Island, zenoh_priority
 

@@ -6,8 +6,8 @@ of another form is one of a program that knows nothing of this: its handler has 
 
 from typing import Final
 
-from zacoustic.core.encoding import OPAQUE
-from zacoustic.core.events import CallFailure
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.values.encoding import OPAQUE
 
 ERROR_ENCODING: Final = "text/plain"
 """Encoding of the text in an error reply: UTF-8."""

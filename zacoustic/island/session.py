@@ -15,7 +15,7 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
 from zacoustic.errors import ConfigError, SessionError
 from zacoustic.island.worker import Worker
 

@@ -4,8 +4,8 @@ Reading and writing does not ask whether the type allows the value; that is for 
 an engine or to an application.
 """
 
-from zacoustic.core.encoding import OPAQUE, decode_application, encode_application
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.encoding import OPAQUE, decode_application, encode_application
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import PayloadInvalidError
 
 

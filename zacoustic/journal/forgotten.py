@@ -1,9 +1,9 @@
 """What a node without a journal forgets when it is restarted, in one line for people."""
 
-from zacoustic.core.qos import Durability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
 
 
 def forgotten(table: StreamTable, address: int) -> str:

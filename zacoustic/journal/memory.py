@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, JournalWrite
 from zacoustic.journal.port import JournalState, begin_life
 
 

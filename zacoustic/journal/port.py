@@ -12,7 +12,7 @@ from typing import Final, Protocol
 
 import msgspec
 
-from zacoustic.core.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
 
 EPOCHS: Final = 1 << 16
 """Number of boot epochs: two bytes on the wire."""

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from zacoustic.core.journal import EPOCH_KEY, JournalWrite
+from zacoustic.core.base.journal import EPOCH_KEY, JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.journal.file import LIMIT_BYTES, JournalFile, make_folder, sync_folder
 from zacoustic.journal.inspection import Found, commits_of, inspect, log_path, one_line

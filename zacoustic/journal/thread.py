@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, TypeVar
 
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.journal import JournalWrite
 from zacoustic.journal.port import Journal, JournalState
 
 FIRST_RETRY_S: Final = 1.0

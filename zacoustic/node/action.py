@@ -12,7 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
-from zacoustic.core.events import GoalFailure, GoalStatus
+from zacoustic.core.engine.events import GoalFailure, GoalStatus
 from zacoustic.errors import DeliveryError, LocalError, ZacousticError
 from zacoustic.node.carrier import Carrier
 from zacoustic.node.goals import GoalEnd, SentGoal, TakenGoal

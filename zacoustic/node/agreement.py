@@ -4,9 +4,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Durability, Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.base.qos import Durability, Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import ConfigError
 from zacoustic.ros.names import is_interface
 

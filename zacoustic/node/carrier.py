@@ -10,7 +10,9 @@ from typing import Any, Final, Protocol
 
 import msgspec
 
-from zacoustic.core.events import (
+from zacoustic.core.base.linktypes import LinkMetrics, ModemRead, PeerMeasured
+from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.engine.events import (
     CallFailure,
     ClockStateChanged,
     DeadlineMissed,
@@ -28,15 +30,13 @@ from zacoustic.core.events import (
     StreamTuned,
     SubscribersChanged,
 )
-from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
-from zacoustic.core.measurements import Range
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.orders.words import Order, OrderState
-from zacoustic.core.ranging import RangeFailed, RangeFailure
-from zacoustic.core.rmw_desert.entities import RosEntitySeen
-from zacoustic.core.stats import EngineStats, LedgerEntry
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import StreamSpec
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.peers.ranging import RangeFailed, RangeFailure
+from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,

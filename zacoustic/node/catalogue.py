@@ -13,11 +13,11 @@ from typing import Any
 
 import msgspec
 
-from zacoustic.core.keys import Instance
-from zacoustic.core.qos import Durability, Qos, Reliability
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import TypeSpec, TypeTable
+from zacoustic.core.base.qos import Durability, Qos, Reliability
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 from zacoustic.node.agreement import PARTS, kind_of, pair_of, triple_of, tune
 from zacoustic.node.carrier import Carrier

@@ -7,8 +7,8 @@ awaited, on the loop.
 import asyncio
 from collections.abc import Callable, Generator
 
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, DeliveryStored
-from zacoustic.core.objects.progress import ObjectProgress
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, DeliveryStored
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import DeliveryError, LocalError
 
 

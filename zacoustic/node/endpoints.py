@@ -7,7 +7,7 @@ from typing import Any, TypeVar, overload
 
 import msgspec
 
-from zacoustic.core.qos import Qos
+from zacoustic.core.base.qos import Qos
 from zacoustic.errors import LocalError
 from zacoustic.node.action import (
     ActionClient,

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import AsyncIterator
 from typing import Final
 
-from zacoustic.core.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.node.carrier import NodeEvent
 from zacoustic.node.mailbox import Mailbox
 

@@ -11,7 +11,7 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from zacoustic.core.types import TypeSpec, check_agreement, struct_builder, type_from_struct
+from zacoustic.core.values.types import TypeSpec, check_agreement, struct_builder, type_from_struct
 from zacoustic.errors import ConfigError
 from zacoustic.island.values import read_value, write_value
 from zacoustic.ros.names import UNSTAMPED, is_interface

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from zacoustic.core.events import GoalFailure, GoalStatus
+from zacoustic.core.engine.events import GoalFailure, GoalStatus
 from zacoustic.errors import CallTimeoutError, DeliveryError, ZacousticError
 from zacoustic.node.routes import ActionRoute
 

@@ -6,7 +6,10 @@ import logging
 from collections.abc import Callable
 from typing import Any, Final
 
-from zacoustic.core.actions.news import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import (
     ActionEvent,
     CancelAnswered,
     CancelRequested,
@@ -17,9 +20,6 @@ from zacoustic.core.actions.news import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import GoalFailure, GoalKey, GoalStatus
-from zacoustic.core.streams import StreamTable
 from zacoustic.errors import LinkClosedError, LocalError
 from zacoustic.node.goals import GoalDesk, GoalEnd, TakeFeedback, goal_error
 from zacoustic.node.routes import ActionRoute

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.events import CallFailure, GoalFailure, GoalStatus
+from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
 from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
 from zacoustic.island.doorbell import Doorbell
 from zacoustic.island.goalerrand import FeedbackEar, GoalErrand

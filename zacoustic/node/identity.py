@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 
 from zacoustic.config import Config, read_config
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 
 

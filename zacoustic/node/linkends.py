@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from zacoustic.core.events import CallFailure, RequestReceived
+from zacoustic.core.engine.events import CallFailure, RequestReceived
 from zacoustic.node.delivery import Delivery
 from zacoustic.node.routes import TopicRoute
 

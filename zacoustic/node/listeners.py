@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
-from zacoustic.core.encoding import OPAQUE
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.qos import Durability
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.encoding import OPAQUE
 from zacoustic.errors import LinkClosedError
 from zacoustic.node.carrier import Incoming
 from zacoustic.node.routes import TopicRoute

@@ -8,12 +8,12 @@ from types import TracebackType
 from typing import Final, Self
 
 from zacoustic.config import Config
-from zacoustic.core.measurements import Range
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.orders.words import Order, OrderState
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.stats import EngineStats, LedgerEntry
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import ConfigError, LocalError, SessionError
 from zacoustic.journal import Journal, MemoryJournal, journal_in
 from zacoustic.journal.thread import recover, release

@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.core.actions.news import ActionEvent
-from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.qos import Reliability
+from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     DeliveryEnded,
@@ -24,14 +25,13 @@ from zacoustic.core.events import (
     SampleReceived,
     StreamsDiffer,
 )
-from zacoustic.core.measurements import Range
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.qos import Reliability
-from zacoustic.core.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import StreamSpec
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LinkClosedError, LocalError, QueueFullError
 from zacoustic.hostclock import HostClock
 from zacoustic.journal import Journal, JournalState

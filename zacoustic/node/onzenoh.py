@@ -17,14 +17,14 @@ import zenoh
 
 from zacoustic import safetext
 from zacoustic.config import Config
-from zacoustic.core.events import CallFailure, LinkStateChanged
-from zacoustic.core.linktypes import LinkMetrics, LinkState
-from zacoustic.core.measurements import Range
-from zacoustic.core.orders.words import Order, OrderState
-from zacoustic.core.qos import Durability
-from zacoustic.core.stats import NO_STREAM, EngineStats, LedgerEntry, count
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import StreamSpec
+from zacoustic.core.base.linktypes import LinkMetrics, LinkState
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
+from zacoustic.core.engine.events import CallFailure, LinkStateChanged
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import (
     CallTimeoutError,
     LinkClosedError,

@@ -3,9 +3,9 @@
 import asyncio
 import contextlib
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailed, CallFailure, Event, ResponseReceived
-from zacoustic.core.orders.words import Order, OrderState
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, Event, ResponseReceived
+from zacoustic.core.streams.commands import Order, OrderState
 from zacoustic.errors import LinkClosedError, ServiceError
 from zacoustic.node.carrier import call_error
 from zacoustic.runtime import LinkRunner

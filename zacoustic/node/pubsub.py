@@ -7,7 +7,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
-from zacoustic.core.linktypes import LinkMetrics
+from zacoustic.core.base.linktypes import LinkMetrics
 from zacoustic.errors import LocalError
 from zacoustic.node.carrier import Carrier, Incoming, Outlet
 from zacoustic.node.delivery import Delivery

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.events import CallFailure
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.island.doorbell import Doorbell
 from zacoustic.island.marker import read_marker

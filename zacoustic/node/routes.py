@@ -4,10 +4,10 @@ from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
-from zacoustic.core.encoding import CBOR, OPAQUE
-from zacoustic.core.keys import Instance, fault_of_name
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import Stream
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.streams.keys import Instance, fault_of_name
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.encoding import CBOR, OPAQUE
 from zacoustic.errors import ConfigError
 from zacoustic.node.form import Form, free_form
 
@@ -37,7 +37,7 @@ class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
     stream: Stream | None
     """The stream; None: a Zenoh key that no config maps."""
     instance: Instance = ()
-    """Value numbers of `key`; see `zacoustic.core.keys`."""
+    """Value numbers of `key`; see `zacoustic.core.streams.keys`."""
     form: Form[T]
     """The Python side of the values."""
     encoding: str

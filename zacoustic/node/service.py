@@ -9,7 +9,7 @@ from typing import Any, Generic, Protocol, TypeVar, cast
 
 import msgspec
 
-from zacoustic.core.events import CallFailure
+from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import DeliveryError, LocalError, ZacousticError
 from zacoustic.node.carrier import CLOSED_TEXT, Carrier, IncomingCall
 from zacoustic.node.routes import ServiceRoute

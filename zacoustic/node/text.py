@@ -11,14 +11,14 @@ from typing import Any
 
 import msgspec
 
-from zacoustic.core.encoding import (
+from zacoustic.core.values.encoding import (
     CBOR,
     JSON,
     TYPED_ENCODINGS,
     decode_application,
     encode_application,
 )
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.json5 import parse_json5
 

@@ -4,8 +4,8 @@ import asyncio
 from collections.abc import AsyncIterator, Iterator
 from typing import Generic, TypeVar
 
-from zacoustic.core.events import DeliveryOutcome
-from zacoustic.core.objects.progress import ObjectProgress
+from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.node import delivery, pubsub, service
 from zacoustic.node.loopthread import LoopThread
 from zacoustic.node.pubsub import Sample

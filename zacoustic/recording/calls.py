@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.journal import JournalWrite
-from zacoustic.core.tap import CALLS, EngineCall, method_of
-from zacoustic.core.types import TypeSpec
-from zacoustic.core.types.scalars import enum_name
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.engine.tap import CALLS, EngineCall, method_of
+from zacoustic.core.values.types import TypeSpec
+from zacoustic.core.values.types.scalars import enum_name
 from zacoustic.errors import ConfigError
 from zacoustic.recording.life import exact_spec
 

@@ -4,7 +4,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkMetrics,
     LinkState,
@@ -12,7 +12,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
-from zacoustic.core.streams import Stream
+from zacoustic.core.streams.table import Stream
 from zacoustic.recording.schemas import (
     OpaqueValue,
     schema_of_anything,

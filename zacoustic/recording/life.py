@@ -11,15 +11,15 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.dense.prior import Model
-from zacoustic.core.engine import Engine
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import StreamSpec
-from zacoustic.core.tap import CALLS
-from zacoustic.core.trace import TraceSink
-from zacoustic.core.types import TypeSpec, TypeTable
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.trace import TraceSink
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.tap import CALLS
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.dense.model.prior import Model
+from zacoustic.core.values.types import TypeSpec, TypeTable
 from zacoustic.errors import ConfigError
 
 FORMAT: Final = 1

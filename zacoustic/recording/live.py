@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from zacoustic.core.clock import Clock
+from zacoustic.core.base.clock import Clock
 from zacoustic.recording.recorder import EngineRecorder
 from zacoustic.recording.writing import RecordingFile
 from zacoustic.ros.streams import RosStream

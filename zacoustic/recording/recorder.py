@@ -6,18 +6,13 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.linktypes import (
-    LinkState,
-    ReceivedFrame,
-    Transmission,
-    TransmitReport,
-)
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.tap import EngineCall, Tap
-from zacoustic.core.trace import TraceSink
+from zacoustic.core.base.linktypes import LinkState, ReceivedFrame, Transmission, TransmitReport
+from zacoustic.core.base.trace import TraceSink
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.engine.tap import EngineCall, Tap
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.recording.calls import encode_call, plain
 from zacoustic.recording.channels import (
     Channel,

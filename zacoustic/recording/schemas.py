@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.types import INTEGER_LIMITS, FieldSpec, TypeSpec
+from zacoustic.core.values.types import INTEGER_LIMITS, FieldSpec, TypeSpec
 
 _DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 _OCTETS: Final[dict[str, Any]] = {"type": "string", "contentEncoding": "base64"}

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.keys import Instance
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.recording.calls import plain
 from zacoustic.recording.channels import CDR, ROS_SCHEMA, Channel, value_channel

@@ -9,7 +9,7 @@ that raised is not taken again for a while, and after `FREE` faults in a row the
 import logging
 from typing import Final
 
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.base.clock import seconds_to_ns
 
 FREE: Final = 8
 """Faults that are followed by no pause; one is forgotten in `FORGET_S`."""

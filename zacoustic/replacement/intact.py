@@ -5,15 +5,15 @@ can read it: another version may have written it, for another table, or this one
 entry must not keep a node from starting. So where an engine raises while it is made, or in its
 first step, the entries are sorted: by halves, until each part that raises is a single entry. The
 engine gets all others, and a reason to doubt what it remembers, so that what it may have executed
-before is refused and not executed twice (`zacoustic.core.doubt`).
+before is refused and not executed twice (`zacoustic.core.peers.doubt`).
 """
 
 import logging
 from collections.abc import Callable, Mapping, Set
 from typing import Final, TypeAlias
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.journal import BOOT_KEY, DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.journal import BOOT_KEY, DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.engine.engine import Engine
 from zacoustic.journal.thread import NO_WRITE
 
 Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]

@@ -15,16 +15,8 @@ the engine keeps the ids of all that is under way, outside of it:
 from collections.abc import Iterator
 from typing import Any, Final
 
-from zacoustic.core.actions.news import (
-    CancelAnswered,
-    FeedbackReceived,
-    GoalAnswered,
-    GoalFailed,
-    GoalRecovered,
-    ResultReceived,
-)
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     DeliveryEnded,
@@ -35,10 +27,18 @@ from zacoustic.core.events import (
     GoalKey,
     ResponseReceived,
 )
-from zacoustic.core.orders.words import ORDERS_STREAM_ID
-from zacoustic.core.ranging import RangeFailed, RangeFailure, RangeMeasured
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.tap import EngineCall, Tap, call_engine
+from zacoustic.core.engine.tap import EngineCall, Tap, call_engine
+from zacoustic.core.peers.ranging import RangeFailed, RangeFailure, RangeMeasured
+from zacoustic.core.streams.commands import ORDERS_STREAM_ID
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.transport.actions.news import (
+    CancelAnswered,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalRecovered,
+    ResultReceived,
+)
 
 MOST_ENDED: Final = 1024
 """Ends that are remembered, of samples and of goals: the journal may still have them then."""

@@ -9,10 +9,10 @@ here, so the store is not read again. An entry that makes the next one raise, to
 import asyncio
 from collections.abc import Callable, Iterator
 
-from zacoustic.core.clock import Clock
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import EngineRestarted, Event
-from zacoustic.core.journal import JournalWrite
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import EngineRestarted, Event
 from zacoustic.journal import EPOCHS
 from zacoustic.journal.thread import JournalThread
 from zacoustic.replacement.faults import FIRST_PAUSE_S, Faults

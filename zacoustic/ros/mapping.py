@@ -28,10 +28,10 @@ import msgspec
 import numpy as np
 from rosbags.serde.utils import ndtype
 
-from zacoustic.core.types import FieldSpec, TypeSpec
-from zacoustic.core.types.fields import MAX_LENGTH
-from zacoustic.core.types.scalars import shown
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types.fields import MAX_LENGTH
+from zacoustic.core.values.types.scalars import shown
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.members import NO_MEMBER, Member

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from rosbags.serde import SerdeError
 
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.mapping import TypeMapper

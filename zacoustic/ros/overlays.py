@@ -11,7 +11,7 @@ from fnmatch import fnmatchcase
 
 import msgspec
 
-from zacoustic.core.types import FieldSpec
+from zacoustic.core.values.types import FieldSpec
 
 Constant = bool | int | float | str
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.ros.interfaces import Interfaces
 from zacoustic.ros.names import RosKey, dds_type
 from zacoustic.ros.qos import RosDurability, RosQos

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.core.types import TypeSpec, struct_from_type
+from zacoustic.core.values.types import TypeSpec, struct_from_type
 from zacoustic.ros.interfaces import DEFAULT_DISTRO, Interfaces
 
 

@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Callable
 from typing import Any, Final
 
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.base.clock import seconds_to_ns
 
 MOST_AT_ONCE: Final = 100_000
 """Actions at one instant that are taken for a timer that is armed for now again and again."""

@@ -19,8 +19,8 @@ from typing import Any, Final, TypeAlias, TypeGuard
 
 import msgspec
 
-from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.linktypes import (
     LinkMetrics,
     LinkState,
     Measurement,

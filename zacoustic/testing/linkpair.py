@@ -10,8 +10,8 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Final, Protocol
 
-from zacoustic.core.clock import NS_PER_S, ns_to_seconds
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
+from zacoustic.core.base.linktypes import (
     BROADCAST,
     LinkState,
     Measurement,

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.keys import Instance
-from zacoustic.core.stats import NO_STREAM
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.stats import NO_STREAM
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
 from zacoustic.testing.virtual import VirtualNetwork
 

@@ -34,16 +34,16 @@ import msgspec
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.position import Position
 from zacoustic.channel.scenario import Scenario
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.journal import BOOT_KEY
-from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import LinkCapabilities, LinkState
-from zacoustic.core.makeengine import MakeEngine
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.stats import EngineStats
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.journal import BOOT_KEY
+from zacoustic.core.base.linktypes import LinkCapabilities, LinkState
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.engine.makeengine import MakeEngine
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualfaults import schedule_faults

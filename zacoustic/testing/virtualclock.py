@@ -8,7 +8,7 @@ clock is what people set, forward and back, by years if they like; no engine may
 from typing import Final
 
 from zacoustic.channel.nodefaults import ClockSpec
-from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.base.clock import seconds_to_ns
 
 _PARTS: Final = 10**12
 """Drift is counted in parts of this: integers, so that nothing is lost in a year."""

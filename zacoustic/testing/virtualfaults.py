@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from zacoustic.channel.nodefaults import CrashSpec
 from zacoustic.channel.scenario import Scenario
-from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.base.clock import NS_PER_S
 
 if TYPE_CHECKING:
     from zacoustic.testing.virtual import VirtualNetwork

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from zacoustic.channel.nodefaults import JournalSpec
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
 
 _EPOCHS: Final = 1 << 16
 

@@ -5,7 +5,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.profiles import ModemProfile
-from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, Transmission
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, Transmission
 
 MEASURED: Final = frozenset({"snr_db", "propagation_s", "range_m"})
 """Fields of `LinkMetrics` that an acknowledgement fills."""

@@ -3,10 +3,10 @@
 import random
 
 from zacoustic.channel.profiles import ModemProfile
-from zacoustic.core.engine import Engine
-from zacoustic.core.linktypes import Transmission
-from zacoustic.core.stats import EngineStats
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.base.linktypes import Transmission
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError
 from zacoustic.testing.virtualclock import NodeClock
 from zacoustic.testing.virtualjournal import VirtualJournal

@@ -12,9 +12,8 @@ from zacoustic.channel.acknowledgement import ACKNOWLEDGEMENT_BYTES, patience_ns
 from zacoustic.channel.faults import corrupt
 from zacoustic.channel.medium import Arrival, Emission, Medium, Reception
 from zacoustic.channel.position import Position
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import (
     BROADCAST,
     LinkMetrics,
     PeerMeasured,
@@ -23,6 +22,7 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.engine.engine import Engine
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualmodem import Modem
 from zacoustic.testing.virtualnode import VirtualNode

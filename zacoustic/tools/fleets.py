@@ -5,8 +5,8 @@ from typing import Final
 
 from zacoustic.channel.scenario import Scenario
 from zacoustic.config import Config, read_config
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 
 _FIRST_OPAQUE_ID: Final = 1

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import msgspec
 
 from zacoustic.config import Config
-from zacoustic.core.events import CallFailure
-from zacoustic.core.orders.words import Order
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.commands import Order
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
 from zacoustic.island.orderquestion import OrderQuestion
 from zacoustic.island.orders import SilenceState, StreamState

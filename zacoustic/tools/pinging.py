@@ -17,9 +17,9 @@ import msgspec
 import zenoh
 
 from zacoustic.config import Config
-from zacoustic.core.events import CallFailure
-from zacoustic.core.orders.words import Order
-from zacoustic.core.qos import Priority
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.commands import Order
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,

@@ -5,9 +5,9 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.access import Aloha, AlohaSpec, Wanted
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access import Aloha, AlohaSpec, Wanted
 
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1)
 LARGEST_NS = LINK.airtime_ns(64)

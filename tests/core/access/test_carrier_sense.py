@@ -3,11 +3,11 @@
 import random
 
 from tests.core.rig import End, link
-from zacoustic.core.access import CarrierSense, Wanted
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.schedule.access import CarrierSense, Wanted
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1, senses_carrier=True)
 SLOT_NS = LINK.airtime_ns(8)

@@ -4,7 +4,8 @@ import random
 
 import pytest
 
-from zacoustic.core.access import (
+from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access import (
     Aloha,
     AlohaSpec,
     CarrierSense,
@@ -17,9 +18,8 @@ from zacoustic.core.access import (
     Wanted,
     choose,
 )
-from zacoustic.core.access.polling import Polled, Poller
-from zacoustic.core.access.spec import AccessSpec
-from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access.polling import Polled, Poller
+from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.errors import ConfigError
 
 PLAIN = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.2)

@@ -3,7 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.access.controls import (
+from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.wire.access import (
     ANYBODY,
     CLOCK_TICK_NS,
     LONGEST_SPAN_NS,
@@ -11,7 +12,6 @@ from zacoustic.core.access.controls import (
     ClockTime,
     Turn,
 )
-from zacoustic.core.clock import NS_PER_S
 
 
 @given(node=st.integers(0, 255), span_ns=st.integers(0, 2 * LONGEST_SPAN_NS))

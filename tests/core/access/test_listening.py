@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import msgspec
 
-from zacoustic.core.access import Listening
-from zacoustic.core.access.controls import ANYBODY, Turn
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access import Listening
+from zacoustic.core.wire.access import ANYBODY, Turn
 
 # As the S2C modem: 0.860 s and a gap of 0.090 s for the largest frame.
 LINK = LinkCapabilities(

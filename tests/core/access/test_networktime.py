@@ -1,7 +1,7 @@
 """Network time: an offset, its error, and doubt after a jump."""
 
-from zacoustic.core.access.networktime import SETTLING_NS, NetworkTime
 from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.schedule.access.networktime import SETTLING_NS, NetworkTime
 
 MS = NS_PER_S // 1000
 

@@ -2,11 +2,11 @@
 
 import random
 
-from zacoustic.core.access import PollingSpec, Wanted, choose
-from zacoustic.core.access.controls import NOBODY, Turn
-from zacoustic.core.access.polling import Polled, Poller
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access import PollingSpec, Wanted, choose
+from zacoustic.core.schedule.access.polling import Polled, Poller
+from zacoustic.core.wire.access import NOBODY, Turn
 
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1, propagation_s=0.5)
 SPEC = PollingSpec(poller=1, nodes=(2, 3), turn_s=3.0, idle_s=10.0)

@@ -5,12 +5,12 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.access import TdmaSpec, Wanted, choose
-from zacoustic.core.access.controls import ClockTime
-from zacoustic.core.access.networktime import SETTLING_NS
-from zacoustic.core.access.tdma import Tdma
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access import TdmaSpec, Wanted, choose
+from zacoustic.core.schedule.access.networktime import SETTLING_NS
+from zacoustic.core.schedule.access.tdma import Tdma
+from zacoustic.core.wire.access import ClockTime
 
 LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=640, preamble_s=0.1)
 LARGEST_NS = LINK.airtime_ns(64)

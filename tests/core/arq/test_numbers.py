@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.arq.numbers import (
+from zacoustic.core.wire.numbers import (
     LONGEST_ACK_BYTES,
     NUMBERS,
     WINDOW,

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.content import measure_content
-from zacoustic.core.frame import Control, Item, Prefixes, Record, Stray, Sync, parse_frame
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Qos, Reliability, Stamp
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.base.qos import Qos, Reliability, Stamp
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.content import measure_content
+from zacoustic.core.wire.frame import Control, Item, Prefixes, Record, Stray, Sync, parse_frame
 
 RELIABLE = Qos(reliability=Reliability.RELIABLE)
 TABLE = StreamTable(

@@ -1,10 +1,10 @@
 """The beat, and what a publisher takes its receiver to know of it."""
 
-from zacoustic.core.arq.rhythm import Beat, SendRhythm
-from zacoustic.core.arq.timing import LinkTimes
+from zacoustic.core.base.qos import Qos
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Qos
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.transport.reliable.rhythm import Beat, SendRhythm
 
 LINK = LinkCapabilities(
     mtu_bytes=64,

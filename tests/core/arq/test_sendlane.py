@@ -5,14 +5,14 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.arq.numbers import NUMBERS, PACE, WINDOW
-from zacoustic.core.arq.sendlane import KeptSample, Outgoing, SendLane, Stage
-from zacoustic.core.arq.spans import Span, Spans
-from zacoustic.core.frame import Sync
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import TypeTable
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.reliable.sending.sendlane import KeptSample, Outgoing, SendLane, Stage
+from zacoustic.core.transport.reliable.spans import Span, Spans
+from zacoustic.core.values.types import TypeTable
+from zacoustic.core.wire.frame import Sync
+from zacoustic.core.wire.numbers import NUMBERS, PACE, WINDOW
 
 STREAM = Stream(TopicSpec(stream_id=7, name="a"), TypeTable(), {})
 SETTLING_NS = 1000

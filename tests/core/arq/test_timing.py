@@ -5,10 +5,10 @@ import random
 import msgspec
 import pytest
 
-from zacoustic.core.arq.timing import LinkTimes, PeerTiming
+from zacoustic.core.base.qos import Priority
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Priority
+from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
 
 LINK = LinkCapabilities(
     mtu_bytes=64,

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.core.arq.test_rhythm import LINK, TIMES
-from zacoustic.core.arq.watch import Watch
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.transport.reliable.receiving.watch import Watch
 
 FRAME_NS = LINK.airtime_ns(14)
 DOUBT_S = TIMES.doubt_ns / NS_PER_S

@@ -2,7 +2,7 @@
 
 import pytest
 
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 
 @pytest.fixture(scope="session")

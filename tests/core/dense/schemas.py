@@ -6,7 +6,7 @@ from typing import Any
 import hypothesis
 from hypothesis import strategies as st
 
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 from zacoustic.errors import ConfigError
 
 _STEPS = (1e-6, 0.001, 0.01, 0.1, 0.25, 1 / 60, 1.0, 7.0)

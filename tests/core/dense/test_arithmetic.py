@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense.arithmetic import Coder
-from zacoustic.core.dense.curve import MOST_HOLD, Curve
-from zacoustic.core.dense.reader import Reader
-from zacoustic.core.dense.shares import MARKER
-from zacoustic.core.dense.writer import Writer
-from zacoustic.core.payload import PayloadError
+from zacoustic.core.values.dense.coder.arithmetic import Coder
+from zacoustic.core.values.dense.coder.curve import MOST_HOLD, Curve
+from zacoustic.core.values.dense.coder.reader import Reader
+from zacoustic.core.values.dense.coder.shares import MARKER
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.payload import PayloadError
 
 Symbol = tuple[str, int, int, int]
 

@@ -5,9 +5,9 @@ import random
 
 import pytest
 
-from zacoustic.core.dense import DenseCodec, DenseSample
-from zacoustic.core.dense.attitude import Attitude
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample
+from zacoustic.core.values.dense.model.attitude import Attitude
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 STEP = 0.001
 

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense.curve import (
+from zacoustic.core.values.dense.coder.curve import (
     CURVES,
     LARGEST_SIZE,
     LISTED,
@@ -17,9 +17,9 @@ from zacoustic.core.dense.curve import (
     logarithm,
     span,
 )
-from zacoustic.core.dense.reader import Reader
-from zacoustic.core.dense.writer import Writer
-from zacoustic.core.payload import PayloadError
+from zacoustic.core.values.dense.coder.reader import Reader
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.payload import PayloadError
 
 
 @st.composite

@@ -8,9 +8,9 @@ import pytest
 from tests.telemetry.exchange import dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import STREAM_IDS, by_id
-from zacoustic.core.dense import DenseCodec, DenseSample, Model, fit
-from zacoustic.core.dense.prior import Companion
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Model, fit
+from zacoustic.core.values.dense.model.prior import Companion
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 from zacoustic.errors import ConfigError
 
 NAMES = ("nav", "ctd", "log")

@@ -14,13 +14,13 @@ from tests.core.dense.schemas import is_close, schemas
 from tests.telemetry.exchange import dense_samples
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import by_id
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Model, Speaker
-from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.payload import PackedCodec, PayloadError
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Model, Speaker
+from zacoustic.core.values.payload import PackedCodec, PayloadError
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 NAV: dict[str, Any] = {

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from tests.golden.dense import MODEL, TYPES, VECTORS, nav_samples, vectors
-from zacoustic.core.dense import DenseCodec, Listener
-from zacoustic.core.dense.packedbytes import PackedBytesCodec
+from zacoustic.core.values.dense import DenseCodec, Listener
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import random
 
-from zacoustic.core.dense.leastsquares import Explained, Shape
+from zacoustic.core.values.dense.model.leastsquares import Explained, Shape
 
 TRUST = 1 << 16
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense.packedbytes import PackedBytesCodec
-from zacoustic.core.dense.spelling import spelled, unspelled
-from zacoustic.core.dense.text import LONGEST_BYTES
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
+from zacoustic.core.values.dense.text.spelling import spelled, unspelled
+from zacoustic.core.values.dense.text.text import LONGEST_BYTES
+from zacoustic.core.values.payload import PayloadError
 
 CODEC: Final = PackedBytesCodec()
 WORDS = st.text(max_size=9)

@@ -9,11 +9,18 @@ import pytest
 from tests.telemetry.exchange import dense_samples, exchange
 from tests.telemetry.mission import Mission
 from tests.telemetry.streams import by_id
-from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener, Snapshot, Speaker
-from zacoustic.core.dense.references import KEPT
-from zacoustic.core.dense.snapshot import NAMES
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.dense import (
+    DenseCodec,
+    DenseSample,
+    Encoded,
+    Listener,
+    Snapshot,
+    Speaker,
+)
+from zacoustic.core.values.dense.model.snapshot import NAMES
+from zacoustic.core.values.dense.stream.references import KEPT
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.types import TypeSpec
 
 ROOM = 512
 HERE, THERE = 1, 2

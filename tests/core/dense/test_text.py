@@ -7,13 +7,13 @@ import cbor2
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.dense.lines import LINES
-from zacoustic.core.dense.reader import Reader
-from zacoustic.core.dense.text import TextModel
-from zacoustic.core.dense.writer import Writer
-from zacoustic.core.payload import PackedCodec
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.values.dense.coder.reader import Reader
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.dense.text.lines import LINES
+from zacoustic.core.values.dense.text.text import TextModel
+from zacoustic.core.values.payload import PackedCodec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 MODEL = TextModel(line.encode() for line in LINES)
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.objects.code import (
+from zacoustic.core.transport.objects.code.code import (
     BLOCK_FRAGMENTS,
     LAST_INDEX,
     MOST_FRAGMENTS,
@@ -15,7 +15,7 @@ from zacoustic.core.objects.code import (
     Layout,
     coefficients,
 )
-from zacoustic.core.objects.galois import combine, inverse, products
+from zacoustic.core.transport.objects.code.galois import combine, inverse, products
 
 
 @given(st.integers(1, 255), st.integers(0, 255), st.integers(0, 255))

@@ -5,7 +5,7 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.objects.planning import LossEstimate, Need, repairs_to_send
+from zacoustic.core.transport.objects.sending.planning import LossEstimate, Need, repairs_to_send
 
 
 def known(lacking: int, loss: float, *, seen: float = 300.0) -> Need:

@@ -10,10 +10,10 @@ import pytest
 from tests.core.objects.water import S2C, STREAM, Water, confirmation_s
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.objects.gate import Admission
-from zacoustic.core.objects.limits import ObjectLimits
-from zacoustic.core.objects.progress import ObjectState
-from zacoustic.core.objects.wire import (
+from zacoustic.core.transport.objects.gate import Admission
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.progress import ObjectState
+from zacoustic.core.wire.objects import (
     FEEDBACK_CODE,
     FRAGMENT_CODE,
     NO_FRAGMENT,

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from zacoustic.core.objects.manifest import (
+from zacoustic.core.transport.objects.manifest import (
     DIGEST_BYTES,
     decode_manifest,
     encode_object,
     open_object,
 )
-from zacoustic.core.objects.wire import (
+from zacoustic.core.wire.objects import (
     CHECK_BYTES,
     FEEDBACK_BYTES,
     FRAGMENT_HEADER_BYTES,

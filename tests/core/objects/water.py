@@ -8,19 +8,19 @@ from functools import partial
 
 import msgspec
 
-from zacoustic.core.access.listening import Listening
-from zacoustic.core.arq.receiving import Claim
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import JournalPort, JournalWrite
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.generators import Generators
-from zacoustic.core.journal import JournalPort, JournalWrite
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
-from zacoustic.core.objects.gate import Admission, ObjectReceived
-from zacoustic.core.objects.limits import ObjectLimits
-from zacoustic.core.objects.manifest import Manifest
-from zacoustic.core.objects.objects import Objects
-from zacoustic.core.objects.progress import ObjectProgress
-from zacoustic.core.objects.sending import Sending
-from zacoustic.core.objects.wire import (
+from zacoustic.core.schedule.access.listening import Listening
+from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.manifest import Manifest
+from zacoustic.core.transport.objects.objects import Objects
+from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.transport.objects.sending.sending import Sending
+from zacoustic.core.transport.reliable.receiving.receiving import Claim
+from zacoustic.core.wire.objects import (
     FRAGMENT_CODE,
     Call,
     Fragment,

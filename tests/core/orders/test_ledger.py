@@ -1,7 +1,7 @@
 """Which orders are new."""
 
-from zacoustic.core.journal import JournalPort
-from zacoustic.core.orders.ledger import Ledger, Standing
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.transport.commands.ledger import Ledger, Standing
 
 NEW, SAME, OVERTAKEN = Standing.NEW, Standing.SAME, Standing.OVERTAKEN
 

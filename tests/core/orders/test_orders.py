@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from tests.core.rig import Rig, link
+from zacoustic.core.base.qos import Priority, Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     ResponseReceived,
@@ -16,11 +17,10 @@ from zacoustic.core.events import (
     StreamTuned,
 )
 from zacoustic.core.linktypes import LinkCapabilities, LinkState
-from zacoustic.core.orders.words import ORDERS_STREAM_ID, Order, OrderKind, OrderState
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.commands import ORDERS_STREAM_ID, Order, OrderKind, OrderState
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError, PayloadTooLargeError
 
 S = NS_PER_S

@@ -2,7 +2,8 @@
 
 import pytest
 
-from zacoustic.core.orders.words import (
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.streams.commands import (
     ORDERS_STREAM_ID,
     REQUEST_TYPE,
     RESPONSE_TYPE,
@@ -11,10 +12,9 @@ from zacoustic.core.orders.words import (
     OrderState,
     order_types,
 )
-from zacoustic.core.payload import CborCodec
-from zacoustic.core.qos import Priority
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.payload import CborCodec
 
 REQUESTS = CborCodec(order_types().by_name(REQUEST_TYPE))
 RESPONSES = CborCodec(order_types().by_name(RESPONSE_TYPE))

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from tests.core.rmw_desert import peer
 from tests.core.rmw_desert.vectors import read_vectors
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.rmw_desert.items import float_item, read_float, single_item
-from zacoustic.core.rmw_desert.messages import decode_message
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.rmw_desert.items import float_item, read_float, single_item
+from zacoustic.core.values.rmw_desert.messages import decode_message
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 
 def codec(*fields: FieldSpec, **nested: tuple[FieldSpec, ...]) -> RmwDesertCodec:

@@ -6,8 +6,8 @@ from tests.core.rmw_desert.peer import SAMPLE, Heard, Peer, packet
 from tests.core.rmw_desert.vectors import read_vectors
 from tests.core.rmw_desert.vehicle import SHORE, VEHICLE, node, said
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.rmw_desert.entities import DiscoverySpec, EntityKind, RosEntitySeen
-from zacoustic.core.rules import TransmitRules
+from zacoustic.core.profiles.entities import DiscoverySpec, EntityKind, RosEntitySeen
+from zacoustic.core.profiles.rules import TransmitRules
 
 RULES = TransmitRules(discovery=DiscoverySpec(beacon_id=1, request_id=2, node_name="shore"))
 VECTORS = {vector.name: vector for vector in read_vectors()}

@@ -27,7 +27,7 @@ from tests.core.rmw_desert.vehicle import (
     table,
 )
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     RequestReceived,
@@ -35,7 +35,7 @@ from zacoustic.core.events import (
     SampleReceived,
 )
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.orders.words import Order, OrderKind
+from zacoustic.core.streams.commands import Order, OrderKind
 from zacoustic.errors import (
     LocalError,
     PayloadInvalidError,

@@ -22,9 +22,9 @@ from tests.core.rmw_desert.vehicle import (
     said,
     samples,
 )
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
-from zacoustic.core.stats import Cause
 from zacoustic.errors import (
     PayloadTooLargeError,
 )

@@ -6,16 +6,16 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.links.desert.byte_pieces import BYTES, SIZES, cut, damaged, is_subsequence
-from zacoustic.core.envelope import Damaged as Refused
-from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.linktypes import ReceivedFrame
-from zacoustic.core.rmw_desert.packets import (
+from zacoustic.core.values.rmw_desert.packets import (
     OVERHEAD_BYTES,
     PAYLOAD_LIMIT_BYTES,
     RECEIVED_LIMIT_BYTES,
     PacketDecoder,
     encode_packet,
 )
+from zacoustic.core.wire.envelope import Damaged as Refused
+from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic_desert.config import DesertConfig
 
 LONGEST = RECEIVED_LIMIT_BYTES + OVERHEAD_BYTES

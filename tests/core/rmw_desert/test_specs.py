@@ -5,12 +5,12 @@ from typing import Any
 import pytest
 
 from tests.core.rmw_desert.vehicle import TYPES, table
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.qos import Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError
 
 STRING = "std_msgs/msg/String"

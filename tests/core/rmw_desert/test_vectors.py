@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from tests.core.rmw_desert.vectors import Vector, read_vectors
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.rmw_desert.messages import decode_message
-from zacoustic.core.rmw_desert.packets import PacketDecoder
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.rmw_desert.messages import decode_message
+from zacoustic.core.values.rmw_desert.packets import PacketDecoder
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 VECTORS = {vector.name: vector for vector in read_vectors()}
 CUT = "len300_truncated_by_55"

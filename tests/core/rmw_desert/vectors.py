@@ -6,9 +6,9 @@ import struct
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.rmw_desert.messages import Kind, encode_head
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.rmw_desert.messages import Kind, encode_head
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 _SCALARS: Final = {
     "u8": "uint8", "u16": "uint16", "u32": "uint32", "u64": "uint64",

@@ -3,14 +3,14 @@
 from typing import Any, Final
 
 from tests.core.rig import End, link
-from zacoustic.core.events import SampleReceived
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 SHORE: Final = 1
 VEHICLE: Final = 2

@@ -3,7 +3,7 @@
 import enum
 from typing import Any
 
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 
 def spec_of(*fields: FieldSpec, name: str = "T") -> TypeSpec:

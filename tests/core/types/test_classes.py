@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from tests.core.types.made import Level, Mode
-from zacoustic.core.types import (
+from zacoustic.core.values.types import (
     Bounds,
     FieldSpec,
     TypeSpec,

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.core.types.made import Level, Mode, one
-from zacoustic.core.types import Lattice, OutsideNumbers
+from zacoustic.core.values.types import Lattice, OutsideNumbers
 from zacoustic.errors import PayloadInvalidError
 
 FIELDS: tuple[tuple[dict[str, Any], tuple[Any, ...]], ...] = (

@@ -2,9 +2,7 @@
 
 import pytest
 
-from zacoustic.core.types import (
-    Quantiser,
-)
+from zacoustic.core.values.types import Quantiser
 
 
 @pytest.mark.parametrize(

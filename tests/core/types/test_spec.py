@@ -7,12 +7,7 @@ from typing import Any
 import pytest
 
 from tests.core.types.made import one, spec_of
-from zacoustic.core.types import (
-    MAX_DEPTH,
-    FieldSpec,
-    TypeSpec,
-    TypeTable,
-)
+from zacoustic.core.values.types import MAX_DEPTH, FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError
 
 

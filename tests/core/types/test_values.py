@@ -9,11 +9,7 @@ from typing import Any
 import pytest
 
 from tests.core.types.made import Level, Mode, one
-from zacoustic.core.types import (
-    FieldSpec,
-    TypeSpec,
-    TypeTable,
-)
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import PayloadInvalidError
 
 NAV = TypeTable(

@@ -4,10 +4,10 @@ import random
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import LinkState, ReceivedFrame
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.agenda import Agenda
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.pacing import Pacer

@@ -7,11 +7,11 @@ import pytest
 
 from tests.links.desert.desert_rig import config, serve, standin
 from tests.runtime.loop_checks import until
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.qos import Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.journal import MemoryJournal
 from zacoustic.runtime import LinkRunner
 from zacoustic_desert.config import DesertConfig

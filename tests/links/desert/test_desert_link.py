@@ -8,8 +8,8 @@ import pytest
 from tests.links.desert.desert_rig import config, serve, side, standin
 from tests.runtime.loop_checks import run
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.envelope import Envelope, Opened
 from zacoustic.core.linktypes import LinkState, ReceivedFrame, Transmission, TransmitOutcome
+from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import convert_config
 from zacoustic.testing.linkpair import RecordingReceiver, Side

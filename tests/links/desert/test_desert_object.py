@@ -5,10 +5,10 @@ from collections.abc import Callable
 from functools import partial
 
 from tests.links.desert.desert_virtual import VirtualDesert
-from zacoustic.core.events import DeliveryEnded, SampleReceived
-from zacoustic.core.qos import Priority, Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.qos import Priority, Qos, Reliability
+from zacoustic.core.engine.events import DeliveryEnded, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 
 PHOTO, REPORT = 1, 2
 PHOTO_BYTES = 6000

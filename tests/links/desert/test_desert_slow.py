@@ -7,11 +7,11 @@ from functools import partial
 import pytest
 
 from tests.links.desert.desert_virtual import VirtualDesert
+from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.clock import ns_to_seconds
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, SampleReceived
-from zacoustic.core.qos import Qos, Reliability
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.link import DesertLink
 

@@ -12,8 +12,8 @@ from tests.core.rmw_desert.peer import REQUEST, RESPONSE, SAMPLE, Heard, Peer, p
 from tests.core.rmw_desert.vehicle import ADD, COMMAND, NOTE, POSE, SHORE, TRIGGER, TWIST, table
 from tests.links.desert.desert_rig import config, serve, standin
 from tests.runtime.loop_checks import until
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event, RequestReceived, ResponseReceived, SampleReceived
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event, RequestReceived, ResponseReceived, SampleReceived
 from zacoustic.runtime import LinkRunner
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer

@@ -9,9 +9,9 @@ client: it asks for the result as soon as a goal is accepted, and what comes cro
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from zacoustic.core.clock import Clock
-from zacoustic.core.events import GoalStatus
-from zacoustic.core.streams import Stream
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.engine.events import GoalStatus
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.gateway.dialects import Declared
 from zacoustic.gateway.latched import LatchedPublisher

@@ -4,9 +4,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from zacoustic.config.ros import RosConfig
-from zacoustic.core.clock import Clock
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Declared, Dialects, ServiceDialect, TopicDialect
 from zacoustic.gateway.jobs import FORWARD, PROXY

@@ -7,9 +7,9 @@ gateway asks one of them.
 
 from collections.abc import Sequence
 
-from zacoustic.core.clock import Clock
-from zacoustic.core.events import CallKey
-from zacoustic.core.streams import Stream
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.engine.events import CallKey
+from zacoustic.core.streams.table import Stream
 from zacoustic.gateway.dialects import Declared, ServiceDialect
 from zacoustic.gateway.ros.graph import Graph
 from zacoustic.gateway.ros.topics import CDR, Teller

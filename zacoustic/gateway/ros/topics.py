@@ -5,9 +5,9 @@ import threading
 from collections.abc import Sequence
 from typing import Final
 
-from zacoustic.core.clock import Clock, seconds_to_ns
-from zacoustic.core.events import SampleReceived
-from zacoustic.core.streams import Stream
+from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.table import Stream
 from zacoustic.gateway.complaints import Complaints
 from zacoustic.gateway.dialects import Declared, Reading, TopicDialect, Written
 from zacoustic.gateway.lastvalues import LastValue

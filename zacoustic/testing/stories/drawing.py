@@ -7,11 +7,11 @@ import msgspec
 
 from zacoustic.channel.profiles import profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.keys import Wildcard
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.qos import Priority, Qos, Reliability, Stamp
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Priority, Qos, Reliability, Stamp
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.testing.stories.story import Lane, Story, cast_of, opaque, typed
 from zacoustic.testing.virtualmodem import Modem
 

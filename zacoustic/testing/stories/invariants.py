@@ -5,13 +5,13 @@ That nothing is altered, and nothing comes on a wrong stream, is not here: `Tell
 
 from typing import TYPE_CHECKING, Final
 
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.copied import COPIED_NS
-from zacoustic.core.events import DeliveryEnded, DeliveryOutcome, Event
-from zacoustic.core.keys import Instance
-from zacoustic.core.qos import Priority, Reliability
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, Event
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.topics.copied import COPIED_NS
 from zacoustic.testing.stories.witness import Arrived, Publication, Witness
 
 if TYPE_CHECKING:

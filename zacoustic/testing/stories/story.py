@@ -6,9 +6,9 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.scenario import Scenario
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import StreamSpec
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtualmodem import Modem
 
 TICKETS: Final = 1 << 24

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterable
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     CallFailure,
     Event,
@@ -17,12 +19,10 @@ from zacoustic.core.events import (
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.makeengine import MakeEngine
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.makeengine import MakeEngine
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import LocalError, PayloadTooLargeError
 from zacoustic.testing.stories.invariants import INVARIANTS
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story

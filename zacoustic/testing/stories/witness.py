@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from zacoustic.core.events import Event
-from zacoustic.core.keys import Instance
-from zacoustic.core.streams import Stream
+from zacoustic.core.engine.events import Event
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream
 
 if TYPE_CHECKING:
     from zacoustic.testing.stories.telling import Telling

@@ -11,8 +11,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.payload import PackedCodec, PayloadCodec
-from zacoustic.core.streams import Stream
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.payload import PackedCodec, PayloadCodec
 
 _MORE_BYTES: Final = 2  # of a dense block of one sample beside its packed payload, at most
 _LEAST_DENSE_BITS: Final = 1

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Iterator
 
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.rmw_desert.messages import ITEMS_LIMIT, encode_head
-from zacoustic.core.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
-from zacoustic.core.rmw_desert.sizes import item_counts
-from zacoustic.core.rmw_desert.specs import LAST_SEQUENCE
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.streams.rmwdesert import LAST_SEQUENCE
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.rmw_desert.messages import ITEMS_LIMIT, encode_head
+from zacoustic.core.values.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
+from zacoustic.core.values.rmw_desert.sizes import item_counts
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 
 _KIND_BYTES = 1
 

@@ -16,14 +16,14 @@ import msgspec
 from zacoustic import registry
 from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
-from zacoustic.core.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.payload import CborCodec, PayloadCodec, TypedCodec
-from zacoustic.core.qos import Stamp
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.schedule.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.payload import CborCodec, PayloadCodec, TypedCodec
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.journal import journal_in
 from zacoustic.journal.forgotten import forgotten

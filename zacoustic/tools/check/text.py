@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.safetext import one_line
 from zacoustic.tools.check.bits import SampleBits
 from zacoustic.tools.check.report import Report, StreamRow, TypeRow

@@ -4,7 +4,7 @@ import json
 
 import msgspec
 
-from zacoustic.core.payload import PayloadCodec, PayloadError
+from zacoustic.core.values.payload import PayloadCodec, PayloadError
 
 
 class DecodedItem(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):

@@ -10,22 +10,18 @@ import json
 from collections.abc import Mapping
 from typing import Any, assert_never
 
-from zacoustic.core.access.controls import ANYBODY, NOBODY, ClockTime, Turn
-from zacoustic.core.actions.wire import (
-    REMINDER,
-    Operation,
-    decode_cancel,
-    decode_message,
-    decode_refusal,
-    decode_result,
-)
-from zacoustic.core.age import decode_age_s
-from zacoustic.core.arq.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
-from zacoustic.core.callrecords import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.content import measure_content, server_of, split_age
-from zacoustic.core.demand.wire import PAGE_STREAMS, Subscribe, streams_of
-from zacoustic.core.frame import (
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.qos import Reliability, Stamp
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
+from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte, decode_error
+from zacoustic.core.wire.content import measure_content, server_of, split_age
+from zacoustic.core.wire.frame import (
     ABSENT_DIGEST,
     ASSURED,
     VOUCHED,
@@ -43,8 +39,16 @@ from zacoustic.core.frame import (
     Tag,
     parse_frame,
 )
-from zacoustic.core.keys import Instance
-from zacoustic.core.objects.wire import (
+from zacoustic.core.wire.goals import (
+    REMINDER,
+    Operation,
+    decode_cancel,
+    decode_message,
+    decode_refusal,
+    decode_result,
+)
+from zacoustic.core.wire.numbers import NUMBER_BYTES, NUMBERS, WINDOW, decode_ack
+from zacoustic.core.wire.objects import (
     NO_FRAGMENT,
     Call,
     Complete,
@@ -53,11 +57,7 @@ from zacoustic.core.objects.wire import (
     Lacks,
     Refused,
 )
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import AGE_FIELD, EVERY_NODE, Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.wire.subscriptions import PAGE_STREAMS, Subscribe, streams_of
 from zacoustic.errors import UnknownStreamError
 from zacoustic.tools.decode.decoded import DecodedItem, decoded, printable
 from zacoustic.tools.decode.desert import DesertWords

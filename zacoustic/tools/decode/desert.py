@@ -4,16 +4,16 @@ import json
 import struct
 from typing import Final
 
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.payload.items import FALSE, TEXT, TRUE, read_content, read_integer
-from zacoustic.core.rmw_desert.codec import RmwDesertCodec
-from zacoustic.core.rmw_desert.discovery import BEACON, BEACON_TOPIC, REQUEST_TOPIC
-from zacoustic.core.rmw_desert.entities import EntityKind
-from zacoustic.core.rmw_desert.items import read_float
-from zacoustic.core.rmw_desert.messages import Kind, Message, decode_message
-from zacoustic.core.rmw_desert.packets import PacketDecoder
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.profiles.entities import EntityKind
+from zacoustic.core.profiles.rmw_desert.discovery import BEACON, BEACON_TOPIC, REQUEST_TOPIC
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.payload.items import FALSE, TEXT, TRUE, read_content, read_integer
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.core.values.rmw_desert.items import read_float
+from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message
+from zacoustic.core.values.rmw_desert.packets import PacketDecoder
 from zacoustic.tools.decode.decoded import DecodedItem, decoded, printable
 
 _START: Final = 0x99

@@ -6,9 +6,9 @@ stands for itself needs none of that.
 
 from typing import Any
 
-from zacoustic.core.dense import DenseCodec, Listener
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense import DenseCodec, Listener
+from zacoustic.core.values.payload import PayloadError
 
 
 class Overheard:

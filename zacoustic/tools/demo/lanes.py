@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
-from zacoustic.core.qos import Reliability
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.base.qos import Reliability
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, UnknownStreamError
 from zacoustic.tools.demo.islands import NAMES, SHORE
 

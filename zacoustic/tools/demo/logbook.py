@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from zacoustic.core.stats import NO_STREAM
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.base.stats import NO_STREAM
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.tools.demo.islands import NAMES, SHORE, VEHICLE
 from zacoustic.tools.demo.lanes import Lane, Lanes
 from zacoustic.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, Sent, Started

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from zacoustic.config import config_from_mapping
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ZacousticError
 from zacoustic.json5 import parse_json5
 from zacoustic.tools.demo.children import Child, ChildDiedError

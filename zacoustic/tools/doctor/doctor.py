@@ -9,8 +9,8 @@ import msgspec
 from zacoustic import registry
 from zacoustic.channel.profiles import profile_named
 from zacoustic.config import Config, read_config
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.errors import ConfigError, LinkUnavailableError
 from zacoustic.link import Finding, Link
 from zacoustic.safetext import without_secrets

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from zacoustic.config import Config
-from zacoustic.core.access.spec import TdmaSpec
+from zacoustic.core.schedule.access.spec import TdmaSpec
 from zacoustic.hostclock import ask_kernel
 from zacoustic.link import Finding
 from zacoustic.tools.doctor.ntp import Offset

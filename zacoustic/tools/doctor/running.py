@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.config import Config
-from zacoustic.core.transmitter import UNHEARD_FRAMES
+from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link import Finding
 from zacoustic.tools.doctor.network import Running
 

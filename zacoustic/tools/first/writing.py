@@ -14,12 +14,12 @@ import msgspec
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
-from zacoustic.core.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, decode_application
-from zacoustic.core.keys import fault_of_name
-from zacoustic.core.objects.limits import LARGEST_BYTES
-from zacoustic.core.payload import CborCodec
-from zacoustic.core.streamspecs import LAST_STREAM_ID
-from zacoustic.core.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.core.streams.keys import fault_of_name
+from zacoustic.core.streams.specs import LAST_STREAM_ID
+from zacoustic.core.transport.objects.limits import LARGEST_BYTES
+from zacoustic.core.values.encoding import CBOR, JSON, OPAQUE, TYPED_ENCODINGS, decode_application
+from zacoustic.core.values.payload import CborCodec
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.json5 import parse_json5
 from zacoustic.tools.crossing import room_bytes

@@ -11,9 +11,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Priority, Reliability
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import StreamSpec, TopicSpec
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.streams.specs import StreamSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.tools.plan.fleet import Fleet
 from zacoustic.tools.plan.verdict import StreamFound, streams_of, verdict_of, walk

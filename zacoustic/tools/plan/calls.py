@@ -4,9 +4,9 @@ import random
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.arq.timing import LinkTimes
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.tools.plan.clockwork import Clockwork
 from zacoustic.tools.plan.items import Item
 from zacoustic.tools.plan.offers import Offer

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from zacoustic.core.arq.timing import PeerTiming
-from zacoustic.core.qos import Stamp
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.schedule.timing import PeerTiming
 from zacoustic.tools.plan.offers import Offer
 from zacoustic.tools.plan.speaker import Speaker
 

@@ -14,8 +14,8 @@ from zacoustic.channel.loss import LossSpec
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
 from zacoustic.config import Config, read_config
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
 from zacoustic.tools.fleetfile import read_fleet

@@ -1,18 +1,18 @@
 """What waits at a node in the model: its size, its receivers, what follows from its arrival.
 
-The real queue (`zacoustic.core.queue`) has records; here are their sizes, and their rules: first
-in, first out in a lane, as deep as the stream says, nothing too old, the lane of the highest value
-first.
+The real queue (`zacoustic.core.schedule.queue`) has records; here are their sizes, and their rules:
+first in, first out in a lane, as deep as the stream says, nothing too old, the lane of the highest
+value first.
 """
 
 from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.dense import DenseSample
-from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
+from zacoustic.core.values.dense import DenseSample
 
 _BEFORE_ALL: Final = -(1 << 62)
 NO_STREAM: Final = 0

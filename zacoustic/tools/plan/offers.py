@@ -21,10 +21,10 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.traffic import TrafficSpec
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.keys import Instance
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.tools.check.bits import sample_bits
 from zacoustic.tools.telemetry.recording import Mission

@@ -9,14 +9,14 @@ and what a rhythm spares, is decided by the engine's own parts (`PeerTiming`, `S
 import random
 from typing import Final
 
-from zacoustic.core.arq.numbers import NUMBER_BYTES
-from zacoustic.core.arq.rhythm import SendRhythm
-from zacoustic.core.arq.timing import LinkTimes, PeerTiming
-from zacoustic.core.arq.watch import Watch
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.frame import SYNC_BYTES
-from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.transport.reliable.receiving.watch import Watch
+from zacoustic.core.transport.reliable.rhythm import SendRhythm
+from zacoustic.core.wire.frame import SYNC_BYTES
+from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.tools.plan.clockwork import Clockwork, head_bytes_of
 from zacoustic.tools.plan.items import Item
 from zacoustic.tools.plan.offers import Offer, Saying

@@ -7,8 +7,8 @@ from typing import Final
 import msgspec
 
 from zacoustic.channel.profiles import ModemProfile, profile_named
-from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
 from zacoustic.tools.plan.advice import Change, changes_that_fit
 from zacoustic.tools.plan.fleet import Fleet, Water, fleet_of

@@ -11,20 +11,20 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.access import Wanted
-from zacoustic.core.airtime import AirtimeCaps
-from zacoustic.core.dense import DenseCodec, DenseSample, Encoded, Listener
-from zacoustic.core.dense import Speaker as DenseSpeaker
-from zacoustic.core.frame import DELIMITER_BYTES, HELLO_BYTES, TAG_BYTES, Confirm
-from zacoustic.core.handshake import PATIENCE_UNITS, SETTLING_UNITS
-from zacoustic.core.introducing import HELLO_EVERY
-from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.core.payload import PayloadError
-from zacoustic.core.port import LinkPort
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.peers.handshake import PATIENCE_UNITS, SETTLING_UNITS
+from zacoustic.core.peers.introducing import HELLO_EVERY
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access import Wanted
+from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener
+from zacoustic.core.values.dense import Speaker as DenseSpeaker
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.frame import DELIMITER_BYTES, HELLO_BYTES, TAG_BYTES, Confirm
 from zacoustic.tools.plan.items import NO_STREAM, Item, Lane
 
 CONFIRM_BYTES: Final = len(Confirm(1, 1).encode())

@@ -6,13 +6,13 @@ it knows of the loss. Everything else is docs/wire.md section 9.
 
 from typing import Final
 
-from zacoustic.core.access.listening import Listening
-from zacoustic.core.linktypes import LinkCapabilities
-from zacoustic.core.objects.code import BLOCK_FRAGMENTS, Layout
-from zacoustic.core.objects.planning import LossEstimate, Need, repairs_to_send
-from zacoustic.core.objects.timing import Timing
-from zacoustic.core.objects.wire import FEEDBACK_BYTES, FRAGMENT_HEADER_BYTES
-from zacoustic.core.qos import Priority, Qos
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.schedule.access.listening import Listening
+from zacoustic.core.transport.objects.code.code import BLOCK_FRAGMENTS, Layout
+from zacoustic.core.transport.objects.sending.planning import LossEstimate, Need, repairs_to_send
+from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.wire.objects import FEEDBACK_BYTES, FRAGMENT_HEADER_BYTES
 from zacoustic.tools.plan.clockwork import Clockwork
 from zacoustic.tools.plan.items import Item
 from zacoustic.tools.plan.offers import Offer

@@ -5,8 +5,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.access.spec import AlohaSpec
-from zacoustic.core.streams import Stream
+from zacoustic.core.schedule.access.spec import AlohaSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.tools.crossing import IN_PARTS
 from zacoustic.tools.plan.fleet import Fleet
 from zacoustic.tools.plan.walk import Found, Walk

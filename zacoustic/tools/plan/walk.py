@@ -19,13 +19,8 @@ from typing import Final
 from zacoustic.channel.arrival import Arrival, Emission
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
-from zacoustic.core.access.controls import ANYBODY, NOBODY, TURN_CODE, ClockTime, Turn
-from zacoustic.core.arq.numbers import NUMBER_BYTES
-from zacoustic.core.arq.timing import LinkTimes, PeerTiming
-from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.dense import DenseSample
-from zacoustic.core.frame import SYNC_BYTES, TAG_BYTES
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.linktypes import (
     BROADCAST,
     LinkMetrics,
     ReceivedFrame,
@@ -33,10 +28,15 @@ from zacoustic.core.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.qos import Qos, Reliability, Stamp
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import AGE_FIELD, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
+from zacoustic.core.base.qos import Qos, Reliability, Stamp
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import AGE_FIELD, StreamTable
+from zacoustic.core.values.dense import DenseSample
+from zacoustic.core.wire.access import ANYBODY, NOBODY, TURN_CODE, ClockTime, Turn
+from zacoustic.core.wire.frame import SYNC_BYTES, TAG_BYTES
+from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.testing.agenda import Agenda
 from zacoustic.testing.virtualmodem import Modem
 from zacoustic.tools.plan.calls import Call

@@ -8,10 +8,10 @@ import msgspec
 
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import Config
-from zacoustic.core.access.spec import AlohaSpec, CarrierSenseSpec, DelegatedSpec
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import DENSE, StreamSpec, TopicSpec
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.access.spec import AlohaSpec, CarrierSenseSpec, DelegatedSpec
+from zacoustic.core.streams.specs import DENSE, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
 from zacoustic.recording.life import Table

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.core.events import Event
-from zacoustic.core.linktypes import Transmission
+from zacoustic.core.base.linktypes import Transmission
+from zacoustic.core.engine.events import Event
 from zacoustic.digits import whole_number
 from zacoustic.recording.calls import Recorded, read_outcome
 from zacoustic.recording.channels import LedgerRecord

@@ -5,9 +5,9 @@ from typing import Any
 
 import msgspec
 
-from zacoustic.core.keys import Instance
-from zacoustic.core.linktypes import LinkCapabilities, PeerMeasured
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.base.linktypes import LinkCapabilities, PeerMeasured
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.recording.channels import FrameRecord, LedgerRecord, ReportRecord
 from zacoustic.recording.life import Life
 from zacoustic.tools.recordings.reactions import Reactions

@@ -7,9 +7,9 @@ clocks of two nodes where they are not the same.
 
 import msgspec
 
-from zacoustic.core.stats import NO_STREAM
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import ActionSpec, ServiceSpec
+from zacoustic.core.base.stats import NO_STREAM
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.recording.channels import SENT
 from zacoustic.tools.recordings.facts import Facts, Published, match
 from zacoustic.tools.recordings.linkfigures import LinkFigures, links_of

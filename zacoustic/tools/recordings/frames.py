@@ -7,10 +7,10 @@ from typing import TypeVar
 import msgspec
 
 from zacoustic import registry
-from zacoustic.core.envelope import Damaged, Envelope
-from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.wireprofile import WireProfile
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.wire.envelope import Damaged, Envelope
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.recording.channels import RECEIVED, SENT, FrameRecord, LinkRecord

@@ -11,16 +11,16 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.envelope import Envelope, Opened
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkMetrics,
     Measurement,
     PeerMeasured,
     ReceivedFrame,
 )
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.types import TypeTable
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.types import TypeTable
+from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, Recorded, read_outcome

@@ -9,7 +9,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.linktypes import BROADCAST
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.recording.channels import SENT
 from zacoustic.tools.recordings.facts import Facts
 from zacoustic.tools.recordings.spread import Spread, spread_of

@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.tap import call_engine
-from zacoustic.core.types import TypeTable
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.tap import call_engine
+from zacoustic.core.values.types import TypeTable
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.recording.calls import TYPES, CallReader, Recorded, outcome_of

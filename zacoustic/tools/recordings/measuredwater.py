@@ -13,7 +13,7 @@ import msgspec
 from zacoustic.channel.loss import LossSpec
 from zacoustic.channel.profiles import PROFILES, ModemProfile
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
-from zacoustic.core.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.recording.channels import SENT, FrameRecord
 from zacoustic.testing.virtual import Modem
 from zacoustic.tools.recordings.facts import Facts

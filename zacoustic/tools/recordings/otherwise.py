@@ -21,25 +21,17 @@ from pathlib import Path
 import msgspec
 
 from zacoustic.config import Config
-from zacoustic.core.envelope import Envelope, Opened
-from zacoustic.core.events import Event, SampleReceived
-from zacoustic.core.frame import (
-    WIRE_VERSION,
-    Ask,
-    Confirm,
-    Hello,
-    TableRow,
-    Tag,
-    parse_frame,
-)
-from zacoustic.core.linktypes import (
+from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     ReceivedFrame,
     Transmission,
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.engine.events import Event, SampleReceived
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.core.wire.frame import WIRE_VERSION, Ask, Confirm, Hello, TableRow, Tag, parse_frame
 from zacoustic.recording.calls import Recorded, read_outcome
 from zacoustic.recording.life import Life
 from zacoustic.tools.recordings.lives import NewLife, make_call, read_parts

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 
 from zacoustic.config import Config
-from zacoustic.core.encoding import JSON, decode_application
-from zacoustic.core.streams import Stream, StreamTable
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.encoding import JSON, decode_application
 from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.island.marker import Marker

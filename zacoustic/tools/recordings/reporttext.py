@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.clock import NS_PER_S
+from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.safetext import one_line
 from zacoustic.tools.columns import align
 from zacoustic.tools.recordings.figures import Figures

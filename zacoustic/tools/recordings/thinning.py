@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.tools.recordings.facts import Facts, Published
 
 # Publishers that keep the interval themselves are early by the jitter of their timers.

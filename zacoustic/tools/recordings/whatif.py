@@ -17,13 +17,13 @@ import msgspec
 
 from zacoustic.channel.scenario import Scenario
 from zacoustic.config import Config
-from zacoustic.core.actions.news import GoalReceived
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import CallFailure, Event, RequestReceived
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec
-from zacoustic.core.tap import call_engine
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailure, Event, RequestReceived
+from zacoustic.core.engine.tap import call_engine
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.recording.calls import plain
 from zacoustic.recording.channels import Channel

@@ -18,8 +18,8 @@ import msgspec
 import zenoh
 
 from zacoustic.config import Config
-from zacoustic.core.streams import Stream
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.gateway.translation import from_island
 from zacoustic.island.marker import read_marker

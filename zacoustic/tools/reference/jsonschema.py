@@ -9,7 +9,7 @@ import msgspec
 
 from zacoustic.config.complaints import allowed_at
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
-from zacoustic.core.access.spec import METHODS
+from zacoustic.core.schedule.access.spec import METHODS
 from zacoustic.tools.reference.limits import limit
 from zacoustic.tools.reference.meanings import meanings_of
 

@@ -16,7 +16,7 @@ from zacoustic.config.sections import (
     StreamEntry,
     TopicEntry,
 )
-from zacoustic.core.access.spec import METHODS
+from zacoustic.core.schedule.access.spec import METHODS
 from zacoustic.errors import ConfigError
 from zacoustic.tools.reference.meanings import meanings_of
 

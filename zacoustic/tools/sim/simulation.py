@@ -17,21 +17,21 @@ import msgspec
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.channel.traffic import TrafficSpec
 from zacoustic.config import Config
-from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import (
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
     CallFailed,
     Event,
     RequestReceived,
     ResponseReceived,
     SampleReceived,
 )
-from zacoustic.core.keys import Instance
-from zacoustic.core.makeengine import MakeEngine
-from zacoustic.core.rules import TransmitRules
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, TopicSpec
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.engine.makeengine import MakeEngine
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError, LocalError
 from zacoustic.json5 import read_json5
 from zacoustic.testing.stories.witness import Arrived, Publication

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from zacoustic.core.engine import Engine
-from zacoustic.core.trace import TraceRecord
+from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.engine import Engine
 from zacoustic.testing.stories import INVARIANTS, Story, Telling, random_story
 from zacoustic.testing.tally import SimulationResult, Tally
 from zacoustic.tools.sim.recorder import SimulationRecorder

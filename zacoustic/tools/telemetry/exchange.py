@@ -10,9 +10,9 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from zacoustic.core.dense import DenseCodec, DenseSample, Listener, Speaker
-from zacoustic.core.payload import PackedCodec, PayloadError
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
+from zacoustic.core.values.payload import PackedCodec, PayloadError
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.tools.telemetry.recording import Mission
 from zacoustic.tools.telemetry.values import is_right
 

@@ -12,14 +12,14 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
-from zacoustic.core.arq.numbers import NUMBER_BYTES
-from zacoustic.core.dense import DenseCodec, DenseSample, Model
-from zacoustic.core.encoding import CBOR, JSON, decode_application, encode_application
-from zacoustic.core.frame import DELIMITER_BYTES
-from zacoustic.core.payload import CborCodec, PackedCodec, PayloadError
-from zacoustic.core.qos import Reliability, Stamp
-from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.base.qos import Reliability, Stamp
+from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Model
+from zacoustic.core.values.encoding import CBOR, JSON, decode_application, encode_application
+from zacoustic.core.values.payload import CborCodec, PackedCodec, PayloadError
+from zacoustic.core.values.types import TypeSpec
+from zacoustic.core.wire.frame import DELIMITER_BYTES
+from zacoustic.core.wire.numbers import NUMBER_BYTES
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.tools.crossing import crosses_in_parts, room_bytes
 from zacoustic.tools.telemetry.exchange import counted, exchange, windows

@@ -11,13 +11,13 @@ from typing import Final
 import msgspec
 
 from zacoustic.config.model import ModelFile
-from zacoustic.core.dense import DenseCodec, DenseSample, Model, StreamPrior, fit
-from zacoustic.core.dense.adaptation import StreamState
-from zacoustic.core.dense.streamcodec import StreamCodec
-from zacoustic.core.dense.writer import Writer
-from zacoustic.core.payload import PackedCodec
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.types import TypeSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Model, StreamPrior, fit
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.dense.model.adaptation import StreamState
+from zacoustic.core.values.dense.stream.streamcodec import StreamCodec
+from zacoustic.core.values.payload import PackedCodec
+from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
 from zacoustic.tools.telemetry.exchange import Tally, counted, exchange, windows
 from zacoustic.tools.telemetry.recording import Mission, Recordings

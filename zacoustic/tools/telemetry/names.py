@@ -2,8 +2,8 @@
 
 import msgspec
 
-from zacoustic.core.streams import Stream, StreamTable
-from zacoustic.core.streamspecs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import ConfigError
 
 

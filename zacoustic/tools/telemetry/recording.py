@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.age import encode_age
-from zacoustic.core.clock import seconds_to_ns
-from zacoustic.core.qos import Stamp
-from zacoustic.core.streams import AGE_FIELD, Stream, StreamTable, aged
-from zacoustic.core.types import FieldSpec, Lattice, OutsideNumbers, TypeSpec
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable, aged
+from zacoustic.core.values.age import encode_age
+from zacoustic.core.values.types import FieldSpec, Lattice, OutsideNumbers, TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 from zacoustic.tools.telemetry.lines import read_lines
 from zacoustic.tools.telemetry.names import StreamNames

@@ -9,7 +9,7 @@ import binascii
 from collections.abc import Mapping
 from typing import Any, Final
 
-from zacoustic.core.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types import FieldSpec, TypeSpec
 from zacoustic.errors import ConfigError
 
 # Half a step, and what the arithmetic of floats adds.

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from zacoustic.core.events import DeliveryOutcome
+from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.island.orders import PREFIX
 from zacoustic.tools.watch.documents import (
     DOCUMENTS,

@@ -9,9 +9,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.qos import Priority, Qos
-from zacoustic.core.streams import StreamTable
-from zacoustic.core.streamspecs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import Behaviour, FaultKind, FaultPlan, ScriptedFault

@@ -7,10 +7,10 @@ from typing import TypeVar
 import msgspec
 
 from tests.links.evologics.driver.sea import Node, Sea
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event as EngineEvent
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event as EngineEvent
 from zacoustic.core.linktypes import BROADCAST, LinkState, Transmission
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.events import (

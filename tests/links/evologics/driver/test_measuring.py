@@ -12,11 +12,11 @@ from tests.links.evologics.driver.sea import Sea
 from tests.links.evologics.driver.test_reception import ANGLES, FIX, IM
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.engine import Engine
-from zacoustic.core.events import Event
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured, TransmitOutcome
-from zacoustic.core.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.streams import StreamTable
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.at.notifications import SourceLevel
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of

@@ -33,7 +33,7 @@ from tests.links.evologics.driver.courses import (
 from tests.links.evologics.driver.crew import CrewedSea, CrewNode, Given
 from zacoustic.channel.arrival import Outcome
 from zacoustic.core.clock import ns_to_seconds, seconds_to_ns
-from zacoustic.core.events import (
+from zacoustic.core.engine.events import (
     CallFailed,
     Event,
     RequestReceived,

@@ -1,0 +1,45 @@
+"""Instants and durations: integer nanoseconds inside, float seconds at the public surface.
+
+An *instant* is an ``int``, nanoseconds on the node's own monotonic clock; arguments are called
+``now``, fields end in ``_at``. A *duration* that a user writes is a ``float`` in seconds and its
+name ends in ``_s``; it is converted here, once. Integers, because slot arithmetic on float
+seconds puts one boundary in twenty into the neighbouring slot, where a timer finds itself early
+and re-arms for the same instant for ever.
+
+The core never asks for the time. A shell passes it in: the runtime from ``time.monotonic_ns``,
+the virtual network from its event heap.
+"""
+
+from typing import Final, Protocol
+
+NS_PER_S: Final = 1_000_000_000
+"""Nanoseconds in a second."""
+SHORTEST_S: Final = 1e-6
+"""Shortest duration that users may write, s."""
+LONGEST_S: Final = 1e9
+"""Longest one, s; beyond both arithmetic ends, and no use is known."""
+DURATIONS: Final = f"{SHORTEST_S:g}..{LONGEST_S:g} s"
+"""The same in words."""
+
+
+class Clock(Protocol):
+    """What a shell calls to learn the instant that it passes on to an engine."""
+
+    def __call__(self) -> int:
+        """Return the current instant, ns; never smaller than the one before."""
+        ...
+
+
+def is_duration(duration_s: float, *, or_zero: bool = False) -> bool:
+    """Tell whether a user may write a duration, s; NaN is none."""
+    return SHORTEST_S <= duration_s <= LONGEST_S or (or_zero and duration_s == 0)
+
+
+def seconds_to_ns(duration_s: float) -> int:
+    """Convert a duration in seconds to integer nanoseconds, to the nearest."""
+    return round(duration_s * NS_PER_S)
+
+
+def ns_to_seconds(duration_ns: int) -> float:
+    """Convert a duration in nanoseconds to float seconds."""
+    return duration_ns / NS_PER_S

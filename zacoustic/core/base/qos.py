@@ -1,0 +1,180 @@
+"""Quality of service of a stream: the words of ROS 2 and Zenoh, and what the queue makes of them.
+
+Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame,
+whatever waits. Among the
+other six, waiting raises value: a payload is ranked by the instant at which it was queued plus
+the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a fresh slow
+one by the difference of their patience, and no
+payload starves: after at most that difference nothing new can get in front of it.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import DURATIONS, LONGEST_S, is_duration, seconds_to_ns
+
+
+class Priority(enum.IntEnum):
+    """Zenoh's priorities, with Zenoh's numbers: the smaller, the sooner."""
+
+    REAL_TIME = 1
+    INTERACTIVE_HIGH = 2
+    INTERACTIVE_LOW = 3
+    DATA_HIGH = 4
+    DATA = 5
+    DATA_LOW = 6
+    BACKGROUND = 7
+
+
+PRIORITY_NAMES: Final = {priority.name.lower(): priority for priority in Priority}
+"""The names that a config uses: Zenoh's, in lower case."""
+
+# On a scale of frames that last about a second: an operator's command overtakes a minute of
+# telemetry, and a background sample is never held back for more than a quarter of an hour.
+PATIENCE_NS: Final = {
+    Priority.INTERACTIVE_HIGH: 0,
+    Priority.INTERACTIVE_LOW: seconds_to_ns(10),
+    Priority.DATA_HIGH: seconds_to_ns(30),
+    Priority.DATA: seconds_to_ns(60),
+    Priority.DATA_LOW: seconds_to_ns(180),
+    Priority.BACKGROUND: seconds_to_ns(900),
+}
+"""How much longer than an INTERACTIVE_HIGH payload one of this priority waits, ns."""
+
+
+LEAST_DEADLINE_S: Final = 0.1
+"""Shorter than any frame; so a missed deadline is told of ten times a second at most."""
+
+
+class Reliability(enum.Enum):
+    """What becomes of a sample that is lost."""
+
+    BEST_EFFORT = "best_effort"
+    """It is lost."""
+    RELIABLE = "reliable"
+    """It is repeated until every subscriber has acknowledged it, a newer one pushes it out, or it
+    is too old (`zacoustic.core.transport.reliable`)."""
+
+
+class Stamp(enum.Enum):
+    """What tells the far side how old a sample is."""
+
+    NONE = "none"
+    """Nothing."""
+    AGE = "age"
+    """One byte, written when the frame is composed; see `zacoustic.core.values.age`."""
+
+
+class Durability(enum.Enum):
+    """What becomes of a sample for whoever subscribes on an island after it came."""
+
+    VOLATILE = "volatile"
+    """It has gone by."""
+    TRANSIENT_LOCAL = "transient_local"
+    """The gateway of the island keeps the last ones, `Qos.depth` of each key."""
+
+
+class Forward(enum.Enum):
+    """When samples cross the water."""
+
+    ALWAYS = "always"
+    """Whoever listens, and whether anybody does."""
+    ON_DEMAND = "on_demand"
+    """Only to nodes that have subscribed (`zacoustic.core.transport.subscriptions`)."""
+
+
+class Qos(msgspec.Struct, frozen=True, kw_only=True):
+    """How a stream's payloads wait, and for how long they are worth sending."""
+
+    priority: Priority = Priority.DATA
+    """Zenoh's priority."""
+    reliability: Reliability = Reliability.BEST_EFFORT
+    """What becomes of a sample that is lost."""
+    durability: Durability = Durability.VOLATILE
+    """What late joiners get. An affair of each island: it changes nothing on the water."""
+    depth: int = 1
+    """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1;
+    a newer one pushes out the oldest."""
+    lifespan_s: float | None = None
+    """A sample older than this is not sent any more, s, > 0; None: never too old."""
+    deadline_s: float | None = None
+    """A sample of each key is promised at least so often, s, ≥ 0.1, > min_interval_s; None: no
+    promise (`zacoustic.core.transport.topics.deadlines`)."""
+    min_interval_s: float = 0.0
+    """Least time between two samples of one key on the water, s, ≥ 0; the newest wins."""
+    linger_s: float = 0.0
+    """How long a sample may wait for company in its frame, s, ≥ 0; REAL_TIME never lingers."""
+    stamp: Stamp = Stamp.NONE
+    """What tells the far side the age."""
+    forward: Forward = Forward.ALWAYS
+    """When samples cross the water."""
+    exclusive: bool = False
+    """A payload larger than a frame is sent without listen windows: about a tenth sooner, but
+    nobody else is heard meanwhile."""
+
+    max_airtime: float | None = None
+    """Share of the time that the stream may be on the air, above 0, at most 1; None: no cap."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges.
+
+        Raises:
+            ValueError: Names field, value and what is allowed.
+        """
+        if not 1 <= self.depth <= 65535:
+            raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
+        if self.lifespan_s is not None and not is_duration(self.lifespan_s):
+            raise ValueError(f"lifespan_s is {self.lifespan_s}; allowed: above 0, {DURATIONS}")
+        for name in ("min_interval_s", "linger_s"):
+            value = getattr(self, name)
+            if not is_duration(value, or_zero=True):
+                raise ValueError(f"{name} is {value}; allowed: 0 or more, {DURATIONS}")
+        if self.deadline_s is not None:
+            if not LEAST_DEADLINE_S <= self.deadline_s <= LONGEST_S:
+                raise ValueError(
+                    f"deadline_s is {self.deadline_s}; "
+                    f"allowed: {LEAST_DEADLINE_S} or more, to {LONGEST_S:g}"
+                )
+            if self.deadline_s <= self.min_interval_s:
+                raise ValueError(
+                    f"deadline_s is {self.deadline_s}; "
+                    f"allowed: above min_interval_s, which is {self.min_interval_s:g}"
+                )
+        if self.max_airtime is not None and not 0 < self.max_airtime <= 1:
+            raise ValueError(f"max_airtime is {self.max_airtime}; allowed: above 0, at most 1")
+
+    @property
+    def deadline_ns(self) -> int | None:
+        """How often a sample of each key is promised, ns; None: no promise."""
+        return None if self.deadline_s is None else seconds_to_ns(self.deadline_s)
+
+    @property
+    def linger_ns(self) -> int:
+        """How long a sample may wait for company, ns; 0 for REAL_TIME."""
+        return 0 if self.priority is Priority.REAL_TIME else seconds_to_ns(self.linger_s)
+
+
+class Tuning(msgspec.Struct, frozen=True, kw_only=True):
+    """What was ordered of a topic while the node runs, over its QoS; None: as the QoS says."""
+
+    on: bool = True
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float | None = None
+    """Least time between two samples of one key on the water, s, ≥ 0."""
+    priority: Priority | None = None
+    """Zenoh's priority."""
+
+    def over(self, qos: Qos) -> Qos:
+        """Return what holds of a QoS then."""
+        interval_s = qos.min_interval_s if self.min_interval_s is None else self.min_interval_s
+        priority = qos.priority if self.priority is None else self.priority
+        # The promise was made before, and what is missed by an order is missed.
+        return msgspec.structs.replace(
+            qos, min_interval_s=interval_s, priority=priority, deadline_s=None
+        )
+
+
+UNTUNED: Final = Tuning()
+"""Everything as the QoS says."""

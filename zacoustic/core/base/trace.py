@@ -1,0 +1,84 @@
+"""The structured trace: a record of each thing an engine does, at the injected instant.
+
+A trace has no wall clock and no object identity in it, so two runs with the same inputs write the
+same trace, byte for byte, and a trace from the sea can be compared with a replay of it.
+"""
+
+from collections.abc import Callable
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S
+
+
+class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """One thing an engine did."""
+
+    at: int
+    """Instant, ns."""
+    node: int
+    """Address of the engine."""
+    what: str
+    """``transmit``, ``report``, ``receive``, ``drop``, ``link``, ``journal``, ``peer``, ``differ``,
+    ``measure``."""
+    peer: int = 0
+    """The other node, where there is one."""
+    size_bytes: int = 0
+    """Size of the frame."""
+    streams: tuple[int, ...] = ()
+    """Streams of the records in it."""
+    detail: str = ""
+    """Outcome or reason, one word."""
+    frame: str = ""
+    """The frame in hexadecimal, so that a trace can be replayed."""
+
+    def render(self) -> str:
+        """Return the record as one line for people."""
+        peer = f" peer {self.peer}" if self.peer else ""
+        size = f" {self.size_bytes} B" if self.size_bytes else ""
+        streams = f" streams {','.join(map(str, self.streams))}" if self.streams else ""
+        detail = f" {self.detail}" if self.detail else ""
+        head = f"{self.at / NS_PER_S:12.3f}  node {self.node:3d}  {self.what}"
+        return f"{head}{peer}{size}{streams}{detail}"
+
+
+TraceSink = Callable[[TraceRecord], None]
+"""Takes each record; must not raise."""
+
+
+class Tracer:
+    """Writes what one engine does, if anybody wants to read it.
+
+    Args:
+        node: Address of the engine.
+        sink: Takes the records, or None.
+    """
+
+    def __init__(self, node: int, sink: TraceSink | None) -> None:
+        self._node = node
+        self._sink = sink
+
+    def note(
+        self,
+        now: int,
+        what: str,
+        *,
+        peer: int = 0,
+        frame: bytes = b"",
+        streams: tuple[int, ...] = (),
+        detail: str = "",
+    ) -> None:
+        """Write a record; see `TraceRecord` for the words."""
+        if self._sink is not None:
+            self._sink(
+                TraceRecord(
+                    at=now,
+                    node=self._node,
+                    what=what,
+                    peer=peer,
+                    size_bytes=len(frame),
+                    streams=streams,
+                    detail=detail,
+                    frame=frame.hex(),
+                )
+            )

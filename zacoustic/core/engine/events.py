@@ -1,0 +1,141 @@
+"""What an engine tells the application: frozen records, polled one by one.
+
+Each is defined where it arises; here is the union of them, for whoever drives an engine, and what
+arises in the engine itself.
+"""
+
+import msgspec
+
+from zacoustic.core.base.linktypes import LinkState, ModemRead, PeerMeasured
+from zacoustic.core.peers.contact import PeerFound, PeerLost
+from zacoustic.core.peers.doubt import JournalDoubted
+from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.profiles.native.protocols import ProtocolEvent
+from zacoustic.core.schedule.hosttime import ClockStateChanged
+from zacoustic.core.schedule.silence import SilenceChanged
+from zacoustic.core.schedule.transmitter import NothingHeard
+from zacoustic.core.transport.actions.news import (
+    ActionEvent,
+    CancelAnswered,
+    CancelRequested,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    GoalRecovered,
+    ResultReceived,
+)
+from zacoustic.core.transport.calls.calls import CallFailed, RequestReceived, ResponseReceived
+from zacoustic.core.transport.commands.orders import StreamTuned
+from zacoustic.core.transport.deliveries import (
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    SampleReceived,
+)
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.subscriptions.demand import SubscribersChanged
+from zacoustic.core.transport.topics.deadlines import DeadlineMissed, DeadlineSide
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
+
+__all__ = [
+    "ActionEvent",
+    "CallFailed",
+    "CallFailure",
+    "CallKey",
+    "CancelAnswered",
+    "CancelRequested",
+    "ClockStateChanged",
+    "DeadlineMissed",
+    "DeadlineSide",
+    "DeliveryEnded",
+    "DeliveryOutcome",
+    "DeliveryStored",
+    "EngineRestarted",
+    "Event",
+    "FeedbackReceived",
+    "GoalAnswered",
+    "GoalFailed",
+    "GoalFailure",
+    "GoalKey",
+    "GoalReceived",
+    "GoalRecovered",
+    "GoalStatus",
+    "JournalDoubted",
+    "JournalStateChanged",
+    "LinkState",
+    "LinkStateChanged",
+    "ModemRead",
+    "NothingHeard",
+    "ObjectProgress",
+    "ObjectState",
+    "PeerFound",
+    "PeerLost",
+    "PeerMeasured",
+    "PeerSeen",
+    "RangeFailed",
+    "RangeMeasured",
+    "RequestReceived",
+    "ResponseReceived",
+    "ResultReceived",
+    "RosEntitySeen",
+    "SampleReceived",
+    "SilenceChanged",
+    "StreamTuned",
+    "StreamsDiffer",
+    "SubscribersChanged",
+]
+
+
+class LinkStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """The link went up or down."""
+
+    state: LinkState
+    """The new state."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class JournalStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """The journal cannot be written, or can be again."""
+
+    failure: str
+    """Why it cannot, one line; empty: it can. Until then nothing is promised that needs it."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class EngineRestarted(msgspec.Struct, frozen=True, kw_only=True):
+    """An internal error has ended the engine of this node; a new one goes on from the journal.
+
+    Told by whoever runs engines. Best-effort samples that waited are lost; how all else ends that
+    was under way is told behind this.
+    """
+
+    faults: int
+    """Internal errors of this process so far."""
+    cause: str
+    """What was raised, one line."""
+    changed_at: int
+    """Instant, ns."""
+
+
+Event = (
+    ProtocolEvent
+    | PeerSeen
+    | StreamsDiffer
+    | PeerMeasured
+    | ModemRead
+    | SilenceChanged
+    | StreamTuned
+    | ClockStateChanged
+    | NothingHeard
+    | LinkStateChanged
+    | JournalStateChanged
+    | JournalDoubted
+    | EngineRestarted
+)
+"""Anything that an engine tells."""

@@ -1,0 +1,139 @@
+"""The tap: every call of an engine from outside, with what came of it, for whoever records it.
+
+An engine is a function of its inputs. So whoever has the arguments it was made with, and every call
+since then in its order, has all that it ever did: made again and called again in the same way, it
+says the same bytes. That is what a recording holds and what a replay does.
+
+A tap stands on the methods themselves, of one engine, so that nobody who drives or commands it has
+to know. What the engine calls within itself is no input: only the outermost call is told. Polls are
+calls like others, since composing a frame draws random numbers and changes queues, whatever comes
+of it. An engine without a tap is not touched.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable, Collection, Iterator
+from typing import Any, Final
+
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.peers.ranging import Ranging
+from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.transport.actions.actions import Actions
+from zacoustic.core.transport.commands.orders import Orders
+from zacoustic.core.transport.subscriptions.demand import Demand
+
+CALLS: Final = (
+    "handle_frame", "handle_transmit_report", "handle_link_state", "handle_carrier",
+    "handle_clock", "handle_measurement", "handle_timeout", "handle_journal_committed",
+    "handle_journal_state",
+    "poll_transmit", "poll_journal", "poll_event", "poll_timeout",
+    "declare", "publish", "cancel_delivery", "refuse_object",
+    "call", "cancel", "reply", "reply_error", "expire",
+    "actions.send_goal", "actions.cancel_goal", "actions.accept", "actions.reject",
+    "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
+    "ranging.request", "ranging.cancel", "ranging.repeat",
+    "demand.want", "silence.begin", "silence.resume", "orders.send", "orders.obey",
+)  # fmt: skip
+"""Inputs, outputs and commands of an engine; getters are not among them."""
+
+
+class EngineCall:
+    """One call; made new for each, and valid while the sink has it."""
+
+    __slots__ = ("arguments", "error", "name", "result")
+
+    def __init__(self, name: str, arguments: dict[str, Any]) -> None:
+        self.name = name
+        """One of `CALLS`."""
+        self.arguments = arguments
+        """By parameter; those left to their defaults are not in it."""
+        self.result: Any = None
+        """What was returned."""
+        self.error: Exception | None = None
+        """What was raised instead."""
+
+
+_PARTS: Final[dict[str, type]] = {
+    "": Engine,
+    "actions": Actions,
+    "demand": Demand,
+    "orders": Orders,
+    "ranging": Ranging,
+    "silence": Silence,
+}
+
+TapSink = Callable[[EngineCall], None]
+"""Takes each call when it has returned; must not raise, nor call the engine."""
+
+
+class Tap:
+    """Stands on one engine from now on.
+
+    Args:
+        engine: The engine, best before it was called at all.
+        sink: Takes the calls.
+        calls: Which of them.
+    """
+
+    def __init__(self, engine: Engine, sink: TapSink, calls: Collection[str] = CALLS) -> None:
+        self._sink = sink
+        self._is_inside = False
+        for name, part, method in _methods(engine, calls):
+            setattr(part, name.rpartition(".")[2], self._tapped(name, method))
+
+    def _tapped(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
+        parameters = tuple(inspect.signature(method).parameters)
+
+        @functools.wraps(method)  # a second tap has to see its parameters
+        def tapped(*args: Any, **keywords: Any) -> Any:  # noqa: ANN401 (as the method has it)
+            if self._is_inside:
+                return method(*args, **keywords)
+            call = EngineCall(name, dict(zip(parameters, args, strict=False)) | keywords)
+            self._is_inside = True
+            try:
+                call.result = method(*args, **keywords)
+            except Exception as error:
+                call.error = error
+                raise
+            finally:
+                self._is_inside = False
+                self._sink(call)
+            return call.result
+
+        return tapped
+
+
+def call_engine(engine: Engine, name: str, arguments: dict[str, Any]) -> object:
+    """Call an engine as a recording says.
+
+    Args:
+        engine: The engine.
+        name: One of `CALLS`.
+        arguments: By parameter.
+
+    Raises:
+        Exception: What the call raises.
+    """
+    part, method = _part(engine, name)
+    return getattr(part, method)(**arguments)
+
+
+def method_of(name: str) -> Callable[..., Any]:
+    """Return the method of a call as its class has it, for its parameters."""
+    path, _, method = name.rpartition(".")
+    found: Callable[..., Any] = getattr(_PARTS[path], method)
+    return found
+
+
+def _methods(
+    engine: Engine, calls: Collection[str]
+) -> Iterator[tuple[str, object, Callable[..., Any]]]:
+    for name in calls:
+        part, method = _part(engine, name)
+        yield name, part, getattr(part, method)
+
+
+def _part(engine: Engine, name: str) -> tuple[object, str]:
+    """Return what has the method of a call, and the method's own name."""
+    path, _, method = name.rpartition(".")
+    return (getattr(engine, path) if path else engine), method

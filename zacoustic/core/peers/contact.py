@@ -1,0 +1,182 @@
+"""Contact: a node lets the others hear that it is there, and notices when one is not heard.
+
+An idle fleet is silent, so from silence nobody can tell whether a vehicle has nothing to say or is
+gone, and a vehicle whether it should surface. Who has to know that pays for it: a *heartbeat*, the
+smallest frame there is, when nothing else was said for a time; and a time without any frame of a
+node after which it counts as *lost*, until it is heard again. Both are in the config, for each
+node; without them nothing is sent and no timer is armed.
+
+- What was sent to one node alone does not spare the heartbeat for the others.
+- The pause is drawn anew each time, so that heartbeats which collide do not collide again.
+- Any frame that can be opened is a sign of its source, for whomever it was. What only the modem of
+  a node has answered is none: its computer may be dead.
+- A heartbeat carries HELLO or TAG as long as somebody has not confirmed this life of the node: a
+  restart is noticed by it.
+"""
+
+import random
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.streams.table import StreamTable
+
+LEAST_HEARTBEAT_S: Final = 1.0
+"""Least time between two heartbeats, s: the smallest frame of a modem lasts a quarter of that."""
+LEAST_MISSED: Final = 2
+"""A node is lost after so many heartbeats at least: any one may be."""
+_EARLIEST: Final = 0.75
+"""Share of the pause that is certain; the rest is drawn."""
+
+
+class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
+    """What the config says of heartbeats, and of nodes that are not heard."""
+
+    heartbeat_s: float | None = None
+    """How often this node is to be heard at least, s; None: no heartbeats."""
+    lost_after_s: dict[int, float] = {}
+    """Address of a node → after how long without a sign of it it is lost, s."""
+    others_lost_after_s: float | None = None
+    """The same for all that are not in it, once they have been heard; None: never."""
+
+
+class Sighting(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether a node is lost."""
+
+    is_lost: bool
+    """Nothing was heard of it for as long as the config says."""
+    since: int
+    """Instant since when that is so, ns."""
+    heard_at: int | None
+    """Instant at which it was heard last, ns; None: not in this life."""
+
+
+class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
+    """Nothing was heard of a node for as long as the config says."""
+
+    address: int
+    """The node."""
+    heard_at: int | None
+    """Instant at which it was heard last, ns; None: not in this life."""
+    lost_at: int
+    """Instant at which it counts as lost, ns."""
+
+
+class PeerFound(msgspec.Struct, frozen=True, kw_only=True):
+    """A node that was lost is heard again."""
+
+    address: int
+    """The node."""
+    found_at: int
+    """Instant, ns."""
+
+
+class Contact:
+    """What one node does to be heard, and whom it misses.
+
+    Args:
+        address: Address of the node.
+        table: Its table; what it lists are the nodes there are.
+        rules: What the config says.
+        rng: Draws the pauses.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        rules: ContactRules,
+        rng: random.Random,
+        emit: Callable[[PeerLost | PeerFound], None],
+    ) -> None:
+        self._address = address
+        self._rules = rules
+        self._rng = rng
+        self._emit = emit
+        self._hearers = [each for each in table.nodes if each != address] or [BROADCAST]
+        self._said_at: dict[int, int] = {}
+        self._pause_ns = 0
+        self._sightings: dict[int, Sighting] = {}
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        if self._said_at:
+            return
+        self._said_at = dict.fromkeys(self._hearers, now)
+        self._draw_pause()
+        for address in self._rules.lost_after_s:
+            if address != self._address:
+                self._sightings.setdefault(
+                    address, Sighting(is_lost=False, since=now, heard_at=None)
+                )
+
+    # Heartbeats
+
+    @property
+    def due_at(self) -> int | None:
+        """Instant at which a heartbeat is due, ns; None: never."""
+        if self._rules.heartbeat_s is None or not self._said_at:
+            return None
+        return min(self._said_at.values()) + self._pause_ns
+
+    def transmitted(self, destination: int, now: int) -> None:
+        """A frame goes to a node, or to all."""
+        if destination == BROADCAST:
+            self._said_at = dict.fromkeys(self._hearers, now)
+            self._draw_pause()
+        elif destination in self._said_at:
+            self._said_at[destination] = now
+
+    # Who is heard
+
+    def heard(self, source: int, now: int) -> None:
+        """A frame of a node arrived, for whomever it was."""
+        known = self._sightings.get(source)
+        since = now if known is None or known.is_lost else known.since
+        self._sightings[source] = Sighting(is_lost=False, since=since, heard_at=now)
+        if known is not None and known.is_lost:
+            self._emit(PeerFound(address=source, found_at=now))
+
+    def expire(self, now: int) -> None:
+        """Tell who has become lost."""
+        for address, known in list(self._sightings.items()):
+            at = self._lost_at(address, known)
+            if at is not None and at <= now:
+                heard_at = known.heard_at
+                self._sightings[address] = Sighting(is_lost=True, since=now, heard_at=heard_at)
+                self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which somebody becomes lost, ns, or None."""
+        instants = (self._lost_at(*each) for each in self._sightings.items())
+        return min((at for at in instants if at is not None), default=None)
+
+    def sightings(self) -> dict[int, Sighting]:
+        """Return whether nodes are lost, by address, for all that can be."""
+        return {
+            address: self._sightings[address]
+            for address in sorted(self._sightings)
+            if self._lost_after_s(address) is not None
+        }
+
+    # Below the methods above
+
+    def _lost_after_s(self, address: int) -> float | None:
+        return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
+
+    def _lost_at(self, address: int, known: Sighting) -> int | None:
+        """Return when a node becomes lost if it is not heard before, ns."""
+        lost_after_s = self._lost_after_s(address)
+        if known.is_lost or lost_after_s is None:
+            return None
+        seen_at = known.since if known.heard_at is None else known.heard_at
+        return seen_at + seconds_to_ns(lost_after_s)
+
+    def _draw_pause(self) -> None:
+        if self._rules.heartbeat_s is not None:
+            longest_ns = seconds_to_ns(self._rules.heartbeat_s)
+            self._pause_ns = self._rng.randint(round(_EARLIEST * longest_ns), longest_ns)

@@ -1,0 +1,478 @@
+"""HELLO: two ends find out whether a stream id means the same to both, before anything is decoded.
+
+The problem: an id is one byte, and its meaning is in the tables of both ends. A node may restart
+with another table at any time, and any frame may be lost, the first one after the restart
+included. A sample decoded by the wrong table is worse than a lost one.
+
+The idea, from the sender's side. Each life of a node has a *boot epoch*. As long as one of the
+nodes that a frame is for has not confirmed the current epoch, the frame begins with a HELLO
+(epoch and digest of the table, 8 bytes) or with a TAG (the epoch alone, 3 bytes). Unicast frames
+carry the HELLO wherever it fits, broadcast ones in one frame of eight. When
+all have confirmed, frames begin with nothing: that is the state in which a sample costs one byte.
+
+From the receiver's side, three rules:
+
+1. A frame *without* HELLO or TAG is decoded only if the source's table is known to equal ours. A
+   node confirms only what it knows to be equal, so a source that omits the TAG has been told so
+   by us in its present life.
+2. A frame *with* one is decoded only if its epoch is the one whose HELLO we have heard: all of it
+   if the tables are equal, else those streams whose digests (TABLE rows) are known and equal.
+3. Everything else is dropped as ``unconfirmed``, and the source is asked (ASK) for what is missing.
+   A TAG of an epoch that we have no HELLO of wipes out what we knew of the source.
+
+So a restarted node with a new table marks its frames with a new epoch until we know it (rule 2),
+and a restarted receiver knows nothing and drops (rule 1), whichever frames are lost. Tables contain
+the list of nodes, so "all have confirmed" means the same to both. A node that is in the water and
+in nobody's list is marked for once it has introduced itself; one that keeps silent is not protected
+from a new table's broadcasts, and has to be restarted with it.
+
+Frames may also come twice, the second time within a *settling time* (`SETTLING_UNITS`). What
+carries an epoch does no harm then. A frame without one may be from a life that is over, so for
+that time after a new epoch was heard no such frame is decoded, and the epoch is not confirmed
+either: when the source omits its TAG, everything of its former lives has arrived, HELLOs included.
+
+Silence: what is owed to a peer (a confirmation, an answer, a question) rides on frames that go
+anyway; only after a random pause does it get a frame of its own, and each repetition doubles the
+pause. Nothing of this happens unless a frame was received, so an idle system stays silent. Ends
+that differ can never confirm each other: they introduce themselves unasked until the pause has
+grown to its longest, and then only when asked.
+
+A CONFIRM that finds no frame to ride on goes behind the next frame of its peer: then no other one
+is on its way. At any other instant one may be, and would be lost where this node transmits; so a
+CONFIRM that no such frame has called forth waits until the peer has been silent for long.
+
+A *vouch* is a CONFIRM that does not wait for the settling time
+(`zacoustic.core.peers.introducing`). What it says is true when it is said; only a late HELLO of a
+former life of the hearer can undo it. The hearer knows how old it is itself, and that nothing of a
+former life is under way any more: then the vouch is a confirmation, from when its sender decodes
+frames without a TAG. It is told so at once.
+"""
+
+import random
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.introducing import Introductions
+from zacoustic.core.peers.peer import Peer, Peers
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.wire.frame import (
+    ABSENT_DIGEST,
+    ASSURED,
+    LAST_STREAM_ID,
+    VOUCHED,
+    WIRE_VERSION,
+    Ask,
+    Confirm,
+    Hello,
+    TableRow,
+)
+
+SETTLING_UNITS: Final = 4
+"""A duplicate that a modem or the water makes arrives within this many units. A few is what modems
+do; four is generous."""
+PATIENCE_UNITS: Final = 16
+"""So long the next frame of a peer is awaited to confirm its epoch behind it: with 64 bytes over
+1000 m 24 s, longer than from one report of a vehicle to the next."""
+_ASK_HELLO: Final = 0
+
+
+class PeerSeen(msgspec.Struct, frozen=True, kw_only=True):
+    """A node told its epoch for the first time, or it restarted."""
+
+    address: int
+    """The node."""
+    epoch: int
+    """Its boot epoch."""
+    same_table: bool
+    """Its table has the digest of ours."""
+    wire_version: int
+    """The version it speaks; another than ours is not understood."""
+
+
+class StreamsDiffer(msgspec.Struct, frozen=True, kw_only=True):
+    """A node defines a stream in another way: it is stopped between the two, the others go on."""
+
+    address: int
+    """The node."""
+    stream_id: int
+    """The stream that differs, or that one of the two does not have."""
+
+
+class Handshake:
+    """Introduces this node to its peers, and decides what of theirs may be decoded.
+
+    Args:
+        address: Address of this node.
+        epoch: Its boot epoch, 0…65535.
+        table: Its stream table.
+        rng: Draws the pauses before frames of its own.
+    """
+
+    def __init__(self, address: int, epoch: int, table: StreamTable, rng: random.Random) -> None:
+        self._address = address
+        self._table = table
+        self._rng = rng
+        self._peers = Peers()
+        self.introductions = Introductions(address, epoch, table, self._peers)
+        self._unit_ns = seconds_to_ns(1)
+        self.patience_ns = PATIENCE_UNITS * self._unit_ns
+        """How long the next frame of a peer is awaited, ns."""
+        self.settling_ns = SETTLING_UNITS * self._unit_ns
+        """Time within which a duplicate of a frame can still arrive, ns."""
+        self._began_at: int | None = None
+        self.news: list[PeerSeen | StreamsDiffer] = []
+        """What happened, for the engine to pass on."""
+
+    @property
+    def epoch(self) -> int:
+        """The present boot epoch of this node."""
+        return self.introductions.epoch
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        if self._began_at is None:
+            self._began_at = now
+
+    def use_link(self, capabilities: LinkCapabilities) -> None:
+        """Scale the pauses to a link: a unit is the time in which the largest frame arrives."""
+        propagation_ns = seconds_to_ns(capabilities.propagation_s)
+        self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+        self.introductions.unit_ns = self._unit_ns
+        self.patience_ns = PATIENCE_UNITS * self._unit_ns
+        self.settling_ns = SETTLING_UNITS * self._unit_ns
+
+    def table_changed(self, now: int) -> None:
+        """Begin a new epoch, because the table is not what peers have confirmed."""
+        self._began_at = now
+        self.introductions.table_changed()
+        for peer in self._peers.values():
+            peer.doubt()
+
+    # What this node says
+
+    def introduce(self, address: int, stream_id: int) -> None:
+        """Make a record in the next frame to a node readable, whatever the node has forgotten."""
+        peer = self._peers[address]
+        peer.owes_hello = True
+        if peer.digest != self._digest:
+            peer.owed_rows[stream_id] = None
+
+    def owed(self, destination: int, room_bytes: int, now: int) -> list[tuple[Cause, bytes]]:
+        """Take what is owed to the hearers of a frame and fits in it; a HELLO excepted."""
+        taken: list[tuple[Cause, bytes]] = []
+        hearers = sorted(self._peers) if destination == BROADCAST else [destination]
+        for address in hearers:
+            peer = self._peers.get(address)
+            if peer is not None and peer.is_owed:
+                peer.ripen(now)
+                unicast = destination != BROADCAST
+                for cause, control in self._controls(address, peer, now, unicast=unicast):
+                    if len(control) > room_bytes:
+                        break
+                    room_bytes -= len(control)
+                    taken.append((cause, control))
+                    peer.is_being_confirmed |= unicast and cause is Cause.CONFIRM
+                    peer.said(cause, now, self._unit_ns)
+                if not peer.is_owed:
+                    peer.speak_at = None
+        return taken
+
+    def speak_next(self) -> tuple[int, int] | None:
+        """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
+        waiting = [
+            (peer.speak_at, address)
+            for address, peer in self._peers.items()
+            if peer.speak_at is not None and peer.is_owed
+        ]
+        return min(waiting, default=None)
+
+    def spoken(self, address: int, now: int) -> None:
+        """Note that a frame went to a peer; what did not fit is said in a next one."""
+        peer = self._peers.get(address)
+        if peer is None:
+            return
+        if not peer.is_owed:
+            peer.speak_at = None
+        elif peer.sayable_at <= now:
+            peer.speak_at = now
+        elif peer.speak_at is None or peer.speak_at <= now:
+            # The instant was that of something that has been said.
+            confirm_at = peer.confirm_at + self.patience_ns
+            peer.speak_at = peer.ask_pause.not_before if peer.questions else confirm_at
+
+    def answers_within(self, address: int, duration_ns: int) -> None:
+        """Say to a node no sooner again what may have an answer under way by then.
+
+        Args:
+            address: The node.
+            duration_ns: How long its answers take behind a device that decides when it transmits.
+        """
+        self._peers[address].answers_within_ns = duration_ns
+
+    # What this node hears
+
+    def begin_frame(self, source: int, now: int) -> None:
+        """A frame arrived; what it says follows."""
+        peer = self._peers[source]
+        peer.is_vouching = False
+        peer.ripen(now)
+
+    def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> bool:
+        """A HELLO arrived: remember it, and answer if it is new; tells whether the epoch is."""
+        peer = self._peers[source]
+        peer.is_assured &= not unicast
+        # What another version calls a digest means nothing to us.
+        digest = hello.digest if hello.version == WIRE_VERSION else b""
+        peer.questions.pop(_ASK_HELLO, None)
+        if not peer.is_owed:
+            peer.speak_at = None
+        is_new_epoch = peer.epoch != hello.epoch
+        if (peer.epoch, peer.digest) != (hello.epoch, digest):
+            peer.forget()
+            peer.epoch, peer.digest = hello.epoch, digest
+            peer.settled_at = now + self.settling_ns
+            same = digest == self._digest
+            self.news.append(
+                PeerSeen(
+                    address=source,
+                    epoch=hello.epoch,
+                    same_table=same,
+                    wire_version=hello.version,
+                )
+            )
+            self._answer_introduction(peer, now)
+        return is_new_epoch
+
+    def heard_tag(self, source: int, epoch: int, now: int, *, unicast: bool = False) -> None:
+        """A TAG arrived: its sender does not know that we know it."""
+        peer = self._peers[source]
+        peer.is_assured &= not unicast
+        if peer.epoch != epoch:
+            # What is known of it may be of a life that is over: better to know nothing.
+            peer.forget()
+            peer.epoch, peer.digest = None, b""
+            self._ask(peer, _ASK_HELLO, now)
+
+    def heard_too_short(self, source: int, now: int) -> None:
+        """A record takes this node for assured, which it is not any more: tell its source so."""
+        self._introduce_soon(self._peers[source], now)
+
+    def heard_too_long(self, source: int, now: int) -> None:
+        """A record does not take this node for assured: if it is, tell its source so."""
+        peer = self._peers[source]
+        if peer.confirmed_us:
+            self._answer_introduction(peer, now)
+
+    def heard_introduced(self, source: int, epoch: int, now: int) -> None:
+        """Records arrived behind a HELLO or TAG: the source still waits for an answer to it."""
+        peer = self._peers[source]
+        if peer.epoch == epoch:
+            self._answer_introduction(peer, now)
+
+    def confirms_us(self, confirm: Confirm, *, unicast: bool) -> bool:
+        """Tell whether a CONFIRM says that its sender knows our present epoch."""
+        return self._is_present(confirm) and self._is_about_us(confirm, unicast=unicast)
+
+    def heard_introduction(self, source: int) -> None:
+        """A frame for us alone confirms us, and introduces its source: it waits for an answer.
+
+        It has heard us, so the way back is open, and as long as it is not answered each of its
+        frames begins so. On broadcast, where others may be silent for ever, that is no haste.
+        """
+        self._peers[source].answer_pause.reset()
+
+    def heard_confirm(
+        self, source: int, confirm: Confirm, now: int, *, unicast: bool = False
+    ) -> None:
+        """A peer says that it knows and shares our table."""
+        if not self._is_about_us(confirm, unicast=unicast):
+            return
+        peer = self._peers[source]
+        if not self._is_present(confirm):
+            # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
+            peer.unconfirm()
+            self._introduce_soon(peer, now)
+            return
+        peer.is_vouching = unicast
+        if confirm.address == VOUCHED:
+            self._heard_vouch(peer, now)
+            return
+        peer.confirmed_us = peer.knows_us = True
+        peer.will_hold_at = None
+        if unicast and confirm.address == ASSURED:
+            if now >= peer.settled_at:
+                peer.is_assured, peer.owes_confirm = True, False
+        elif unicast and peer.shares(self._digest):
+            # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
+            peer.owes_confirm = True
+
+    def heard_ask(self, source: int, ask: Ask, now: int) -> bool:
+        """A peer wants our HELLO, or one row of our table; True when it is us who are asked."""
+        if ask.address != self._address:
+            return False
+        peer = self._peers[source]
+        peer.unconfirm()
+        if ask.stream_id == _ASK_HELLO:
+            peer.owes_hello = True
+        else:
+            peer.owed_rows[ask.stream_id] = None
+        # Whoever asks has made its own pause; a second one here would grow with every loss.
+        self._speak_soon(peer, now)
+        return True
+
+    def heard_row(self, source: int, row: TableRow, now: int) -> None:
+        """A row of a peer's table arrived."""
+        peer = self._peers[source]
+        if not 1 <= row.stream_id <= LAST_STREAM_ID:
+            return
+        if peer.epoch != row.epoch:
+            self._ask(peer, _ASK_HELLO, now)
+            return
+        known = row.stream_id in peer.rows
+        peer.rows[row.stream_id] = row.digest
+        peer.questions.pop(row.stream_id, None)
+        peer.ask_pause.reset()
+        if row.digest != self._row(row.stream_id):
+            self._tell_difference(source, peer, row.stream_id)
+            if not known:
+                peer.owed_rows[row.stream_id] = None
+                self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+
+    def verdict(self, source: int, epoch: int | None, stream_id: int, now: int) -> str | None:
+        """Decide whether a record may be decoded.
+
+        Args:
+            source: Who sent the frame.
+            epoch: From the frame's HELLO or TAG; None for a frame without.
+            stream_id: The record's stream.
+            now: The instant.
+
+        Returns:
+            None when it may, else the reason for the statistics: ``unconfirmed`` or ``differs``.
+        """
+        peer = self._peers[source]
+        peer.ripen(now)
+        if peer.shares(self._digest):
+            if epoch == peer.epoch:
+                return None
+            if epoch is None and now >= peer.settled_at:
+                peer.is_assured = True
+                return None
+        elif peer.epoch is not None and epoch == peer.epoch:
+            row = peer.rows.get(stream_id)
+            if row is not None and row == self._row(stream_id):
+                return None
+            if row is not None:
+                return "differs"
+            self._ask(peer, stream_id, now)
+            return "unconfirmed"
+        # Without HELLO or TAG the source takes us for confirmed, from a life of ours that is over
+        # or by a CONFIRM that came late: the question tells it so.
+        self._ask(peer, _ASK_HELLO, now)
+        return "unconfirmed"
+
+    def differs(self, address: int, stream_id: int) -> bool:
+        """Tell whether a node is known to define a stream in another way."""
+        peer = self._peers.get(address)
+        row = peer.rows.get(stream_id) if peer else None
+        return row is not None and row != self._row(stream_id)
+
+    def verdict_dense(self, source: int, epoch: int | None, now: int) -> str | None:
+        """Decide whether a dense string may be decoded: that takes the whole table.
+
+        Args and returns as `verdict`.
+        """
+        peer = self._peers[source]
+        if peer.differs_from(self._digest) and epoch == peer.epoch:
+            return "differs"
+        return self.verdict(source, epoch, _ASK_HELLO, now)
+
+    def knows_difference(self, address: int) -> bool:
+        """Tell whether a node is known to hold another table."""
+        peer = self._peers.get(address)
+        return peer is not None and peer.differs_from(self._digest)
+
+    def peer(self, address: int) -> Peer:
+        """Return what is known of a node, and what is owed to it."""
+        return self._peers[address]
+
+    def peers(self) -> dict[int, Peer]:
+        """Return what is known of each node heard so far, by address."""
+        return dict(self._peers)
+
+    # Below the methods above
+
+    @property
+    def _digest(self) -> bytes:
+        return self.introductions.digest
+
+    def _is_present(self, confirm: Confirm) -> bool:
+        """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
+        return confirm.epoch == self.epoch and self.introductions.is_told
+
+    def _is_about_us(self, confirm: Confirm, *, unicast: bool) -> bool:
+        return confirm.address == self._address or (
+            unicast and confirm.address in (ASSURED, VOUCHED)
+        )
+
+    def _heard_vouch(self, peer: Peer, now: int) -> None:
+        """A peer has vouched for us: if this life is older than what was late then, that holds."""
+        is_old = self._began_at is not None and now >= self._began_at + 2 * self.settling_ns
+        if is_old and not peer.confirmed_us and peer.will_hold_at is None:
+            peer.will_hold_at = now + self.settling_ns
+            if peer.shares(self._digest):
+                # It introduces itself in every frame until it is told.
+                peer.owes_confirm = True
+                self._speak_soon(peer, max(peer.will_hold_at, peer.confirm_at))
+
+    def _row(self, stream_id: int) -> bytes:
+        stream = self._table.get(stream_id)
+        return stream.digest if stream else ABSENT_DIGEST
+
+    def _answer_introduction(self, peer: Peer, now: int) -> None:
+        if peer.digest == self._digest:
+            peer.owes_confirm = True
+            earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
+            self._speak_soon(peer, earliest)
+        elif not peer.answer_pause.is_longest:
+            # It will never confirm us, so nothing tells that it has heard; a few times are enough.
+            self._introduce_soon(peer, now)
+
+    def _introduce_soon(self, peer: Peer, now: int) -> None:
+        peer.owes_hello = True
+        self._speak_soon(peer, max(now, peer.answer_pause.not_before))
+
+    def _ask(self, peer: Peer, stream_id: int, now: int) -> None:
+        peer.questions[stream_id] = None
+        self._speak_soon(peer, max(now, peer.ask_pause.not_before))
+
+    def _speak_soon(self, peer: Peer, earliest: int) -> None:
+        """Give what is owed a frame of its own, unless one goes anyway before."""
+        at = earliest + self._rng.randrange(self._unit_ns // 2, 2 * self._unit_ns + 1)
+        if peer.speak_at is None or at < peer.speak_at:
+            peer.speak_at = at
+
+    def _controls(
+        self, address: int, peer: Peer, now: int, *, unicast: bool
+    ) -> list[tuple[Cause, bytes]]:
+        controls: list[tuple[Cause, bytes]] = []
+        if peer.owes_confirm and peer.epoch is not None and peer.confirm_at <= now:
+            named = ASSURED if unicast and peer.confirmed_us else address
+            controls.append((Cause.CONFIRM, Confirm(named, peer.epoch).encode()))
+        if peer.ask_pause.not_before <= now:
+            controls += [
+                (Cause.ASK, Ask(address, stream_id).encode()) for stream_id in peer.questions
+            ]
+        for stream_id in peer.owed_rows:
+            row = TableRow(self.epoch, stream_id, self._row(stream_id))
+            controls.append((Cause.TABLE, row.encode()))
+        return controls
+
+    def _tell_difference(self, source: int, peer: Peer, stream_id: int) -> None:
+        if stream_id not in peer.told_differing:
+            peer.told_differing.add(stream_id)
+            self.news.append(StreamsDiffer(address=source, stream_id=stream_id))

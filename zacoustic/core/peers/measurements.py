@@ -1,0 +1,164 @@
+"""What the modem has measured: of each peer the newest of everything, and of itself.
+
+It comes on frames and besides, field by field and out of order: a fix is told half a second after
+the exchange that it was made in. What can only be used together is kept together with its instant:
+a `Range`, a `Position`, a `Direction`. An older one never replaces a newer one.
+"""
+
+from typing import Final, TypeVar
+
+import msgspec
+
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.linktypes import LinkMetrics, Measurement, ModemRead, PeerMeasured
+
+
+class Range(msgspec.Struct, frozen=True, kw_only=True):
+    """How far away another node is."""
+
+    address: int
+    """The node."""
+    propagation_s: float
+    """Propagation delay, one way, s."""
+    range_m: float | None
+    """Slant distance, m; None where the device does not know the sound speed."""
+    integrity: float | None = None
+    """Signal quality in the modem's own scale, None where it tells none."""
+    measured_at: int
+    """Instant of the measurement, ns on the monotonic clock."""
+
+    def age_s(self, now: int) -> float:
+        """Return how old it is at an instant, s; in a program `now` is `time.monotonic_ns()`."""
+        return ns_to_seconds(now - self.measured_at)
+
+
+class Position(msgspec.Struct, frozen=True, kw_only=True):
+    """Where another node is, seen from here."""
+
+    address: int
+    """The node."""
+    east_m: float
+    """Towards the east, m."""
+    north_m: float
+    """Towards the north, m."""
+    up_m: float
+    """Upwards, m: negative where it is deeper."""
+    accuracy_m: float | None = None
+    """Uncertainty, m, as the device says."""
+    measured_at: int
+    """Instant of the measurement, ns on the monotonic clock."""
+
+
+class Direction(msgspec.Struct, frozen=True, kw_only=True):
+    """From where another node is heard."""
+
+    address: int
+    """The node."""
+    bearing_rad: float
+    """0…2π: 0 is north, π/2 east."""
+    elevation_rad: float
+    """Above the horizontal, -π/2…π/2."""
+    accuracy_rad: float | None = None
+    """Uncertainty, rad, as the device says."""
+    measured_at: int
+    """Instant of the measurement, ns on the monotonic clock."""
+
+
+Found = TypeVar("Found", Range, Position, Direction)
+
+
+class Measurements:
+    """The newest of everything."""
+
+    def __init__(self) -> None:
+        self.modem: ModemRead | None = None
+        """What the modem last said of itself."""
+        self._metrics: dict[int, LinkMetrics] = {}
+        self._ranges: dict[int, Range] = {}
+        self._positions: dict[int, Position] = {}
+        self._directions: dict[int, Direction] = {}
+
+    def handle(self, measurement: Measurement) -> None:
+        """Keep what the link tells."""
+        if isinstance(measurement, PeerMeasured):
+            self.note(measurement.address, measurement.metrics, measurement.measured_at)
+        else:
+            self.modem = measurement
+
+    def note(self, address: int, metrics: LinkMetrics, at: int) -> None:
+        """Keep what was measured of a peer, on a frame or besides.
+
+        Args:
+            address: The peer.
+            metrics: What was measured.
+            at: Instant of the measurement, ns.
+        """
+        told = {name: each for name in _FIELDS if (each := getattr(metrics, name)) is not None}
+        if not told:
+            return
+        known = self._metrics.get(address, LinkMetrics())
+        self._metrics[address] = msgspec.structs.replace(known, **told)
+        found = range_in(address, metrics, at)
+        if found is not None:
+            _keep_newest(self._ranges, found)
+        if metrics.east_m is not None and metrics.north_m is not None and metrics.up_m is not None:
+            position = Position(
+                address=address,
+                east_m=metrics.east_m,
+                north_m=metrics.north_m,
+                up_m=metrics.up_m,
+                accuracy_m=metrics.accuracy_m,
+                measured_at=at,
+            )
+            _keep_newest(self._positions, position)
+        if metrics.bearing_rad is not None and metrics.elevation_rad is not None:
+            direction = Direction(
+                address=address,
+                bearing_rad=metrics.bearing_rad,
+                elevation_rad=metrics.elevation_rad,
+                accuracy_rad=metrics.accuracy_rad,
+                measured_at=at,
+            )
+            _keep_newest(self._directions, direction)
+
+    def addresses(self) -> list[int]:
+        """Return the peers of which anything was measured, in order."""
+        return sorted(self._metrics)
+
+    def metrics(self, address: int) -> LinkMetrics | None:
+        """Return the newest value of each field; None: nothing was measured yet."""
+        return self._metrics.get(address)
+
+    def range(self, address: int) -> Range | None:
+        """Return the newest range."""
+        return self._ranges.get(address)
+
+    def position(self, address: int) -> Position | None:
+        """Return the newest position."""
+        return self._positions.get(address)
+
+    def direction(self, address: int) -> Direction | None:
+        """Return the newest direction."""
+        return self._directions.get(address)
+
+
+def range_in(address: int, metrics: LinkMetrics, at: int) -> Range | None:
+    """Return the range that is among the metrics, or None."""
+    if metrics.propagation_s is None:
+        return None
+    return Range(
+        address=address,
+        propagation_s=metrics.propagation_s,
+        range_m=metrics.range_m,
+        integrity=metrics.integrity,
+        measured_at=at,
+    )
+
+
+_FIELDS: Final = LinkMetrics.__struct_fields__
+
+
+def _keep_newest(kept: dict[int, Found], found: Found) -> None:
+    known = kept.get(found.address)
+    if known is None or found.measured_at >= known.measured_at:
+        kept[found.address] = found

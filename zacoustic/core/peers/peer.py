@@ -1,0 +1,157 @@
+"""What a node knows of another one, and what it owes to it; the rules are `handshake`'s."""
+
+from typing import Final
+
+from zacoustic.core.base.stats import Cause
+
+_FIRST_PAUSE_UNITS: Final = 2
+_LONGEST_ANSWER_PAUSE_UNITS: Final = 256
+_LONGEST_QUESTION_PAUSE_UNITS: Final = 64
+"""A question is asked of somebody who transmits what is of no use here: its cost is small beside
+that, and until it is answered all of that is lost."""
+
+
+class Pause:
+    """Doubles with each use: no question is repeated faster than answers can come.
+
+    Args:
+        longest_units: Where it stops to grow, units.
+    """
+
+    __slots__ = ("_longest_units", "_units", "not_before")
+
+    def __init__(self, longest_units: int) -> None:
+        self._longest_units = longest_units
+        self.reset()
+
+    def reset(self) -> None:
+        """Allow the next use at once."""
+        self._units = _FIRST_PAUSE_UNITS
+        self.not_before = 0
+
+    def use(self, now: int, unit_ns: int) -> None:
+        """Note a use; the next one is allowed after the pause."""
+        self.not_before = now + self._units * unit_ns
+        self._units = min(2 * self._units, self._longest_units)
+
+    @property
+    def is_longest(self) -> bool:
+        """It grows no more."""
+        return self._units == self._longest_units
+
+
+class Peer:
+    """What is known of another node, and what is owed to it."""
+
+    def __init__(self) -> None:
+        self.epoch: int | None = None
+        """The last epoch that it has told, or None."""
+        self.digest = b""
+        self.settled_at = 0
+        self.rows: dict[int, bytes] = {}
+        self.confirmed_us = False
+        """It needs no HELLO and no TAG."""
+        self.knows_us = False
+        """In the life that is known of it, it has confirmed the present epoch of this node once.
+        Unlike `confirmed_us` a question does not revoke that: an epoch that was known is known."""
+        self.will_hold_at: int | None = None
+        """Instant from which it has confirmed us, since it has vouched, ns; or None."""
+        self.is_assured = False
+        """It knows that we have confirmed it."""
+        self.is_vouching = False
+        """The frame that is read now says that it knows our present epoch, and shares our table."""
+        self.is_being_confirmed = False
+        """The frame that is composed now says so to it."""
+        self.told_differing: set[int] = set()
+        self.owes_confirm = False
+        self.owes_hello = False
+        self.owed_rows: dict[int, None] = {}
+        self.questions: dict[int, None] = {}
+        self.speak_at: int | None = None
+        self.answers_within_ns = 0
+        """How long its answers take behind a device that decides when it transmits, as measured."""
+        self.answered_at = 0
+        """What it says before that may have been said before our last CONFIRM came, ns."""
+        self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
+        self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
+
+    @property
+    def present_epoch(self) -> int:
+        """Epoch of a node whose record was just allowed."""
+        assert self.epoch is not None
+        return self.epoch
+
+    def shares(self, digest: bytes) -> bool:
+        """Tell whether it is known to hold the table of a digest."""
+        return self.epoch is not None and self.digest == digest
+
+    def ripen(self, now: int) -> None:
+        """Count it as having confirmed us, if the time for that has come."""
+        if self.will_hold_at is not None and self.will_hold_at <= now:
+            self.confirmed_us = self.knows_us = True
+            self.will_hold_at = None
+
+    def unconfirm(self) -> None:
+        """It does not know our present epoch, whatever it has said."""
+        self.confirmed_us = False
+        self.will_hold_at = None
+
+    def differs_from(self, digest: bytes) -> bool:
+        """Tell whether it is known to hold another table than that of a digest."""
+        return self.epoch is not None and self.digest != digest
+
+    @property
+    def is_owed(self) -> bool:
+        """Something is to be said to it."""
+        return self.owes_confirm or self.owes_hello or bool(self.owed_rows or self.questions)
+
+    @property
+    def confirm_at(self) -> int:
+        """Instant from which it may be confirmed, ns."""
+        return max(self.settled_at, self.answer_pause.not_before, self.answered_at)
+
+    @property
+    def sayable_at(self) -> int:
+        """Instant from which some of what it is owed may be said, ns; only where it `is_owed`."""
+        instants = [self.confirm_at] if self.owes_confirm else []
+        if self.questions:
+            instants.append(self.ask_pause.not_before)
+        return 0 if self.owes_hello or self.owed_rows else min(instants)
+
+    def said(self, cause: Cause, now: int, unit_ns: int) -> None:
+        """Take note that the next of what is owed of a kind has been said."""
+        if cause is Cause.CONFIRM:
+            self.owes_confirm = False
+            self.answer_pause.use(now, unit_ns)
+            self.answered_at = now + self.answers_within_ns
+        elif cause is Cause.TABLE:
+            self.owed_rows.pop(next(iter(self.owed_rows)))
+        else:
+            self.questions.pop(next(iter(self.questions)))
+            if not self.questions:
+                self.ask_pause.use(now, unit_ns)
+
+    def doubt(self) -> None:
+        """Of its table and ours nothing is agreed any more."""
+        self.unconfirm()
+        self.knows_us = self.is_assured = self.is_vouching = False
+        self.owes_confirm = False
+        self.answered_at = 0
+        self.rows.clear()
+        self.told_differing.clear()
+
+    def forget(self) -> None:
+        """It has begun a new life: it knows nothing of us, and we nothing of its table."""
+        self.doubt()
+        self.owed_rows.clear()
+        self.questions.clear()
+        self.ask_pause.reset()
+        self.answer_pause.reset()
+
+
+class Peers(dict[int, Peer]):
+    """The other nodes, by address; of one that is not in it nothing is known yet."""
+
+    def __missing__(self, address: int) -> Peer:
+        peer = self[address] = Peer()
+        return peer

@@ -1,0 +1,363 @@
+"""Ranges on demand: an exchange with a peer, and what its modem made of it.
+
+The problem: a modem measures how long sound takes only where an answer comes back, so somebody has
+to be asked something. The idea: any unicast frame to the peer will do, if its modem is asked for an
+acknowledgement. So whoever wants a range waits for the next frame that goes to that peer anyway;
+if none does, the composer makes one with what is owed to the peer, or with one byte of padding, the
+smallest frame there is and no news to anybody: it introduces nobody, and calls forth no answer but
+that of the modem. A modem that waits for one sends nothing meanwhile: so what is sent several times
+in a row is asked for no range, and until it can have been answered, and repeated, none is asked
+for, unless a schedule is behind by a period.
+
+Which answer belongs to which question is decided by time alone: a measurement counts for all
+requests made before it, on whichever exchange it was made, and never for a later one. So two
+requests share an exchange, and a delay that the modem remembers from before is never taken.
+
+What happens to a peer of which a range is wanted::
+
+    wanted ──frame goes──► under way ──report──► pausing ──► wanted
+       ▲                                  │
+       └── the next one, a period later ◄─┴─ measured
+
+An exchange that brings nothing is tried again, until the time of the request is over. The pause
+doubles, so that a peer that is gone costs little: nothing waits for an exchange but the range.
+"""
+
+import enum
+import math
+import random
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.linktypes import (
+    LinkCapabilities,
+    PeerMeasured,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.peers.measurements import Range, range_in
+from zacoustic.core.peers.peer import Pause
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import LocalError, RangeUnavailableError
+
+LEAST_PERIOD_S: Final = 1.0
+"""Least time between two ranges of a schedule, s: an exchange over 1500 m takes 3 s, one over 100 m
+half a second."""
+LONGEST_PERIOD_S: Final = 86_400.0
+"""Most time between two, s: a day."""
+_LONGEST_PAUSE_UNITS: Final = 64
+"""As for a question of the handshake: two minutes with messages of 64 bytes over 1500 m."""
+_FIRST_SHARE: Final = 4
+"""A schedule begins within this part of its period, so that nodes started together part."""
+
+
+class RangeFailure(enum.Enum):
+    """Why there is no range."""
+
+    TIMED_OUT = "timed_out"
+    """No measurement before the time was over."""
+    UNAVAILABLE = "unavailable"
+    """The link measures none."""
+
+
+class RangeMeasured(msgspec.Struct, frozen=True, kw_only=True):
+    """A range that was asked for is there."""
+
+    range_id: int
+    """What `Ranging.request` returned."""
+    range: Range
+    """The range."""
+
+
+class RangeFailed(msgspec.Struct, frozen=True, kw_only=True):
+    """A range that was asked for will not come."""
+
+    range_id: int | None
+    """What `Ranging.request` returned; None: a schedule that this link cannot keep."""
+    address: int
+    """The peer."""
+    failure: RangeFailure
+    """Why."""
+    text: str
+    """One line for people."""
+
+
+class Ranging:
+    """The ranges that one node wants.
+
+    Args:
+        address: Address of this node.
+        table: Its table; what it lists are the nodes there are.
+        rng: Draws when a schedule begins.
+        emit: Takes what became of requests.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        rng: random.Random,
+        emit: Callable[[RangeMeasured | RangeFailed], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._rng = rng
+        self._emit = emit
+        self._capabilities: LinkCapabilities | None = None
+        self._unit_ns = NS_PER_S
+        self._quests: dict[int, _Quest] = {}
+        self._next_id = 1
+
+    # Commands
+
+    def request(self, address: int, now: int, *, timeout_s: float) -> int:
+        """Ask for a range; returns the id that its `RangeMeasured` or `RangeFailed` will name.
+
+        Args:
+            address: The peer.
+            now: The instant.
+            timeout_s: How long it may take, s, above 0.
+
+        Raises:
+            LocalError: No such node, this node itself, or a time that is none.
+            RangeUnavailableError: The link measures no ranges, or none to that address.
+        """
+        if not 0 < timeout_s < math.inf:
+            raise LocalError(f"timeout_s is {timeout_s}; allowed: above 0")
+        self._check(address)
+        range_id = self._next_id
+        self._next_id += 1
+        quest = self._quest(address)
+        quest.pause.reset()
+        quest.requests[range_id] = _Request(now, now + seconds_to_ns(timeout_s), timeout_s)
+        return range_id
+
+    def cancel(self, range_id: int) -> None:
+        """Give up a request; no event follows."""
+        for address, quest in tuple(self._quests.items()):
+            if quest.requests.pop(range_id, None) is not None:
+                self._forget_if_idle(address)
+
+    def repeat(self, address: int, every_s: float, now: int) -> None:
+        """Measure the range of a peer again and again; replaces an earlier schedule for it.
+
+        Any measurement counts: an exchange that is made for something else puts it off. Results are
+        events of kind `PeerMeasured`. Until the link is up for the first time nothing is known of
+        it; where it then measures no ranges, a `RangeFailed` without id says so.
+
+        Args:
+            address: The peer.
+            every_s: Time between two measurements, s, `LEAST_PERIOD_S`…`LONGEST_PERIOD_S`.
+            now: The instant.
+
+        Raises:
+            LocalError: No such node, this node itself, or a period out of range.
+            RangeUnavailableError: The link measures no ranges, or none to that address.
+        """
+        if not LEAST_PERIOD_S <= every_s <= LONGEST_PERIOD_S:
+            allowed = f"{LEAST_PERIOD_S:g}..{LONGEST_PERIOD_S:g}"
+            raise LocalError(f"every_s is {every_s}; allowed: {allowed}")
+        self._check(address)
+        quest = self._quest(address)
+        quest.every_ns = seconds_to_ns(every_s)
+        quest.scheduled_at = now + self._rng.randrange(quest.every_ns // _FIRST_SHARE + 1)
+
+    # What the link tells
+
+    def use_link(self, capabilities: LinkCapabilities) -> None:
+        """Scale the pauses to a link, and see whether it measures ranges."""
+        self._capabilities = capabilities
+        propagation_ns = seconds_to_ns(capabilities.propagation_s)
+        self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
+        for address, quest in tuple(self._quests.items()):
+            quest.transmission_id = None  # a port that was replaced reports no more
+            reason = self._objection(address)
+            if reason:
+                for range_id in tuple(quest.requests):
+                    self._fail(quest, range_id, address, RangeFailure.UNAVAILABLE, reason)
+                if quest.every_ns is not None:
+                    self._fail(quest, None, address, RangeFailure.UNAVAILABLE, reason)
+
+    def transmitted(self, transmission: Transmission, now: int) -> None:
+        """A frame goes out; one that is acknowledged may bring a range."""
+        quest = self._quests.get(transmission.destination)
+        if quest is None or not transmission.acknowledge:
+            return
+        quest.transmission_id = transmission.transmission_id
+        quest.is_answered = False
+        if quest.every_ns is not None:
+            quest.scheduled_at = now + quest.every_ns
+
+    def handle_report(self, report: TransmitReport, now: int) -> None:
+        """A transmission has ended; the measurement comes a little later, if at all."""
+        for address, quest in tuple(self._quests.items()):
+            if quest.transmission_id != report.transmission_id:
+                continue
+            quest.transmission_id = None
+            quest.words = _words_of(report)
+            if not quest.is_answered:
+                quest.pause.use(now, self._unit_ns)
+            self._forget_if_idle(address)
+
+    def measured(self, measurement: PeerMeasured) -> None:
+        """A peer was measured: answer the requests that were made before."""
+        address = measurement.address
+        quest = self._quests.get(address)
+        found = range_in(address, measurement.metrics, measurement.measured_at)
+        if quest is None or found is None:
+            return
+        quest.is_answered = True
+        quest.pause.reset()
+        if quest.every_ns is not None:
+            next_at = found.measured_at + quest.every_ns
+            quest.scheduled_at = max(quest.scheduled_at, next_at)
+        for range_id, request in tuple(quest.requests.items()):
+            if request.asked_at <= found.measured_at:
+                del quest.requests[range_id]
+                self._emit(RangeMeasured(range_id=range_id, range=found))
+        self._forget_if_idle(address)
+
+    # Time
+
+    def due(self, now: int) -> tuple[int, int] | None:
+        """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
+        wanted = [
+            (at, address)
+            for address, quest in self._quests.items()
+            if not self._objection(address) and (at := quest.due_at(now)) is not None
+        ]
+        return min(wanted, default=None)
+
+    def wants(self, address: int, now: int, *, gives_way: bool = False) -> bool:
+        """Tell whether a frame to that address is to be acknowledged by its modem.
+
+        Args:
+            address: Its destination.
+            now: The instant.
+            gives_way: What the frame carries may have to go again before its modem has waited for
+                an acknowledgement: not unless a schedule is behind by a period.
+        """
+        quest = self._quests.get(address)
+        if quest is None or self._objection(address):
+            return False
+        at = quest.due_at(now)
+        if at is None or (gives_way and quest.every_ns is None):
+            return False
+        return at + (quest.every_ns or 0) * gives_way <= now
+
+    def give_way(self, address: int, until: int) -> None:
+        """A schedule waits until an instant, ns, but not for more than a period."""
+        quest = self._quests.get(address)
+        if quest is not None and quest.every_ns is not None:
+            quest.gives_way_until = min(until, quest.scheduled_at + quest.every_ns)
+
+    def next_deadline_at(self) -> int | None:
+        """Return when `expire` is to be called, ns."""
+        deadlines = (
+            request.deadline_at
+            for quest in self._quests.values()
+            for request in quest.requests.values()
+        )
+        return min(deadlines, default=None)
+
+    def expire(self, now: int) -> None:
+        """Fail the requests whose time is over."""
+        for address, quest in tuple(self._quests.items()):
+            for range_id, request in tuple(quest.requests.items()):
+                if request.deadline_at <= now:
+                    text = f"no range within {request.timeout_s:g} s: {quest.words}"
+                    self._fail(quest, range_id, address, RangeFailure.TIMED_OUT, text)
+            self._forget_if_idle(address)
+
+    # Below the methods above
+
+    def _check(self, address: int) -> None:
+        if address == self._address:
+            raise LocalError(f"node {address} is this node; allowed: another one")
+        nodes = self._table.nodes
+        if not 1 <= address <= 254 or (nodes and address not in nodes):
+            known = ", ".join(f"{each} ({name})" for each, name in nodes.items()) or "1..254"
+            raise LocalError(f"node {address} is not known; allowed: {known}")
+        if reason := self._objection(address, is_known=False):
+            raise RangeUnavailableError(
+                reason, hint="ranges come from a link that acknowledges, such as a modem's"
+            )
+
+    def _objection(self, address: int, *, is_known: bool = True) -> str:
+        """Why no range of that peer can be had; empty if it can.
+
+        Args:
+            address: The peer.
+            is_known: What the link can do has to be known.
+        """
+        told = self._capabilities
+        if told is None:
+            return "the link has not been up yet" if is_known else ""
+        if not told.measures_range:
+            return "this link measures no ranges"
+        first, last = told.address_range
+        if not first <= address <= last:
+            return f"this link measures no range of node {address}; allowed: {first}..{last}"
+        return ""
+
+    def _quest(self, address: int) -> "_Quest":
+        return self._quests.setdefault(address, _Quest())
+
+    def _fail(
+        self, quest: "_Quest", range_id: int | None, address: int, failure: RangeFailure, text: str
+    ) -> None:
+        if range_id is not None:
+            del quest.requests[range_id]
+        self._emit(RangeFailed(range_id=range_id, address=address, failure=failure, text=text))
+
+    def _forget_if_idle(self, address: int) -> None:
+        quest = self._quests[address]
+        if not quest.requests and quest.every_ns is None and quest.transmission_id is None:
+            del self._quests[address]
+
+
+class _Request(msgspec.Struct, frozen=True):
+    """A range that somebody waits for."""
+
+    asked_at: int
+    deadline_at: int
+    timeout_s: float
+
+
+class _Quest:
+    """The ranges that are wanted of one peer."""
+
+    def __init__(self) -> None:
+        self.requests: dict[int, _Request] = {}
+        self.every_ns: int | None = None
+        self.scheduled_at = 0
+        self.gives_way_until = 0
+        """The schedule is not kept before, ns."""
+        self.pause = Pause(_LONGEST_PAUSE_UNITS)
+        self.transmission_id: int | None = None
+        """Of the exchange that is under way."""
+        self.is_answered = False
+        """It has brought a range already."""
+        self.words = "nothing could be sent"
+        """What became of the last exchange."""
+
+    def due_at(self, now: int) -> int | None:
+        """When the next exchange is due, ns."""
+        if self.transmission_id is not None:
+            return None
+        if self.requests:
+            return max(now, self.pause.not_before)
+        if self.every_ns is None:
+            return None
+        return max(self.scheduled_at, self.pause.not_before, self.gives_way_until)
+
+
+def _words_of(report: TransmitReport) -> str:
+    if report.outcome is TransmitOutcome.DELIVERED:
+        return "acknowledged, but the modem tells no delay"
+    words = report.outcome.value.replace("_", " ")
+    return f"{words} ({report.detail})" if report.detail else words

@@ -1,0 +1,1 @@
+"""Wire profiles: which transports a node speaks, and how a frame is taken apart."""

@@ -1,0 +1,441 @@
+"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+
+They share the transmit queue, the handshake and the journal, and know nothing of the link but its
+airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+
+Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
+the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
+"""
+
+from collections.abc import Callable, Mapping, Set
+
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.base.linktypes import (
+    LinkCapabilities,
+    ReceivedFrame,
+    Transmission,
+    TransmitReport,
+)
+from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
+from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.profiles.native.receiver import Receiver
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.actions import Actions
+from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.calls.calls import CallEvent
+from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
+from zacoustic.core.transport.objects.large import LargeSamples
+from zacoustic.core.transport.objects.objects import Objects
+from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.core.transport.reliable.receiving.receiving import ReliableReceiving
+from zacoustic.core.transport.reliable.sending.sending import ReliableSending
+from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.subscriptions.demand import Demand, SubscribersChanged
+from zacoustic.core.transport.topics.copied import CopiedSamples
+from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
+from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.topics import Topics
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.core.wire.frame import TAG_BYTES
+
+ProtocolEvent = (
+    SampleReceived
+    | DeliveryEvent
+    | CallEvent
+    | ActionEvent
+    | ObjectProgress
+    | SubscribersChanged
+    | DeadlineMissed
+    | RangeMeasured
+    | RangeFailed
+    | PeerLost
+    | PeerFound
+    | RosEntitySeen
+)
+"""What the components tell the application."""
+
+
+class Protocols:
+    """The components of one engine.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        epoch: Its boot epoch.
+        rules: What the config says.
+        doubt: Whether something of former lives is forgotten.
+        journal: Keeps what is to survive.
+        stats: Counts.
+        generators: One for each component that draws.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        epoch: int,
+        *,
+        rules: TransmitRules,
+        doubt: Doubt,
+        journal: JournalPort,
+        stats: EngineStats,
+        generators: Generators,
+        emit: Callable[[ProtocolEvent], None],
+    ) -> None:
+        self._address = address
+        self._journal = journal
+        self._stats = stats
+        self._emit = emit
+        self._doubt = doubt
+        self._epochs_to_keep = 0
+        self.queue = queue = TransmitQueue()
+        self.handshake = handshake = Handshake(address, epoch, table, generators.of("handshake"))
+        self.contact = Contact(address, table, rules.contact, generators.of("contact"), emit)
+        self.ranging = Ranging(address, table, generators.of("ranging"), emit)
+        self.repeater = Repeater(queue, generators.of("repeater"), handshake.introduce)
+        self.demand = Demand(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            handshake=handshake,
+            journal=journal,
+            changed=self._audience_changed,
+            unsubscribed=self._unsubscribed,
+            emit=emit,
+        )
+        self.deadlines = Deadlines(address, table, self.demand, stats, emit)
+        self.dense = DenseStreams(address, table, handshake, self.demand)
+        self.sending = ReliableSending(
+            address,
+            table,
+            queue=queue,
+            handshake=handshake,
+            demand=self.demand,
+            journal=journal,
+            doubt=doubt,
+            generators=generators,
+            stats=stats,
+            emit=emit,
+        )
+        self.receiving = ReliableReceiving(
+            address,
+            table,
+            queue=queue,
+            journal=journal,
+            doubt=doubt,
+            rng=generators.of("receiving"),
+            emit=self._hand_on,
+        )
+        self.large = LargeSamples(
+            address,
+            table,
+            rules.objects,
+            handshake=handshake,
+            demand=self.demand,
+            sending=self.sending,
+            receiving=self.receiving,
+            journal=journal,
+            stats=stats,
+            generators=generators,
+            emit=emit,
+        )
+        self.copied = CopiedSamples(queue, handshake)
+        self.topics = Topics(
+            address,
+            table,
+            queue=queue,
+            copied=self.copied,
+            stats=stats,
+            sending=self.sending,
+            receiving=self.receiving,
+            demand=self.demand,
+            emit=self._hand_on,
+        )
+        self.topics.large = self.large
+        self.services = Services(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self.begin_epoch,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
+        )
+        self.actions = Actions(
+            address,
+            table,
+            queue=queue,
+            repeater=self.repeater,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=self._renew_epoch,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
+        )
+        self.receiver = Receiver(
+            table,
+            handshake,
+            self.topics,
+            self.dense,
+            self.services,
+            self.actions,
+            self.sending,
+            self.large,
+            self.demand,
+            stats,
+        )
+        self.composer = Composer(queue, handshake, self.dense, self.ranging, stats)
+        self.composer.objects = self.large.objects
+        self.composer.contact = self.contact
+        self._write_epoch()
+
+    @property
+    def may_speak(self) -> bool:
+        """The boot epoch is written down: no other life of the node will have it.
+
+        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
+        """
+        return not self._epochs_to_keep or bool(self._journal.failure)
+
+    @property
+    def objects(self) -> Objects:
+        """Samples that are larger than a frame, on the channel."""
+        return self.large.objects
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return not self.queue and self.large.objects.is_idle
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Tell whether something waits that says what has come."""
+        return self.queue.has_acknowledgement or self.large.objects.owes_answer(now)
+
+    # Commands
+
+    def publish(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        delete: bool,
+        queued_at: int | None,
+    ) -> int:
+        """Queue a sample; see `Engine.publish`."""
+        delivery_id = self.topics.publish(
+            stream_id,
+            value,
+            now,
+            instance=instance,
+            encoding=encoding,
+            delete=delete,
+            queued_at=queued_at,
+        )
+        self.deadlines.published(stream_id, instance, now, deleted=delete)
+        return delivery_id
+
+    def pending(self, stream_id: int) -> int:
+        """Count the payloads of a stream that wait."""
+        return self.queue.pending(stream_id) + self.large.objects.pending(stream_id)
+
+    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
+        """Call a service; see `Engine.call`."""
+        return self.services.call(stream_id, value, now, timeout_s=timeout_s)
+
+    def cancel(self, call_id: int, now: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+        self.services.cancel(call_id, now)
+
+    def reply(self, call: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+        return self.services.reply(call, value, now)
+
+    def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
+        """Answer a request with an error; see `Engine.reply_error`."""
+        return self.services.reply_error(call, failure, text, now)
+
+    # What is said and heard
+
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a frame on a link."""
+        return Envelope(capabilities, self._address)
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+        return self.composer.due_at(now)
+
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame that is worth most now, or return None."""
+        return self.composer.compose(port.envelope, now)
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, or return None."""
+        return self.composer.compose_only(port.envelope, lane, now)
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, or return None."""
+        return self.composer.speak(port, now)
+
+    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+        """Take a frame apart; returns the streams of what was in it."""
+        self._doubt.settle(now)
+        return self.receiver.handle(opened, frame, now)
+
+    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+        """Learn from a frame for somebody else when its sender listens."""
+        self.receiver.overhear(opened, frame, now)
+
+    # The life of the engine
+
+    def begin(self, now: int) -> None:
+        """This is the first instant of the life; no effect later on."""
+        self.contact.begin(now)
+        self.handshake.begin(now)
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left."""
+        self.demand.recover(stored)
+        self.sending.recover(stored)
+        self.receiving.recover(stored)
+        self.large.recover(stored)
+        self.services.recover(stored)
+        self.actions.recover(stored)
+
+    def begin_epoch(self, now: int) -> None:
+        """Begin a new boot epoch: what peers have confirmed is over."""
+        self.handshake.table_changed(now)
+        self.dense.epoch_changed()
+        self._write_epoch()
+        self.services.epoch_changed()
+        self.actions.epoch_changed(now)
+
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take the airtimes of a link, and drop what is too large for it."""
+        self.receiver.handle_access, self.receiver.handle_call = (
+            port.handle_control,
+            port.handle_call,
+        )
+        self.composer.port = port
+        capabilities = port.capabilities
+        self.handshake.use_link(capabilities)
+        self.ranging.use_link(capabilities)
+        times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
+        settling_ns = self.handshake.settling_ns
+        self.copied.use_link(times)
+        self.sending.use_link(times, settling_ns)
+        self.services.use_link(times, settling_ns)
+        self.actions.use_link(times, settling_ns)
+        self.repeater.use_link(times, now)
+        self.receiving.use_link(times)
+        self.large.objects.use_link(
+            capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
+        )
+        oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
+        self.sending.dropped(oversized, now)
+        for _ in oversized:
+            self._stats.drop("oversized")
+
+    def link_up(self, now: int) -> None:
+        """The link is up."""
+        self._doubt.link_up(now)
+        self.receiving.link_up(now)
+        self.sending.link_up(now)
+        self.large.link_up(now)
+        self.repeater.link_up(now)
+        self.services.link_up(now)
+        self.actions.link_up(now)
+
+    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
+        """A transmission begins."""
+        self.copied.transmitted(composed.records)
+        self.sending.transmitted(composed.records, now)
+        self.repeater.transmitted(composed.records)
+        self.ranging.transmitted(transmission, now)
+        self.contact.transmitted(transmission.destination, now)
+
+    def handle_report(self, report: TransmitReport, now: int) -> None:
+        """A transmission has ended."""
+        self.copied.handle_report(report)
+        self.sending.handle_report(report)
+        self.repeater.handle_report(report)
+        self.large.objects.transmitted(report.finished_at)
+        self.ranging.handle_report(report, now)
+
+    def expire(self, now: int) -> None:
+        """The instant that `next_deadline_at` named has come."""
+        self.services.expire(now)
+        self.actions.expire(now)
+        self.copied.expire(now)
+        self.sending.expire(now)
+        self.receiving.expire(now)
+        self.repeater.expire(now)
+        self.large.at(now).objects.expire(now)
+        self.ranging.expire(now)
+        self.contact.expire(now)
+        self.deadlines.expire(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something expires or is due, ns, or None."""
+        instants = (
+            self.services.next_deadline_at(),
+            self.actions.next_due_at(),
+            self.copied.next_deadline_at(),
+            self.sending.next_deadline_at(),
+            self.receiving.next_deadline_at(),
+            self.repeater.next_due_at(),
+            self.large.objects.next_deadline_at(),
+            self.ranging.next_deadline_at(),
+            self.contact.next_deadline_at(),
+            self.deadlines.next_deadline_at(),
+        )
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    def _renew_epoch(self, now: int) -> bool:
+        """Begin a new epoch unless a call is under way, which would not survive it."""
+        if self.services.is_calling:
+            return False
+        self.begin_epoch(now)
+        return True
+
+    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        self.topics.audience_changed(stream, newcomers, now)
+
+    def _write_epoch(self) -> None:
+        self._epochs_to_keep += 1
+        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
+        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
+
+    def _epoch_kept(self, now: int) -> None:
+        self._epochs_to_keep -= 1
+
+    def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        self.large.unsubscribed(stream_id, sources, now)
+
+    def _hand_on(self, sample: SampleReceived, now: int) -> None:
+        count(self._stats.received, sample.stream_id)
+        self.deadlines.handed_on(sample, now)
+        self._emit(sample)

@@ -1,0 +1,276 @@
+"""Services over rmw_desert: each request is sent once, each request that arrives is served.
+
+The wire has a sequence id and nothing else: no client, no acknowledgement, no error, no repetition.
+So a call that hears nothing until its deadline has failed and nobody knows whether it was executed;
+it is never asked a second time, since its server would do the work again. A server's error has no
+form on this wire: its client hears nothing and gives up by itself.
+
+An answer goes to all clients of the service, which tell theirs by the sequence id. Clients of
+rmw_desert draw theirs from 0…999, this node counts from 1000 on (`specs.FIRST_SEQUENCE`). Two of
+them may draw the same one at the same time; both requests are served, since who leaves one out has
+told its client that it was done. But the very same bytes again, as long as a modem or the water may
+have made two of a frame, are one request: its answer is said again, if there is one.
+"""
+
+import random
+from collections.abc import Callable
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.streams.rmwdesert import FIRST_SEQUENCE, LAST_SEQUENCE
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.calls.answering import call_qos
+from zacoustic.core.transport.calls.calls import (
+    CallEvent,
+    CallFailed,
+    RequestReceived,
+    ResponseReceived,
+)
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.rmw_desert.messages import Kind, Message, check_limits, encode_head
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.errors import LocalError, QueueFullError
+
+CALLS_LIMIT = 16
+"""Calls of this node to one service that are under way at the same time."""
+SERVED_LIMIT = 64
+"""Requests of one service that are not answered yet; further ones are dropped."""
+SETTLING_UNITS = 4
+"""A duplicate that a modem or the water makes arrives within as many times as the largest frame
+takes to arrive."""
+
+_REQUEST_LANE = 1
+_ANSWER_LANE = 2
+_KIND_BYTES = 1
+
+
+class _Call(msgspec.Struct):
+    """A call of this node."""
+
+    stream_id: int
+    sequence: int
+    deadline_at: int
+
+
+class _Served(msgspec.Struct):
+    """A request that this node serves, or has answered just now."""
+
+    fields: bytes
+    forgotten_at: int
+    response: bytes | None = None
+    """Fields of the answer."""
+
+
+class DesertCalls:
+    """The services of one node, as client and as server.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes requests and responses.
+        stats: Counts.
+        rng: Draws the first sequence id.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        stats: EngineStats,
+        rng: random.Random,
+        emit: Callable[[CallEvent], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._stats = stats
+        self._emit = emit
+        self._next_sequence = rng.randint(FIRST_SEQUENCE, LAST_SEQUENCE)
+        self._next_call_id = 1
+        self._arrivals = 0
+        self._calls: dict[int, _Call] = {}
+        self._by_sequence: dict[tuple[int, int], int] = {}
+        self._served: dict[CallKey, _Served] = {}
+        self.settling_ns = 0
+        """Time within which a duplicate of a frame can still arrive, ns."""
+
+    # As client
+
+    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
+        """Call a service; see `Engine.call`."""
+        stream, spec = self._table.service(stream_id)
+        if spec.server == self._address:
+            raise LocalError(f"{stream.name} is served by this node, {self._address}")
+        fields = stream.codec.encode(value)
+        under_way = sum(call.stream_id == stream_id for call in self._calls.values())
+        if under_way >= CALLS_LIMIT:
+            raise QueueFullError(
+                f"stream {stream_id}: {CALLS_LIMIT} calls are under way",
+                hint="wait for answers, or set a shorter timeout_s",
+            )
+        sequence = self._take_sequence(stream_id)
+        limit_s = spec.timeout_s if timeout_s is None else timeout_s
+        call = _Call(stream_id, sequence, now + seconds_to_ns(limit_s))
+        self._send(Kind.REQUEST, stream, sequence, fields, now, expires_at=call.deadline_at)
+        call_id, self._next_call_id = self._next_call_id, self._next_call_id + 1
+        self._calls[call_id] = call
+        self._by_sequence[stream_id, sequence] = call_id
+        count(self._stats.published, stream_id)
+        return call_id
+
+    def cancel(self, call_id: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+        if call_id in self._calls:
+            self._end(call_id)
+
+    # As server
+
+    def reply(self, key: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+        served = self._served.get(key)
+        if served is None or served.response is not None:
+            return False
+        del self._served[key]
+        stream = self._table.by_id(key.stream_id)
+        served.response = stream.response_codec.encode(value)
+        self._respond(stream, key.number, served.response, now)
+        served.forgotten_at = now + self.settling_ns
+        self._served[key] = served  # the newest of those that are answered
+        return True
+
+    def reply_error(self, key: CallKey) -> bool:
+        """Forget a request that failed: nothing on this wire says so, hence False."""
+        self._served.pop(key, None)
+        return False
+
+    # For the water
+
+    def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
+        """Take a request or a response; returns why it is dropped, or None."""
+        spec = stream.spec
+        if not isinstance(spec, ServiceSpec):
+            return "unknown_stream"
+        is_server = spec.server == self._address
+        if message.kind is Kind.RESPONSE:
+            return "not_publisher" if is_server else self._receive_response(stream, message)
+        return self._receive_request(source, stream, message, now) if is_server else "not_for_us"
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which a call fails, or a request is given up, ns."""
+        instants = [call.deadline_at for call in self._calls.values()]
+        instants += [served.forgotten_at for served in self._served.values()]
+        return min(instants, default=None)
+
+    def expire(self, now: int) -> None:
+        """The instant that `next_deadline_at` named has come."""
+        for key in [key for key, each in self._served.items() if each.forgotten_at <= now]:
+            del self._served[key]
+        for call_id in [each for each, call in self._calls.items() if call.deadline_at <= now]:
+            text = "no answer in time; whether the service ran is unknown"
+            self._fail(call_id, CallFailure.TIMED_OUT, text)
+
+    # Below the methods above
+
+    def _receive_request(
+        self, source: int, stream: Stream, message: Message, now: int
+    ) -> str | None:
+        known = [key for key in self._served if key.stream_id == stream.stream_id]
+        for key in known:
+            served = self._served[key]
+            if key.number == message.sequence and served.fields == message.fields:
+                if served.response is not None:
+                    self._respond(stream, key.number, served.response, now)
+                return "repeated_request"
+        if len(known) >= SERVED_LIMIT:
+            answered = [key for key in known if self._served[key].response is not None]
+            if not answered:
+                return "too_many_calls"
+            del self._served[answered[0]]
+        try:
+            value = stream.codec.decode(message.fields)
+        except PayloadError:
+            return "payload"
+        # Two clients may draw the same number: what is counted here tells them apart.
+        self._arrivals += 1
+        key = CallKey(source, self._arrivals, stream.stream_id, message.sequence)
+        deadline_at = now + self._timeout_ns(stream)
+        self._served[key] = _Served(message.fields, deadline_at)
+        count(self._stats.received, stream.stream_id)
+        self._emit(RequestReceived(call=key, value=value, deadline_at=deadline_at))
+        return None
+
+    def _respond(self, stream: Stream, sequence: int, fields: bytes, now: int) -> None:
+        expires_at = now + self._timeout_ns(stream)
+        self._send(Kind.RESPONSE, stream, sequence, fields, now, expires_at=expires_at)
+
+    def _receive_response(self, stream: Stream, message: Message) -> str | None:
+        call_id = self._by_sequence.get((stream.stream_id, message.sequence))
+        if call_id is None:
+            return "unexpected_answer"
+        try:
+            value = stream.response_codec.decode(message.fields)
+        except PayloadError:
+            self._fail(call_id, CallFailure.BAD_RESPONSE, "the response does not decode")
+            return "payload"
+        self._end(call_id)
+        count(self._stats.received, stream.stream_id)
+        self._emit(ResponseReceived(call_id=call_id, stream_id=stream.stream_id, value=value))
+        return None
+
+    def _send(
+        self,
+        kind: Kind,
+        stream: Stream,
+        sequence: int,
+        fields: bytes,
+        now: int,
+        *,
+        expires_at: int,
+    ) -> None:
+        head = encode_head(stream.stream_id, sequence)
+        size_bytes = _KIND_BYTES + len(head) + len(fields)
+        check_limits(stream.name, 0, size_bytes)  # a foreign sequence id may take nine bytes
+        self._queue.check_size(stream.name, size_bytes)
+        item = Waiting(
+            stream_id=stream.stream_id,
+            destination=BROADCAST,
+            code=kind,
+            head=head,
+            payload=fields,
+            queued_at=now,
+            expires_at=expires_at,
+        )
+        lane = _REQUEST_LANE if kind is Kind.REQUEST else _ANSWER_LANE
+        self._queue.push((stream.stream_id, lane), item, call_qos(stream.qos))
+
+    def _take_sequence(self, stream_id: int) -> int:
+        while True:
+            sequence = self._next_sequence
+            self._next_sequence = FIRST_SEQUENCE if sequence == LAST_SEQUENCE else sequence + 1
+            if (stream_id, sequence) not in self._by_sequence:
+                return sequence
+
+    def _fail(self, call_id: int, failure: CallFailure, text: str) -> None:
+        call = self._end(call_id)
+        failed = CallFailed(call_id=call_id, stream_id=call.stream_id, failure=failure, text=text)
+        self._emit(failed)
+
+    def _end(self, call_id: int) -> _Call:
+        """End a call; its request does not leave any more."""
+        call = self._calls.pop(call_id)
+        del self._by_sequence[call.stream_id, call.sequence]
+        head = encode_head(call.stream_id, call.sequence)
+        self._queue.remove((call.stream_id, _REQUEST_LANE), head)
+        return call
+
+    def _timeout_ns(self, stream: Stream) -> int:
+        assert isinstance(stream.spec, ServiceSpec)
+        return seconds_to_ns(stream.spec.timeout_s)

@@ -1,0 +1,88 @@
+"""What goes around a message of rmw_desert: a packet, where the link is a byte stream.
+
+There are no addresses and no check on this wire, so nothing is added for a link that lacks them. A
+link with frames carries the message alone; it may put the packet around by itself.
+
+A packet may be longer than what the link takes at once: it goes in pieces then, as it would from
+rmw_desert, whose writes DESERT cuts the same way. The pieces of a packet that is not complete are
+waited for until there has been silence for `patience_ns`; then the bytes are looked through again.
+"""
+
+from typing import Final
+
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, LinkCapabilities, ReceivedFrame
+from zacoustic.core.values.rmw_desert.packets import (
+    PAYLOAD_LIMIT_BYTES,
+    PacketDecoder,
+    encode_packet,
+)
+from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
+
+# One packet of 512 bytes comes in nine pieces of DESERT's usual 64; each grants new patience.
+_PATIENCE_FRAMES: Final = 4
+NO_PACKET: Final = "no_packet"
+"""Why bytes are dropped that belong to no packet."""
+
+
+class PacketEnvelope(Envelope):
+    """Wraps and opens the messages of one node on one link.
+
+    Args:
+        capabilities: What the link brings by itself.
+        address: Address of this node, 1…254.
+    """
+
+    def __init__(self, capabilities: LinkCapabilities, address: int) -> None:
+        super().__init__(capabilities, address)
+        mtu_bytes = capabilities.mtu_bytes
+        self._decoder = None if capabilities.framed else PacketDecoder()
+        self._patience_ns = _PATIENCE_FRAMES * capabilities.airtime_ns(mtu_bytes)
+        self.piece_bytes = mtu_bytes
+        """What the link takes at once."""
+        self.room_bytes = (
+            min(PAYLOAD_LIMIT_BYTES, mtu_bytes) if capabilities.framed else PAYLOAD_LIMIT_BYTES
+        )
+        self.flush_at: int | None = None
+        """Instant at which what is incomplete is given up, ns."""
+
+    def wrap(self, records: bytes, destination: int) -> bytes:
+        """Make a packet of a message, which may be longer than the link takes at once."""
+        return records if self._decoder is None else encode_packet(records)
+
+    def open(self, received: ReceivedFrame) -> list[Opened | Damaged]:
+        """Return the messages that have arrived: one, or any number for a byte stream."""
+        if self._decoder is None:
+            return [_opened(received.frame_bytes, received.source)]
+        discarded_before = self._decoder.discarded_bytes
+        payloads = self._decoder.feed(received.frame_bytes)
+        is_waiting = self._decoder.is_waiting
+        self.flush_at = received.received_at + self._patience_ns if is_waiting else None
+        return self._found(payloads, discarded_before, received.source)
+
+    def flush(self) -> list[Opened | Damaged]:
+        """Give up what is incomplete, and return the messages that it hid."""
+        self.flush_at = None
+        if self._decoder is None:
+            return []
+        discarded_before = self._decoder.discarded_bytes
+        return self._found(self._decoder.flush(), discarded_before, UNKNOWN_SOURCE)
+
+    def forget(self) -> None:
+        """A new connection: what was incomplete will never be completed."""
+        self.flush_at = None
+        if self._decoder is not None:
+            self._decoder = PacketDecoder()
+
+    def _found(
+        self, payloads: list[bytes], discarded_before: int, source: int
+    ) -> list[Opened | Damaged]:
+        assert self._decoder is not None
+        found: list[Opened | Damaged] = [_opened(payload, source) for payload in payloads]
+        discarded_bytes = self._decoder.discarded_bytes - discarded_before
+        if discarded_bytes:
+            found.append(Damaged(reason=NO_PACKET, size_bytes=discarded_bytes))
+        return found
+
+
+def _opened(payload: bytes, source: int) -> Opened:
+    return Opened(source=source, destination=BROADCAST, records=payload)

@@ -1,0 +1,322 @@
+"""What an engine consists of above a link on which rmw_desert is spoken.
+
+The transmit queue with its lanes, priorities and lifespans is that of the native wire; so are
+medium access, silence and airtime caps, which are around it. What is said and heard is here: one
+message in a packet, nothing beside it. The components of the native wire are there and asleep: no
+handshake, no acknowledgement, no object, no heartbeat ever finds its way into a packet.
+
+Nothing in a packet says who sent it. A sample counts as that of the one other node that may publish
+its topic; where there are several, or none is listed, its source is unknown (0), unless the link
+itself carries addresses.
+
+What is dropped is counted under the words of `zacoustic.core.profiles.native.receiver`: ``payload``
+(no message, or one that its sender cannot have written), ``unknown_stream``, ``not_publisher``,
+``not_subscriber``, ``not_for_us``, ``unexpected_answer``, ``repeated_request``, ``too_many_calls``;
+and ``no_packet`` for bytes of the stream that belong to none.
+"""
+
+from collections.abc import Callable, Mapping
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import (
+    BROADCAST,
+    UNKNOWN_SOURCE,
+    LinkCapabilities,
+    ReceivedFrame,
+    Transmission,
+    TransmitOutcome,
+    TransmitReport,
+)
+from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.profiles.native.protocols import ProtocolEvent, Protocols
+from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
+from zacoustic.core.profiles.rmw_desert.discovery import Discovery
+from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.topics.topics import NO_DELIVERY
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
+from zacoustic.errors import PayloadInvalidError
+
+
+class RmwDesertProtocols(Protocols):
+    """The components of one engine; arguments as those of `Protocols`."""
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        epoch: int,
+        *,
+        rules: TransmitRules,
+        doubt: Doubt,
+        journal: JournalPort,
+        stats: EngineStats,
+        generators: Generators,
+        emit: Callable[[ProtocolEvent], None],
+    ) -> None:
+        super().__init__(
+            address,
+            table,
+            epoch,
+            rules=rules,
+            doubt=doubt,
+            journal=journal,
+            stats=stats,
+            generators=generators,
+            emit=emit,
+        )
+        self._table = table
+        self._calls = DesertCalls(
+            address,
+            table,
+            queue=self.queue,
+            stats=stats,
+            rng=generators.of("rmw_desert calls"),
+            emit=emit,
+        )
+        self._discovery = Discovery(
+            address, table, rules.discovery or DiscoverySpec(), self.queue, emit
+        )
+        self._port: LinkPort | None = None
+        self._pieces: list[bytes] = []
+        self._pieces_stream = NO_STREAM
+
+    # Commands
+
+    def publish(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        delete: bool,
+        queued_at: int | None,
+    ) -> int:
+        """Queue a sample; see `Engine.publish`."""
+        stream, _ = self._table.topic_of(self._address, stream_id)
+        stream.keys.key(self._address, instance)
+        if delete:
+            raise PayloadInvalidError(f"{stream.name}: a delete does not exist on this wire")
+        if encoding is not None and encoding != stream.encoding:
+            raise PayloadInvalidError(
+                f"{stream.name}: encoding {encoding}; allowed: {stream.encoding}"
+            )
+        fields = stream.codec.encode(value)
+        made_at = now if queued_at is None else min(queued_at, now)
+        lifespan_s = stream.qos.lifespan_s
+        item = Waiting(
+            stream_id=stream_id,
+            destination=BROADCAST,
+            code=Kind.SAMPLE,
+            head=encode_head(stream_id),
+            payload=fields,
+            queued_at=made_at,
+            expires_at=None if lifespan_s is None else made_at + seconds_to_ns(lifespan_s),
+        )
+        self.queue.check_size(stream.name, item.size_bytes)
+        count(self._stats.published, stream_id)
+        self.queue.push((stream_id, SAMPLE_LANE), item, stream.qos)
+        self.deadlines.published(stream_id, instance, now, deleted=False)
+        return NO_DELIVERY
+
+    def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
+        """Call a service; see `Engine.call`."""
+        return self._calls.call(stream_id, value, now, timeout_s=timeout_s)
+
+    def cancel(self, call_id: int, now: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+        self._calls.cancel(call_id)
+
+    def reply(self, call: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+        return self._calls.reply(call, value, now)
+
+    def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
+        """Forget a request: there are no errors on this wire, and its client hears nothing."""
+        return self._calls.reply_error(call)
+
+    # What is said and heard
+
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a message on a link."""
+        return PacketEnvelope(capabilities, self._address)
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
+        return now if self._pieces else self.queue.due_at(now)
+
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the packet that is worth most now, or return the next piece of the last one."""
+        if self._pieces:
+            piece = self._pieces.pop(0)
+            return Composed(
+                destination=BROADCAST,
+                frame_bytes=piece,
+                records=(),
+                object_stream=self._pieces_stream,
+            )
+        for lane, _ in self.queue.candidates(now):
+            if lane.due_at <= now:
+                return self._packet(port, self.queue.take(lane, now))
+        return None
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Return None: what silences grant are answers to orders, and there are no orders."""
+        return None
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Return None: medium access has no words on this wire."""
+        return None
+
+    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+        """Learn nothing: nobody says on this wire when it listens."""
+
+    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+        """Take a message apart; returns its stream."""
+        try:
+            message = decode_message(opened.records)
+        except PayloadError:
+            self._stats.drop("payload")
+            return ()
+        reason = self._receive(opened.source, message, frame, now)
+        if reason is not None:
+            self._stats.drop(reason)
+        return (message.stream_id,)
+
+    # The life of the engine
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing waits."""
+        return super().is_idle and not self._pieces
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Nothing of a former life is gone on with but its boot epoch."""
+
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take a link, and drop what is too large for it."""
+        self._port = port
+        self._pieces.clear()
+        capabilities = port.capabilities
+        unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+        unit_ns += seconds_to_ns(capabilities.propagation_s)
+        self._calls.settling_ns = SETTLING_UNITS * unit_ns
+        # Whatever the modem measures: nothing is sent on this wire for the sake of a range.
+        self.ranging.use_link(msgspec.structs.replace(capabilities, measures_range=False))
+        for _ in self.queue.limit(port.envelope.room_bytes):
+            self._stats.drop("oversized")
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what was begun on another connection is not completed."""
+        self._pieces.clear()
+        envelope = self._packets
+        if envelope is not None:
+            envelope.forget()
+        self._discovery.begin(now)
+
+    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
+        """A transmission begins."""
+
+    def handle_report(self, report: TransmitReport, now: int) -> None:
+        """A transmission has ended; a packet of which a piece is missing is not completed."""
+        if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
+            self._pieces.clear()
+
+    def expire(self, now: int) -> None:
+        """The instant that `next_deadline_at` named has come."""
+        super().expire(now)
+        self._calls.expire(now)
+        envelope = self._packets
+        if envelope is None or envelope.flush_at is None or envelope.flush_at > now:
+            return
+        for opened in envelope.flush():
+            if isinstance(opened, Damaged):
+                self._stats.drop(opened.reason)
+            else:
+                frame = ReceivedFrame(frame_bytes=opened.records, received_at=now)
+                self.receive(opened, frame, now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something expires or is due, ns, or None."""
+        envelope = self._packets
+        instants = (
+            super().next_deadline_at(),
+            self._calls.next_deadline_at(),
+            envelope.flush_at if envelope is not None else None,
+        )
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    @property
+    def _packets(self) -> PacketEnvelope | None:
+        envelope = self._port.envelope if self._port is not None else None
+        return envelope if isinstance(envelope, PacketEnvelope) else None
+
+    def _packet(self, port: LinkPort, item: Waiting) -> Composed:
+        message = bytes((item.code,)) + item.head + item.payload
+        packet = port.envelope.wrap(message, BROADCAST)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(packet) - len(message))
+        self._stats.attribute(item.stream_id, Cause.HEADER, len(message) - len(item.payload))
+        self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
+        count(self._stats.transmitted, item.stream_id)
+        most = port.capabilities.mtu_bytes
+        first, *self._pieces = [packet[at : at + most] for at in range(0, len(packet), most)]
+        self._pieces_stream = item.stream_id
+        return Composed(destination=BROADCAST, frame_bytes=first, records=(item,))
+
+    def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
+        stream = self._table.get(message.stream_id)
+        if stream is None:
+            return self._discovery.receive(message, now)
+        if message.kind is not Kind.SAMPLE:
+            return self._calls.receive(source, stream, message, now)
+        if not isinstance(stream.spec, TopicSpec):
+            return "unknown_stream"
+        return self._receive_sample(source, stream, stream.spec, message, frame)
+
+    def _receive_sample(
+        self, source: int, stream: Stream, spec: TopicSpec, message: Message, frame: ReceivedFrame
+    ) -> str | None:
+        others = [address for address in spec.publishers or () if address != self._address]
+        if source == UNKNOWN_SOURCE and len(others) == 1:
+            source = others[0]
+        if spec.publishers is not None and not others:
+            return "not_publisher"
+        if source != UNKNOWN_SOURCE and not stream.may_publish(source):
+            return "not_publisher"
+        if not stream.may_subscribe(self._address):
+            return "not_subscriber"
+        try:
+            value = stream.codec.decode(message.fields)
+        except PayloadError:
+            return "payload"
+        sample = SampleReceived(
+            stream_id=stream.stream_id,
+            source=source,
+            instance=(),
+            value=value,
+            encoding=stream.encoding,
+            received_at=frame.received_at,
+            metrics=frame.metrics,
+        )
+        self._hand_on(sample, frame.received_at)
+        return None

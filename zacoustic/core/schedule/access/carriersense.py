@@ -1,0 +1,79 @@
+"""Carrier sense: wait while somebody is heard, then back off by a seeded random time.
+
+On a quiet channel a frame goes at once. While somebody else is heard it waits; transmitting would
+destroy the reception, since modems are half-duplex, and help nobody. When the carrier ends, every
+node that waited would start in the same instant, so each of them draws a back-off: uniform in a
+window of one slot, doubled each time the channel is taken again before the node's turn, back to one
+slot after an own transmission. A slot is the time in which a start of another node can be noticed:
+the airtime of a short frame. A node that wanted nothing meanwhile has no back-off, and an urgent
+frame waits for the end of the carrier only.
+
+A frame for the announced pause of a node that is heard does not wait: it has to leave before that
+pause is heard (`zacoustic.core.schedule.access.listening`).
+
+The delay of sound makes carrier sensing weak (a frame that has left the other end is not heard
+yet): it pays for frames that are longer than the delay. Between few nodes it is a courtesy, not a
+schedule.
+
+A carrier whose end is never reported (a modem that forgets a notification) is taken to have ended
+after twice the airtime of the largest frame.
+"""
+
+import random
+from typing import Final
+
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access.backoff import BackOff
+from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+
+_SHORT_FRAME_BYTES: Final = 8
+_CARRIER_LIMIT_FRAMES: Final = 2
+
+
+class CarrierSense(MediumAccess):
+    """Waits for the end of a carrier and a random time behind it.
+
+    Args:
+        capabilities: The link's, for its airtime.
+        rng: Draws the back-off.
+    """
+
+    def __init__(self, capabilities: LinkCapabilities, rng: random.Random) -> None:
+        self._back_off = BackOff(capabilities.airtime_ns(_SHORT_FRAME_BYTES), rng)
+        self._carrier_limit_ns = _CARRIER_LIMIT_FRAMES * capabilities.airtime_ns(
+            capabilities.mtu_bytes
+        )
+        self._busy_since: int | None = None
+        self._resume_at = 0
+        self._waits = False
+
+    def ready_at(self, wanted: Wanted, now: int) -> int | None:
+        """Return the end of the back-off, or of the longest carrier that is possible."""
+        if wanted.is_invited:
+            return wanted.due_at
+        if self._busy_since is not None:
+            clear_at = self._busy_since + self._carrier_limit_ns
+        elif wanted.is_urgent:
+            return wanted.due_at
+        else:
+            clear_at = self._resume_at
+        if wanted.due_at <= now < clear_at:
+            self._waits = True
+        return max(wanted.due_at, clear_at)
+
+    def handle_carrier(self, busy: bool, now: int) -> None:
+        """Note the carrier; whoever waited for its end draws a back-off."""
+        if busy:
+            if now < self._resume_at and self._waits:
+                self._back_off.grow()
+            self._busy_since = now
+        elif self._busy_since is not None:
+            self._busy_since = None
+            if self._waits:
+                self._waits = False
+                self._resume_at = now + self._back_off.draw()
+
+    def handle_transmitted(self, now: int) -> None:
+        """Start again from the smallest window."""
+        self._waits = False
+        self._back_off.reset()

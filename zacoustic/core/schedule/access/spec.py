@@ -1,0 +1,199 @@
+"""Which policy a link is given, with its settings: what the config says under `access`.
+
+The records check what can be checked without the link; what depends on the link's capabilities is
+checked when a policy is made (`zacoustic.core.schedule.access.choose`). Every refusal says the key,
+the value, and why the choice cannot work.
+"""
+
+from typing import Final, TypeAlias
+
+import msgspec
+
+from zacoustic.core.base.clock import DURATIONS, NS_PER_S, is_duration, seconds_to_ns
+from zacoustic.errors import ConfigError
+
+SLOWEST_SOUND_M_S: Final = 1400.0
+"""Slower than sound in any sea or lake: a guard made of it holds everywhere."""
+# What a cheap oscillator drifts; temperature included.
+_DRIFT_PPM: Final = 50.0
+_STATEMENTS_S: Final = 10.0
+"""A host says what its clock shows at least this often, s (`Engine.handle_clock`)."""
+_MOST_SLOTS: Final = 1024
+
+
+class DelegatedSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="delegated",
+):  # fmt: skip
+    """The modem, or what is behind it, decides."""
+
+
+class AlohaSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="aloha",
+):  # fmt: skip
+    """A frame goes when it is due."""
+
+    slot_s: float | None = None
+    """Frames start at multiples of this of UTC, s, > 0; none: at any instant."""
+    back_off: bool = True
+    """After a frame of which nothing was heard, wait a random time that doubles."""
+
+    def __post_init__(self) -> None:
+        """Check the slot.
+
+        Raises:
+            ConfigError: Names key, value and what is allowed.
+        """
+        if self.slot_s is not None:
+            _check_positive("slot_s", self.slot_s)
+
+
+class CarrierSenseSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="carrier_sense",
+):  # fmt: skip
+    """A frame waits while somebody is heard, and a random time afterwards."""
+
+
+class TdmaSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="tdma",
+):  # fmt: skip
+    """Each node speaks in its slots of a common clock."""
+
+    slots: tuple[int, ...]
+    """Address of the owner of each slot, in their order; an address may have several."""
+    slot_s: float
+    """Length of a slot, s, > 0; slots begin at multiples of the cycle since 1970 (UTC)."""
+    clock_error_s: float
+    """Largest error of a node's clock against the common one, s, ≥ 0; a node that may be wrong by
+    more keeps silent."""
+    max_range_m: float | None = None
+    """Largest distance between two nodes, m, > 0; or `guard_s`."""
+    guard_s: float | None = None
+    """Silence at the end of each slot, s, > 0; none: from `max_range_m`."""
+    clock: int | None = None
+    """Node whose clock is the common one, told in its frames; none: UTC, which each host has."""
+    beacon_s: float | None = None
+    """That node tells the time this often also when it has nothing else to say, s, > 0; none: only
+    in frames that go anyway."""
+    drift_ppm: float = _DRIFT_PPM
+    """How fast a clock that is told nothing goes wrong, 1e-6, ≥ 0."""
+
+    def __post_init__(self) -> None:
+        """Check each value, and that the guard leaves something of the slot.
+
+        Raises:
+            ConfigError: Names key, value and what is allowed.
+        """
+        if not 1 <= len(self.slots) <= _MOST_SLOTS:
+            raise ConfigError(f"slots: {len(self.slots)} slots; allowed: 1..{_MOST_SLOTS}")
+        for index, address in enumerate(self.slots):
+            if not 1 <= address <= 254:
+                raise ConfigError(f"slots[{index}]: {address}; allowed: an address, 1..254")
+        _check_positive("slot_s", self.slot_s)
+        _check_not_negative("clock_error_s", self.clock_error_s)
+        _check_not_negative("drift_ppm", self.drift_ppm)
+        if self.max_range_m is not None:
+            _check_positive("max_range_m", self.max_range_m)
+        if self.guard_s is not None:
+            _check_positive("guard_s", self.guard_s)
+        if (self.guard_s is None) == (self.max_range_m is None):
+            both = "beside max_range_m" if self.guard_s is not None else "is missing"
+            raise ConfigError(f"guard_s: {both}; allowed: exactly one of guard_s and max_range_m")
+        if self.beacon_s is not None:
+            _check_positive("beacon_s", self.beacon_s)
+            if self.clock is None:
+                raise ConfigError(
+                    "beacon_s: without clock; allowed: where clock names the node that tells it"
+                )
+        if self.guard_s is not None and self.guard_ns <= 2 * self.error_limit_ns:
+            raise ConfigError(
+                f"guard_s: {self.guard_s:g} s leaves no time for sound to travel beside twice the "
+                f"clock error; allowed: above {2 * self.error_limit_ns / NS_PER_S:g}"
+            )
+        if self.guard_ns >= seconds_to_ns(self.slot_s):
+            raise ConfigError(
+                f"slot_s: {self.slot_s:g} s is not more than its guard of "
+                f"{self.guard_ns / NS_PER_S:.3f} s",
+                hint="make the slots longer, or the range or the clock error smaller",
+            )
+
+    @property
+    def error_limit_ns(self) -> int:
+        """Error beyond which a node keeps silent, ns.
+
+        The stated one, and the drift from one statement of the host to the next.
+        """
+        return seconds_to_ns(self.clock_error_s + _STATEMENTS_S * self.drift_ppm * 1e-6)
+
+    @property
+    def guard_ns(self) -> int:
+        """Silence at the end of each slot, ns: sound travels, and two clocks may be wrong."""
+        if self.guard_s is not None:
+            return seconds_to_ns(self.guard_s)
+        assert self.max_range_m is not None
+        return seconds_to_ns(self.max_range_m / SLOWEST_SOUND_M_S) + 2 * self.error_limit_ns
+
+
+class PollingSpec(
+    msgspec.Struct,
+    frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="method", tag="polling",
+):  # fmt: skip
+    """One node gives each of the others its turn."""
+
+    poller: int
+    """Address of the node that polls."""
+    nodes: tuple[int, ...]
+    """Addresses of the others in the order of their turns."""
+    turn_s: float | None = None
+    """Length of a turn, s, > 0, at most 5.1; None: two of the largest frames."""
+    idle_s: float = 10.0
+    """Pause after a round in which nobody had anything to say, s, ≥ 0."""
+    max_range_m: float | None = None
+    """Largest distance to the poller, m, > 0; None: as the link says."""
+
+    def __post_init__(self) -> None:
+        """Check each value.
+
+        Raises:
+            ConfigError: Names key, value and what is allowed.
+        """
+        if not self.nodes:
+            raise ConfigError("nodes: nobody to poll; allowed: at least one address")
+        for index, address in enumerate((self.poller, *self.nodes)):
+            key = f"nodes[{index - 1}]" if index else "poller"
+            if not 1 <= address <= 254:
+                raise ConfigError(f"{key}: {address}; allowed: an address, 1..254")
+        if self.poller in self.nodes:
+            raise ConfigError(
+                f"nodes: {self.poller} is the poller; allowed: the other nodes, each in its turn"
+            )
+        if self.turn_s is not None and not 0 < self.turn_s <= 5.1:
+            raise ConfigError(f"turn_s: {self.turn_s:g}; allowed: above 0, at most 5.1")
+        _check_not_negative("idle_s", self.idle_s)
+        if self.max_range_m is not None:
+            _check_positive("max_range_m", self.max_range_m)
+
+
+AccessSpec: TypeAlias = DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | PollingSpec
+
+METHODS: Final[dict[str, type[AccessSpec]]] = {
+    "aloha": AlohaSpec,
+    "carrier_sense": CarrierSenseSpec,
+    "tdma": TdmaSpec,
+    "polling": PollingSpec,
+    "delegated": DelegatedSpec,
+}
+"""The policies by the word that a config uses."""
+
+
+def _check_positive(key: str, value: float) -> None:
+    if not is_duration(value):
+        raise ConfigError(f"{key}: {value:g}; allowed: above 0, {DURATIONS}")
+
+
+def _check_not_negative(key: str, value: float) -> None:
+    if not is_duration(value, or_zero=True):
+        raise ConfigError(f"{key}: {value:g}; allowed: 0 or more, {DURATIONS}")

@@ -1,0 +1,160 @@
+"""UTC, as far as this node may believe its host; what hours of the day and slots go by.
+
+A computer that has just started may show any time: 1970, or when it was switched off. So a
+statement of the host counts only if the host says how wrong it may be (its kernel knows whether
+anything keeps its clock right) and if it is not before this version of the protocol was written.
+What was believed once is good for as long as the monotonic clock goes on: a host that loses its
+time server under water, or a process that is started again on it, still has the time, less exact
+by the drift. So the last statement is in the journal, with its error, and with the name of the run
+of the monotonic clock that its instant belongs to (`BOOT_KEY`).
+
+Where hours or slots go by UTC and it is in doubt, nothing is transmitted, and a `ClockStateChanged`
+says why; the host is asked every ten seconds then, so that the end of the doubt is noticed.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.journal import BOOT_KEY, JournalPort
+from zacoustic.core.schedule.access.networktime import NetworkTime
+from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
+
+EARLIEST_UTC_NS: Final = 1_735_689_600 * NS_PER_S
+"""2025-01-01: a clock that shows less is not set."""
+_KEY: Final = "clock"
+_ASK_NS: Final = 10 * NS_PER_S
+_TOLERANCE_NS: Final = NS_PER_S
+"""Hours of the day are not a matter of less."""
+_WRITE_EVERY_NS: Final = 600 * NS_PER_S
+
+
+class ClockStateChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """For want of a time that is sure nothing is transmitted; or no longer."""
+
+    doubt: str
+    """What is missing, one line; empty: nothing. Slots and quiet hours need the time."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class _Kept(msgspec.Struct, frozen=True, array_like=True):
+    """A statement in the journal."""
+
+    boot: bytes
+    offset_ns: int
+    error_ns: int
+    told_at: int
+
+
+class HostTime:
+    """What one engine knows of UTC.
+
+    Args:
+        access: What the config says of medium access: slots may go by UTC.
+        has_hours: There are hours of the day at which nothing is transmitted.
+        stored: What the journal has kept.
+        journal: Keeps the rest.
+        emit: Takes `ClockStateChanged`.
+    """
+
+    def __init__(
+        self,
+        access: AccessSpec | None,
+        has_hours: bool,
+        stored: Mapping[str, bytes],
+        *,
+        journal: JournalPort,
+        emit: Callable[[ClockStateChanged], None],
+    ) -> None:
+        slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
+        self.doubt = ""
+        """Why nothing is transmitted, if it is for want of the time; empty: it is not."""
+        self.time = (
+            NetworkTime(slots.drift_ppm)
+            if slots is not None
+            else NetworkTime(0.0, tolerance_ns=_TOLERANCE_NS, settling_ns=0)
+        )
+        """What is believed; to be read only."""
+        self._is_needed = has_hours or slots is not None
+        self._journal = journal
+        self._emit = emit
+        self._boot = stored.get(BOOT_KEY, b"")
+        self._refusal = "no clock has been told"
+        self._ask_at: int | None = None
+        self._written: _Kept | None = None
+        self._recover(stored.get(_KEY))
+
+    @property
+    def is_sure(self) -> bool:
+        """UTC is known, and not in doubt."""
+        return self.time.offset_ns is not None and self.time.sure_at is None
+
+    @property
+    def next_deadline_at(self) -> int | None:
+        """When the host is to be asked again, for `expire`, ns, or None."""
+        return self._ask_at if self.doubt and self._is_needed else None
+
+    def tell(self, offset_ns: int, error_ns: int | None, now: int) -> int | None:
+        """Take a statement of the host.
+
+        Returns:
+            By how much it may be wrong, ns; None: it is not believed.
+        """
+        self._ask_at = now + _ASK_NS
+        self._refusal = ""
+        if now + offset_ns < EARLIEST_UTC_NS:
+            error_ns = None
+            self._refusal = "the clock of this computer is not set"
+        elif error_ns is None:
+            self._refusal = "nothing keeps the clock of this computer right"
+        if self.time.tell(offset_ns, error_ns, now) and error_ns is not None and self._is_needed:
+            self._keep(_Kept(self._boot, offset_ns, error_ns, now))
+        return error_ns
+
+    def expire(self, now: int) -> None:
+        """The host is asked now."""
+        if self._ask_at is not None and self._ask_at <= now:
+            self._ask_at = now + _ASK_NS
+
+    def review(self, doubt: str, now: int) -> None:
+        """Tell the application what keeps this node silent, if that has changed.
+
+        Args:
+            doubt: What is missing, one line; empty: nothing.
+            now: The instant.
+        """
+        if doubt and self._refusal and self._is_needed:
+            doubt = f"{doubt}: {self._refusal}"
+        if doubt != self.doubt:
+            self.doubt = doubt
+            self._emit(ClockStateChanged(doubt=doubt, changed_at=now))
+
+    # Below the methods above
+
+    def _keep(self, statement: _Kept) -> None:
+        """Write a statement down, if it tells the next life more than what is written."""
+        if not self._boot:
+            return
+        before = self._written
+        if before is not None:
+            moved_ns = abs(statement.offset_ns - before.offset_ns)
+            is_new = moved_ns > before.error_ns + statement.error_ns + _TOLERANCE_NS
+            is_old = statement.told_at - before.told_at >= _WRITE_EVERY_NS
+            if not is_new and not is_old and statement.error_ns * 2 >= before.error_ns:
+                return
+        self._written = statement
+        self._journal.write(_KEY, msgspec.msgpack.encode(statement))
+
+    def _recover(self, entry: bytes | None) -> None:
+        if entry is None or not self._boot:
+            return
+        try:
+            kept = msgspec.msgpack.decode(entry, type=_Kept)
+        except msgspec.MsgspecError:
+            return
+        if kept.boot == self._boot:
+            self._written = kept
+            self.time.tell(kept.offset_ns, kept.error_ns, kept.told_at)

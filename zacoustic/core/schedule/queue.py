@@ -1,0 +1,446 @@
+"""What waits for the channel, and which of it is worth most at the moment when a frame can go.
+
+Nothing is decided when a payload is published: it waits in a *lane* (one per key of a topic, one
+per stream of calls and direction and peer), and is chosen when the link is ready. Lanes are first
+in, first out, bounded by the stream's depth, and forget what is older than its lifespan. Between
+lanes the rank of `zacoustic.core.base.qos` decides: REAL_TIME first, then the smallest sum of the
+instant of queueing and the patience of its priority.
+
+A payload is *due* when it alone is a reason to send a frame: its linger is over and its lane's
+minimum interval has passed. A payload that only lingers may ride in a frame that goes anyway; one
+whose minimum interval has not passed may not. What was ordered of a topic (`Tuning`) is laid over
+the QoS of its lanes; a lane that is off waits, and is no reason for anything.
+
+Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
+"""
+
+import heapq
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Final
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
+from zacoustic.core.base.stats import Cause
+from zacoustic.errors import PayloadTooLargeError
+
+LaneKey = tuple[int, ...]
+"""Identifies a lane: stream id first, then whatever tells its lanes apart."""
+
+SAMPLE_LANE: Final = 0
+RELIABLE_LANE: Final = 3
+SAMPLE_LANES: Final = (SAMPLE_LANE, RELIABLE_LANE)
+"""Second part of the keys of lanes with samples; other lanes answer, confirm, call."""
+
+SMALLER: Final = "make it smaller: it crosses whole, or not at all"
+"""What to do about a record that fits no frame."""
+
+_BEFORE_ALL: Final = -(1 << 62)
+
+
+class Waiting:
+    """A payload that waits, and what its record will need.
+
+    Args:
+        stream_id: Its stream.
+        destination: Address of the one node that needs it, or `BROADCAST`.
+        prefix: Control prefixes of the record.
+        head: What stands between stream id (and wildcards) and payload, the age byte excepted.
+        payload: The encoded payload.
+        stamped: An age byte goes before the payload.
+        delimits_itself: The payload shows where it ends.
+        for_one_node: Other nodes would misunderstand it, so it may not ride in a broadcast frame.
+        address: What stands behind the prefix in a broadcast frame, where the destination of the
+            frame does not say whom it concerns.
+        dense_value: What a dense string says instead of the record, in full precision; None: it
+            may be in none.
+        tick: Which sample of its stream it is, of a dense one.
+        cause: Why its bytes are on the water; None: header and payload.
+        code: First byte of the record where it is not the id of its stream: a control.
+        queued_at: Instant of publication, ns.
+        expires_at: Instant after which it is worthless, ns, or None.
+    """
+
+    __slots__ = (
+        "_fixed_bytes",
+        "address",
+        "cause",
+        "code",
+        "copies",
+        "delimits_itself",
+        "dense_value",
+        "destination",
+        "expires_at",
+        "for_one_node",
+        "head",
+        "is_copy",
+        "payload",
+        "prefix",
+        "queued_at",
+        "stamped",
+        "stream_id",
+        "sync",
+        "tick",
+    )
+
+    def __init__(
+        self,
+        *,
+        stream_id: int,
+        destination: int,
+        payload: bytes,
+        queued_at: int,
+        prefix: bytes = b"",
+        head: bytes = b"",
+        stamped: bool = False,
+        delimits_itself: bool = False,
+        for_one_node: bool = False,
+        address: bytes = b"",
+        dense_value: dict[str, Any] | None = None,
+        tick: int = 0,
+        cause: Cause | None = None,
+        expires_at: int | None = None,
+        code: int | None = None,
+    ) -> None:
+        self.stream_id = stream_id
+        self.code = stream_id if code is None else code
+        self.destination = destination
+        self.prefix = prefix
+        self.head = head
+        self.payload = payload
+        self.stamped = stamped
+        self.delimits_itself = delimits_itself
+        self.for_one_node = for_one_node
+        self.queued_at = queued_at
+        self.expires_at = expires_at
+        self.address = address
+        self.dense_value = dense_value
+        self.tick = tick
+        self.cause = cause
+        self.sync = b""
+        """A prefix that may still change while the record waits."""
+        self.copies = 0
+        """How often it was sent in a row."""
+        self.is_copy = False
+        """It was just sent, and is to follow that at once, where it is heard out."""
+        self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
+
+    def head_at(self, now: int) -> bytes:
+        """Return the head as it is when the frame goes now."""
+        return self.head
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of the record at most, from its first prefix to its last."""
+        return self._fixed_bytes + len(self.sync)
+
+    def needs_end(self, *, introduced: bool) -> bool:
+        """Tell whether only LEN, or the end of the frame, shows where the record ends.
+
+        Args:
+            introduced: It is behind HELLO or TAG, where a receiver measures no stream's content.
+        """
+        is_control = self.code != self.stream_id
+        return not self.delimits_itself or (introduced and not is_control)
+
+
+class Lane:
+    """Payloads of one key in the order of publication."""
+
+    __slots__ = (
+        "_min_interval_ns",
+        "_untuned",
+        "held_until",
+        "is_on",
+        "items",
+        "key",
+        "linger_ns",
+        "patience_ns",
+        "qos",
+        "taken_at",
+    )
+
+    def __init__(self, key: LaneKey, qos: Qos, tuning: Tuning) -> None:
+        self.key = key
+        self.items: deque[Waiting] = deque()
+        self.held_until = 0
+        """Nothing goes before, ns."""
+        self.taken_at: int | None = None
+        """When a payload went last, ns."""
+        self._untuned = qos
+        self.tune(tuning)
+
+    def tune(self, tuning: Tuning) -> None:
+        """Lay what was ordered over the QoS."""
+        qos = tuning.over(self._untuned)
+        self.qos = qos
+        self.is_on = tuning.on
+        self._min_interval_ns = seconds_to_ns(qos.min_interval_s)
+        self.linger_ns = qos.linger_ns
+        self.patience_ns: int = (
+            _BEFORE_ALL if qos.priority is Priority.REAL_TIME else PATIENCE_NS[qos.priority]
+        )
+
+    @property
+    def next_at(self) -> int:
+        """Instant from which the first payload may go, ns."""
+        if self.taken_at is None:
+            return self.held_until
+        return max(self.held_until, self.taken_at + self._min_interval_ns)
+
+    @property
+    def rank(self) -> int:
+        """Rank of the first payload: the smaller, the sooner."""
+        return self.items[0].queued_at + self.patience_ns
+
+    @property
+    def due_at(self) -> int:
+        """Instant at which the first payload is a reason to send, ns."""
+        return max(self.items[0].queued_at + self.linger_ns, self.next_at)
+
+
+class TransmitQueue:
+    """All lanes of one engine."""
+
+    def __init__(self) -> None:
+        self._lanes: dict[LaneKey, Lane] = {}
+        self._busy: dict[LaneKey, Lane] = {}
+        self.largest_bytes: int | None = None
+        """Largest record that fits a frame of the link; None before a link is up."""
+        self._held: dict[int, int] = {}
+        self._tunings: dict[LaneKey, Tuning] = {}
+        self.superseded: dict[int, int] = {}
+        """Payloads pushed out by newer ones, by stream."""
+        self.expired: dict[int, int] = {}
+        """Payloads that became too old, by stream."""
+
+    def __len__(self) -> int:
+        return sum(len(lane.items) for lane in self._busy.values())
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Size of all records that wait to go, bytes."""
+        lanes = (lane for lane in self._busy.values() if lane.is_on)
+        return sum(item.size_bytes for lane in lanes for item in lane.items)
+
+    @property
+    def is_urgent(self) -> bool:
+        """A REAL_TIME payload waits."""
+        return any(lane.patience_ns == _BEFORE_ALL and lane.is_on for lane in self._busy.values())
+
+    @property
+    def has_copy(self) -> bool:
+        """Something waits that was just sent, and is to follow that at once."""
+        lanes = (lane for lane in self._busy.values() if lane.is_on)
+        return any(item.is_copy for lane in lanes for item in lane.items)
+
+    @property
+    def has_acknowledgement(self) -> bool:
+        """Something waits that says what has come."""
+        return any(each.cause is Cause.ACK for lane in self._busy.values() for each in lane.items)
+
+    def pending(self, stream_id: int) -> int:
+        """Count what waits for one stream."""
+        return sum(len(lane.items) for lane in self._busy.values() if lane.key[0] == stream_id)
+
+    def check_size(self, name: str, record_bytes: int, *, hint: str = SMALLER) -> None:
+        """Refuse a record that fits no frame.
+
+        Args:
+            name: Of the stream.
+            record_bytes: Size of the record.
+            hint: What to do about it.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how much fits.
+        """
+        if self.largest_bytes is not None and record_bytes > self.largest_bytes:
+            raise PayloadTooLargeError(
+                f"{name}: the record is {record_bytes} bytes; a frame of this link has room for "
+                f"{self.largest_bytes}",
+                hint=hint,
+            )
+
+    def fits(self, item: Waiting) -> bool:
+        """Tell whether a frame of the link has room for a record."""
+        return self.largest_bytes is None or item.size_bytes <= self.largest_bytes
+
+    def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+        """Add a payload to its lane; the oldest goes where the lane is deeper than `qos.depth`.
+
+        Whoever pushes sees to it that it `fits`: what does not would wait for ever.
+        """
+        lane = self._lanes.get(key)
+        if lane is None:
+            lane = self._lanes[key] = Lane(key, qos, self._tunings.get(key[:2], UNTUNED))
+            lane.held_until = self._held.get(key[0], 0)
+        self._busy[key] = lane
+        lane.items.append(item)
+        if len(lane.items) > qos.depth:
+            lane.items.popleft()
+            self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Let nothing of a stream go before an instant, ns."""
+        self._held[stream_id] = until
+        for lane in self._lanes.values():
+            if lane.key[0] == stream_id:
+                lane.held_until = max(lane.held_until, until)
+
+    def tune(self, kind: LaneKey, tuning: Tuning) -> None:
+        """Lay what was ordered over the QoS of lanes.
+
+        Args:
+            kind: How their keys begin: stream id, and which of its lanes.
+            tuning: What was ordered.
+        """
+        self._tunings[kind] = tuning
+        for lane in self._lanes.values():
+            if lane.key[:2] == kind:
+                lane.tune(tuning)
+
+    def remove(self, key: LaneKey, head: bytes) -> bool:
+        """Take back the payload of a lane that has this head; False when it is not waiting."""
+        lane = self._busy.get(key)
+        if lane is None:
+            return False
+        found = next((item for item in lane.items if item.head == head), None)
+        if found is None:
+            return False
+        lane.items.remove(found)
+        self._settle(lane)
+        return True
+
+    def holds(self, key: LaneKey, item: Waiting) -> bool:
+        """Tell whether a payload waits."""
+        lane = self._busy.get(key)
+        return lane is not None and any(each is item for each in lane.items)
+
+    def discard(self, key: LaneKey, item: Waiting) -> None:
+        """Take back one payload; not there is no error."""
+        lane = self._busy.get(key)
+        if lane is not None and item in lane.items:
+            lane.items.remove(item)
+            self._settle(lane)
+
+    def replace(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+        """Put a payload in the place of what waits in its lane, with the age of that."""
+        lane = self._busy.get(key)
+        if lane is not None:
+            item.queued_at = lane.items[0].queued_at
+            lane.items.clear()
+        self.push(key, item, qos)
+
+    def first(self, key: LaneKey) -> Waiting | None:
+        """Return the first payload of a lane, which goes on waiting."""
+        lane = self._busy.get(key)
+        return lane.items[0] if lane is not None else None
+
+    def drop_lane(self, key: LaneKey) -> None:
+        """Take back all payloads of a lane."""
+        lane = self._busy.get(key)
+        if lane is not None:
+            lane.items.clear()
+            self._settle(lane)
+
+    def drop_stream(self, stream_id: int) -> int:
+        """Take back all payloads of a stream; returns how many."""
+        dropped = self.pending(stream_id)
+        self.drop_lanes((stream_id,))
+        return dropped
+
+    def drop_lanes(self, kind: LaneKey) -> None:
+        """Take back all payloads of the lanes whose key begins so."""
+        for key in [key for key in self._busy if key[: len(kind)] == kind]:
+            self.drop_lane(key)
+
+    def readdress(self, stream_id: int, destination: int) -> None:
+        """Send what waits of a stream to another node, or to all."""
+        for lane in self._busy.values():
+            if lane.key[0] == stream_id:
+                for item in lane.items:
+                    item.destination = destination
+
+    def limit(self, largest_bytes: int) -> list[Waiting]:
+        """Set the largest record, and take back and return what is larger."""
+        self.largest_bytes = largest_bytes
+        dropped: list[Waiting] = []
+        for lane in list(self._busy.values()):
+            kept = [item for item in lane.items if item.size_bytes <= largest_bytes]
+            dropped += (item for item in lane.items if item.size_bytes > largest_bytes)
+            lane.items = deque(kept)
+            self._settle(lane)
+        return dropped
+
+    def candidates(self, now: int, only: LaneKey = ()) -> Iterator[tuple[Lane, Waiting]]:
+        """Yield what may go in a frame now, most valuable first.
+
+        The consumer takes a payload by `take` before asking for the next; one that it does not
+        take holds back the rest of its lane, so that the order within a key is kept.
+
+        Args:
+            now: The instant.
+            only: How the keys of their lanes begin.
+        """
+        heap = [
+            (lane.rank, lane.key)
+            for lane in list(self._busy.values())
+            if lane.key[: len(only)] == only
+            and self._drop_expired(lane, now)
+            and lane.is_on
+            and lane.next_at <= now
+        ]
+        heapq.heapify(heap)
+        while heap:
+            _, key = heapq.heappop(heap)
+            lane = self._lanes[key]
+            item = lane.items[0]
+            yield lane, item
+            taken = not lane.items or lane.items[0] is not item
+            if taken and lane.items and lane.next_at <= now:
+                heapq.heappush(heap, (lane.rank, key))
+
+    def take(self, lane: Lane, now: int) -> Waiting:
+        """Remove the first payload of a lane for transmission."""
+        item = lane.items.popleft()
+        lane.taken_at = now
+        self._settle(lane)
+        return item
+
+    def due_at(self, now: int, only: LaneKey = ()) -> int | None:
+        """Return the earliest instant at which a payload is a reason to send, ns, or None.
+
+        Args:
+            now: The instant.
+            only: How the key of its lane begins.
+        """
+        earliest: int | None = None
+        for lane in list(self._busy.values()):
+            if lane.key[: len(only)] != only:
+                continue
+            if self._drop_expired(lane, now) and lane.is_on:
+                due_at = lane.due_at
+                if earliest is None or due_at < earliest:
+                    earliest = due_at
+        return earliest
+
+    def drop_expired(self, now: int) -> int | None:
+        """Forget what is too old; returns when the next payload will be, ns, or None."""
+        busy = [lane for lane in list(self._busy.values()) if self._drop_expired(lane, now)]
+        instants = (item.expires_at for lane in busy for item in lane.items)
+        return min((at for at in instants if at is not None), default=None)
+
+    def _drop_expired(self, lane: Lane, now: int) -> bool:
+        """Forget what is too old; True when something is left."""
+        while lane.items:
+            expires_at = lane.items[0].expires_at
+            if expires_at is None or expires_at > now:
+                return True
+            lane.items.popleft()
+            self.expired[lane.key[0]] = self.expired.get(lane.key[0], 0) + 1
+        self._settle(lane)
+        return False
+
+    def _settle(self, lane: Lane) -> None:
+        if not lane.items:
+            self._busy.pop(lane.key, None)

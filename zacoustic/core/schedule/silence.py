@@ -1,0 +1,323 @@
+"""Transmit silence: when this node must not make a sound.
+
+Divers in the water, somebody else's sonar, a measurement: for a while nothing may be transmitted.
+Silence is *ordered* (for a time, or until it is resumed), or it is a *quiet window* of the config,
+at the same hours of each day in UTC. It is a gate in front of every transmission, urgent ones and
+retransmissions included: from the instant of the order on nothing new goes to the link, and what
+waits goes on waiting, expires or is superseded as always. A frame that the modem has begun is not
+cut off.
+
+People rely on an order, so its end is never sooner than it says. While the node lives the end is an
+instant of the monotonic clock, which no step of the wall clock moves. The journal has how much was
+left at an instant, and the UTC of the end with its error, or nothing in its place when UTC was not
+sure (`hosttime`); it is written again every minute or so, and when the wall clock is set. The next
+life takes the earliest end of these three, each of which is late enough: on the same run of the
+monotonic clock the same instant; what was left, counted from now; and the UTC of the end, once that
+is sure. So a life that knows nothing begins with what was left, and says that it may be too long.
+
+An order that came over the water is answered over the water, and its answer is the one frame that
+may still go: it alone, once, within the time that is *granted* to it.
+
+With quiet windows and no UTC that is sure the node keeps silent: whoever wrote them would rather
+have that. A window is longer by as much as the UTC may be wrong.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.journal import BOOT_KEY, JournalPort
+from zacoustic.core.schedule.hosttime import HostTime
+from zacoustic.core.schedule.queue import LaneKey
+
+SILENCE_KEY: Final = "silence"
+"""Key of the order in the journal."""
+_DAY_NS: Final = 24 * 3600 * NS_PER_S
+_LONGEST_NS: Final = (1 << 62) - 1
+
+
+_WRITE_EVERY_NS: Final = 60 * NS_PER_S
+_WRITE_PARTS: Final = 64
+"""What is left is written down when that much has passed, or this share of it."""
+_MOVED_NS: Final = NS_PER_S
+"""A UTC of the end that differs by more is another one."""
+
+
+class SilenceChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Silence was ordered or has ended, and the journal has it; or a former life has left one."""
+
+    is_silent: bool
+    """Nothing is transmitted now."""
+    is_ordered: bool
+    """By an order; otherwise, if silent, by a quiet window."""
+    ends_at: int | None
+    """End as far as it is known, ns; None: there is none, or until it is resumed."""
+    changed_at: int
+    """Instant of this state, ns."""
+    doubt: str = ""
+    """Why it may last longer than it was ordered, one line; empty: it does not."""
+
+
+class QuietWindow(msgspec.Struct, frozen=True):
+    """Hours of each day in UTC at which this node keeps silent."""
+
+    begins_ns: int
+    """Since midnight, ns."""
+    ends_ns: int
+    """Since midnight, ns; before the beginning: on the next day."""
+
+    def left_ns(self, utc_ns: int, error_ns: int = 0) -> int:
+        """Return how long the window still lasts at a time, ns; 0 outside of it.
+
+        Args:
+            utc_ns: The time.
+            error_ns: By how much it may be wrong.
+        """
+        since_begin = (utc_ns - self.begins_ns + error_ns) % _DAY_NS
+        length = (self.ends_ns - self.begins_ns) % _DAY_NS + 2 * error_ns
+        return max(0, length - since_begin)
+
+
+class _Entry(msgspec.Struct, frozen=True, array_like=True):
+    """An order in the journal."""
+
+    left_ns: int
+    """How long it lasts from `written_at` on; 0: until it is resumed."""
+    written_at: int
+    boot: bytes
+    """Run of the monotonic clock that `written_at` belongs to."""
+    ends_utc_ns: int | None
+    """UTC of its end, error included; None: not known."""
+
+
+class Silence:
+    """The gate of one node.
+
+    Args:
+        quiet: The quiet windows.
+        stored: What the journal has kept.
+        host: What is known of UTC.
+        journal: Keeps the order.
+        emit: Takes `SilenceChanged` when an order, or its end, is kept.
+    """
+
+    def __init__(
+        self,
+        quiet: tuple[QuietWindow, ...],
+        stored: Mapping[str, bytes],
+        *,
+        host: HostTime,
+        journal: JournalPort,
+        emit: Callable[[SilenceChanged], None],
+    ) -> None:
+        self._quiet = quiet
+        self._journal = journal
+        self._emit = emit
+        self._host = host
+        self._boot = stored.get(BOOT_KEY, b"")
+        self._ordered = False
+        self._ends_at: int | None = None
+        self._ends_utc_ns: int | None = None
+        self._written_at = 0
+        self._kept: _Entry | None = None
+        self._is_former = False
+        self._doubt = ""
+        self._granted: tuple[LaneKey, int] | None = None
+        self._recover(stored.get(SILENCE_KEY))
+
+    # Commands
+
+    def begin(
+        self,
+        now: int,
+        *,
+        duration_s: float | None = None,
+        then: Callable[[int], None] | None = None,
+    ) -> None:
+        """Be silent from now on, for a time or until `resume`; replaces an earlier order.
+
+        Args:
+            now: The instant.
+            duration_s: For how long, s; None: until `resume`.
+            then: Called when it is written down.
+
+        Raises:
+            ValueError: A duration that is not above 0.
+        """
+        if duration_s is not None and not 0 < duration_s < float("inf"):
+            raise ValueError(f"duration_s is {duration_s}; allowed: above 0")
+        self._ordered, self._kept, self._granted, self._doubt = True, None, None, ""
+        self._ends_at = None
+        if duration_s is not None:
+            self._ends_at = now + min(_LONGEST_NS, max(1, seconds_to_ns(duration_s)))
+        self._ends_utc_ns = self._end_in_utc(now)
+        self._write(now, lambda at: self._tell(at, then))
+
+    def resume(self, now: int, *, then: Callable[[int], None] | None = None) -> None:
+        """End the order; quiet windows stay. `then` is called when that is written down."""
+        self._ordered, self._kept, self._granted, self._doubt = False, None, None, ""
+        self._journal.write(SILENCE_KEY, None, lambda at: self._tell(at, then))
+
+    def grant(self, lane: LaneKey, *, until: int) -> None:
+        """Let one frame go all the same, with what waits in one lane, until an instant, ns."""
+        self._granted = lane, until
+
+    def use_grant(self) -> None:
+        """That frame goes."""
+        self._granted = None
+
+    # Inputs
+
+    def wake(self, now: int) -> None:
+        """The link is up: this is the first instant at which anything could be sent."""
+        self._begin_life(now)
+        self.expire(now)
+        if self._ordered and self._is_former:
+            self._emit(self.state(now))
+        self._is_former = False
+
+    def expire(self, now: int) -> None:
+        """Forget an order that has come to its end; keep what is left of one that has not."""
+        if not self._ordered or self._ends_at is None:
+            return
+        if self._ends_at <= now:
+            self.resume(now)
+        elif now - self._written_at >= max(_WRITE_EVERY_NS, (self._ends_at - now) // _WRITE_PARTS):
+            self._write(now)
+
+    def handle_clock(self, now: int) -> None:
+        """The host has told the time."""
+        if not self._ordered:
+            return
+        self._begin_life(now)
+        if self._ends_at is None:
+            return
+        if self._host.is_sure and self._kept is not None:
+            self._shorten(self._kept, now)
+        if self._kept is None:
+            before_ns, self._ends_utc_ns = self._ends_utc_ns, self._end_in_utc(now)
+            if _is_other(before_ns, self._ends_utc_ns):
+                self._write(now)
+        self.expire(now)
+
+    # Getters
+
+    @property
+    def next_deadline_at(self) -> int | None:
+        """The end of an order, for `expire`, ns, or None."""
+        return self._ends_at if self._ordered else None
+
+    def until(self, now: int) -> int | None:
+        """Return the end of the silence, ns; None: no end is known.
+
+        At or before `now`: there is no silence.
+        """
+        ordered_until = self._ends_at if self._ordered else 0
+        if ordered_until is None:
+            return None
+        return self._quiet_until(max(now, ordered_until)) if self._quiet else ordered_until
+
+    def is_silent(self, now: int) -> bool:
+        """Tell whether nothing may be transmitted now."""
+        until = self.until(now)
+        return until is None or until > now
+
+    def granted(self, now: int) -> LaneKey | None:
+        """Return the lane that may still be heard in this silence, or None."""
+        if self._granted is None or self._granted[1] <= now or not self.is_silent(now):
+            return None
+        return self._granted[0]
+
+    def state(self, now: int) -> SilenceChanged:
+        """Return what holds now."""
+        until = self.until(now)
+        return SilenceChanged(
+            is_silent=self.is_silent(now),
+            is_ordered=self._ordered,
+            ends_at=None if until is None or until <= now else until,
+            changed_at=now,
+            doubt=self._doubt,
+        )
+
+    @property
+    def clock_doubt(self) -> str:
+        """Why quiet windows keep this node silent for want of the time; empty: they do not."""
+        if not self._quiet or self._host.is_sure:
+            return ""
+        is_known = self._host.time.offset_ns is not None
+        return "the clock has jumped" if is_known else "UTC is not known"
+
+    # Below the methods above
+
+    def _quiet_until(self, at: int) -> int | None:
+        """End of the quiet windows that hold at an instant, or that instant."""
+        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(at)
+        if offset_ns is None or error_ns is None:
+            return None
+        # A window may begin before another one has ended.
+        for _ in self._quiet:
+            left_ns = max(each.left_ns(at + offset_ns, error_ns) for each in self._quiet)
+            if not left_ns:
+                break
+            at += left_ns
+        return at
+
+    def _begin_life(self, now: int) -> None:
+        """Set the end of an order of a former life, once."""
+        kept = self._kept
+        if kept is None or self._ends_at is not None or not kept.left_ns:
+            return
+        if kept.boot and kept.boot == self._boot and kept.written_at <= now:
+            self._ends_at = kept.written_at + kept.left_ns
+            self._kept = None  # exact: UTC tells nothing that is better
+        else:
+            self._ends_at = now + kept.left_ns
+            self._doubt = "it is not known how long this node was down; what was left counts anew"
+            if self._host.is_sure:
+                self._shorten(kept, now)
+
+    def _shorten(self, kept: _Entry, now: int) -> None:
+        """End an order of a former life when it was to end, now that UTC is sure."""
+        self._kept = None
+        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(now)
+        assert self._ends_at is not None
+        if kept.ends_utc_ns is None or offset_ns is None or error_ns is None:
+            return
+        self._doubt = ""
+        self._ends_at = min(self._ends_at, max(now, kept.ends_utc_ns - offset_ns + error_ns))
+
+    def _end_in_utc(self, now: int) -> int | None:
+        """UTC of the end, as late as it may be, ns; None: not sure."""
+        offset_ns, error_ns = self._host.time.offset_ns, self._host.time.error_at(now)
+        if self._ends_at is None or offset_ns is None or error_ns is None:
+            return None
+        return self._ends_at + offset_ns + error_ns
+
+    def _write(self, now: int, then: Callable[[int], None] | None = None) -> None:
+        left_ns = 0 if self._ends_at is None else max(1, self._ends_at - now)
+        entry = _Entry(left_ns, now, self._boot, self._ends_utc_ns)
+        self._written_at = now
+        self._journal.write(SILENCE_KEY, msgspec.msgpack.encode(entry), then)
+
+    def _tell(self, now: int, then: Callable[[int], None] | None) -> None:
+        self._emit(self.state(now))
+        if then is not None:
+            then(now)
+
+    def _recover(self, entry: bytes | None) -> None:
+        if entry is None:
+            return
+        try:
+            self._kept = msgspec.msgpack.decode(entry, type=_Entry)
+        except msgspec.MsgspecError:
+            return
+        self._ordered = self._is_former = True
+        self._ends_utc_ns = self._kept.ends_utc_ns
+
+
+def _is_other(before_ns: int | None, ns: int | None) -> bool:
+    if before_ns is None or ns is None:
+        return before_ns is not ns
+    return abs(ns - before_ns) > _MOVED_NS

@@ -1,0 +1,96 @@
+"""What a frame is composed from, beside the queue: as the composer sees it, whoever has it.
+
+Objects and dense strings are mechanisms between two ends, above the schedule; here stands what the
+schedule needs of them.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+
+from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.savings import Savings
+from zacoustic.core.values.dense import Encoded
+
+
+class Offer(msgspec.Struct, frozen=True, kw_only=True):
+    """What would go into a frame now."""
+
+    destination: int
+    """Address, or `BROADCAST`."""
+    size_bytes: int
+    """Room that it needs, bytes."""
+    is_fragment: bool
+    """It shows no end, and needs the frame for itself."""
+    rank: int
+    """Beside what else waits: instant of the last fragment and patience, ns; the smaller, the
+    sooner. An answer goes before all."""
+
+
+class Taken(msgspec.Struct, frozen=True, kw_only=True):
+    """A record for a frame."""
+
+    stream_id: int
+    """Stream to which its airtime belongs, 0 when it is not known."""
+    record: bytes
+    """The bytes."""
+    header_bytes: int
+    """How many of them are not payload."""
+    is_first: bool = False
+    """With it an object begins."""
+    is_repair: bool = False
+    """It is a repair fragment."""
+    ends_run: bool = False
+    """It says that a listen window follows."""
+
+
+class ObjectSource(Protocol):
+    """Payloads that are larger than a frame, and what is to be said of those that arrive."""
+
+    @property
+    def is_exclusive(self) -> bool:
+        """The object that is under way needs the channel for itself."""
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame with an object's record is to go, or None."""
+
+    def hold_until(self, now: int) -> int:
+        """Return until when nothing else should start, ns: an answer is awaited."""
+
+    def offer(self, now: int) -> Offer | None:
+        """Return what is due now: an answer before a fragment."""
+
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment is due."""
+
+    def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
+        """Take an answer that is due and goes to this destination, if it fits."""
+
+    def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
+        """Take the fragment that `offer` told of, if it fits."""
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Send no fragment of a stream before an instant."""
+
+
+class DenseSource(Protocol):
+    """Writes samples of dense streams into one string, and says which strings have arrived."""
+
+    @property
+    def savings(self) -> Savings:
+        """What the strings of this node have saved."""
+
+    def admits(self, item: Waiting, destination: int) -> bool:
+        """Tell whether a payload that waits can be part of a dense string to `destination`."""
+
+    def encode(
+        self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
+    ) -> Encoded | None:
+        """Write a string of all these payloads; None where they do not fit."""
+
+    def sent(self, encoded: Encoded, now: int) -> None:
+        """Note that a string is sent; until then it is a draft."""
+
+    def acks(self, destination: int, room_bytes: int) -> bytes:
+        """Return the acknowledgements that a frame to `destination` has room for."""

@@ -1,0 +1,303 @@
+"""When it is time to repeat: from airtimes and measured round trips, never from constants.
+
+The first guess is what the link says: the sound to the other end and back, the time it lingers
+there, the ACK's own frame, and one short frame of doubt. Then it is measured, as RFC 6298 does,
+from samples that were sent once; but the first round trip is taken to be off by an eighth, not by a
+half: sound is slow, and as slow the next time; not so behind a device that controls access.
+
+
+A silence may be a loss, or an answer that takes longer than was thought. Sound and airtime are
+known beforehand, so it is taken for a loss, and the first five repetitions go at the same pace.
+What a device needs that decides itself when it transmits is a guess: until a round trip was
+measured each pause that was in vain doubles the next ones, and an answer to what went twice does
+not end that, since it may answer the first (RFC 6298, and Karn's rule). Answers that are late show
+it: one that comes sooner behind a repetition than any ever did was for what went before that, and
+so was the first of two that say the same. Then that is measured.
+
+Repetitions to a node of which nothing is heard come
+less and less often: it may be out of range for half an hour. The first frame heard of it ends that.
+So do those to a node that is heard and does not answer, since the channel may be crowded; those of
+an emergency not rarer than every four round trips, since the node is in range.
+"""
+
+import random
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.core.base.clock import NS_PER_S, SHORTEST_S, seconds_to_ns
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.schedule.access.listening import Listening
+
+_ACK_BYTES: Final = 5
+_SHORT_BYTES: Final = 8
+_BATCH_FRAMES: Final = 4
+_FIRST_DEVIATION: Final = 8
+"""Part of the first round trip that it is taken to be off by."""
+_FIRST_DEVIATION_DELEGATED: Final = 2
+"""The same where a device decides when it transmits."""
+_FACTORS: Final = (
+    *(1.0, 1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 3.0, 4.0),
+    *(6.0, 8.0, 12.0, 16.0, 24.0, 32.0),
+)
+"""Round trips between two repetitions, by how many in a row have been without any sign of the
+node."""
+
+_LAST_EQUAL: Final = 4
+"""Place of the last of the first factors, which are equal."""
+_DOUBLING: Final = 2
+"""So many places further a factor is twice as large."""
+
+_LEAST_FACTOR: Final = 4.0
+"""So many round trips a node that does not answer is left in peace, in whatever haste: answers may
+take longer than they did, and whoever transmits all the time hears none."""
+_SENSED_TRIES: Final = 2
+"""So many repetitions go soon, after a short frame more or less, where carriers are sensed: whoever
+hears the other end begin waits, so what was lost was hardly lost to that."""
+_EARLIEST: Final = 0.75
+"""Share of a deadline that is certain; the rest is drawn, so that two ends do not repeat in step
+for ever."""
+
+
+class LinkTimes:
+    """What a link's airtimes mean for acknowledgements; all in ns.
+
+    Args:
+        capabilities: The link's.
+        listening: When others pause; None: nobody has to.
+    """
+
+    def __init__(self, capabilities: LinkCapabilities, listening: Listening | None = None) -> None:
+        self.listening = listening
+        """When others pause; to be read only."""
+        self.airtime_ns: Callable[[int], int] = capabilities.airtime_ns
+        """Airtime of a frame of so many bytes."""
+        short_ns = capabilities.airtime_ns(_SHORT_BYTES)
+        self.gap_ns = gap_ns = seconds_to_ns(capabilities.gap_s)
+        """What the device needs after a frame."""
+        self.ack_slot_ns = capabilities.airtime_ns(_ACK_BYTES) + gap_ns
+        """How long the ACK of one receiver takes; the next one of a list waits for it."""
+        self.is_delegated = capabilities.controls_access
+        """The device decides when a frame starts: nobody knows how long it has waited there."""
+        self.mtu_bytes = capabilities.mtu_bytes
+        self.next_frame_ns = 0
+        """How long the next frame of a publisher has to be awaited that goes on, ns."""
+        self.senses_carrier = capabilities.senses_carrier
+        """Who is about to start knows whether somebody else is heard."""
+        if not capabilities.senses_carrier:
+            self.next_frame_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
+        self.ack_patience_ns = _BATCH_FRAMES * (
+            capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
+        )
+        """How long an ACK is put off, however long a publisher goes on."""
+        self.ack_linger_ns = gap_ns + seconds_to_ns(capabilities.preamble_s / 2)
+        """How long an ACK waits: a publisher that goes on has begun its next frame by then."""
+        linger_s = (self.ack_linger_ns + self.next_frame_ns) / NS_PER_S
+        self.confirm_linger_s = max(SHORTEST_S, linger_s)  # on a simulated link it may be nothing
+        """How long a confirm waits: what is repeated with its request would fall under it, again
+        and again."""
+        self.doubt_ns = short_ns
+        self.longest_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + gap_ns
+        """The longest frame that may be under way at the other end, ns."""
+        self.way_ns = seconds_to_ns(capabilities.propagation_s)
+        """How long the sound takes to the farthest node, one way."""
+        self.batch_bytes = _BATCH_FRAMES * capabilities.mtu_bytes
+        """What is repeated at most before an answer is awaited."""
+        self.first_round_trip_ns: int = (
+            2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
+        )
+        """What to reckon with before anything is measured, from the end of the sample's frame."""
+
+    def copy_ns(self, size_bytes: int) -> int:
+        """Return what one more copy of a record takes, with the gap behind it, ns, at least 1."""
+        return max(1, self.airtime_ns(size_bytes) + self.gap_ns)
+
+    def ask_round_trip_ns(self, frame_ns: int) -> int:
+        """Return how long what was asked for needs to come, in a frame of that airtime."""
+        return 2 * self.way_ns + self.ack_slot_ns + frame_ns + self.doubt_ns
+
+    def ack_spread_ns(self, receivers: int) -> int:
+        """Return within which time that many receivers acknowledge a repetition, each at random.
+
+        Most have acknowledged before and say it again, and one that is not known yet says more. A
+        single one may collide as well, with the answer to a repetition of another topic; or it
+        falls under what its publisher repeats next, where that does not hear it begin.
+        """
+        least_ns = self.doubt_ns if self.senses_carrier else self.longest_ns
+        return least_ns if receivers < 2 else max(least_ns, 2 * receivers * self.ack_slot_ns)
+
+
+class PeerTiming:
+    """How long one node takes to answer."""
+
+    def __init__(self) -> None:
+        self.shortest_ns: int | None = None
+        """The shortest round trip that was measured lately, ns."""
+        self.quiet_until = 0
+        """An answer is awaited until then, and nothing is repeated to it, ns."""
+        self.quiet_since = 0
+        """Since when it is, ns."""
+        self._counts_at = 0
+        self._smooth_ns: int | None = None
+        self._deviation_ns = 0
+        self._doubts_guess = False
+        """Repetitions were in vain before anything was measured: a round trip may take longer."""
+        self._unanswered = 0
+        self._unheard = 0
+
+    @property
+    def smooth_ns(self) -> int:
+        """The usual round trip, ns; 0 before one was measured."""
+        return self._smooth_ns or 0
+
+    def least_ns(self, times: LinkTimes) -> int:
+        """Return how long an answer takes at least, as far as known, ns."""
+        if self.shortest_ns is not None:
+            return self.shortest_ns
+        return times.first_round_trip_ns
+
+    def measured(self, round_trip_ns: int, times: LinkTimes) -> None:
+        """Take a round trip, from the end of a frame to the ACK for it."""
+        if self._smooth_ns is None or self.shortest_ns is None:
+            parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION
+            self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // parts
+            self.shortest_ns = round_trip_ns
+            self._doubts_guess = False
+            return
+        longer_ns = round_trip_ns - self.shortest_ns
+        self.shortest_ns += longer_ns if longer_ns < 0 else longer_ns // 8
+        error = abs(self._smooth_ns - round_trip_ns)
+        self._deviation_ns += (error - self._deviation_ns) // 4
+        self._smooth_ns += (round_trip_ns - self._smooth_ns) // 8
+
+    def unanswered(self, now: int, times: LinkTimes) -> None:
+        """A repetition has become due; what becomes due together counts once."""
+        if now >= self._counts_at:
+            self._counts_at = now + times.first_round_trip_ns
+            self._doubts_guess = self._smooth_ns is None and times.is_delegated
+            more = 1
+            if self._doubts_guess:
+                more = max(0, _LAST_EQUAL - self._unanswered) + _DOUBLING
+            self._unanswered = min(self._unanswered + more, len(_FACTORS) - 1)
+            self._unheard = min(self._unheard + 1, len(_FACTORS) - 1)
+
+    def heard(self) -> bool:
+        """Anything was heard of the node; True when it had been silent, and repetitions rare."""
+        was_silent = _FACTORS[self._unheard] > 1
+        self._unheard = 0
+        if was_silent:
+            self._unanswered //= 2
+        return was_silent
+
+    def begin_anew(self) -> None:
+        """Repeat as often as to a node that was just heard."""
+        self._unheard = 0
+        if not self._doubts_guess:
+            self._unanswered = 0
+
+    def answered(self, *, in_crowd: bool = True) -> None:
+        """The node has told that it has something of what it lacked; others may speak as well."""
+        if self._doubts_guess:
+            self._unanswered = max(0, self._unanswered - _DOUBLING)
+        else:
+            self._unanswered = self._unanswered // 2 if in_crowd else 0
+
+    def is_doubtful(self, times: LinkTimes) -> bool:
+        """Repetitions to it are unanswered again and again: more than one would be wasted.
+
+        So it would be where an answer may just take longer than was guessed.
+        """
+        is_guess = self._smooth_ns is None and times.is_delegated
+        return is_guess or _FACTORS[self._unanswered] > 1
+
+    def pause_ns(
+        self,
+        times: LinkTimes,
+        rank: int,
+        rng: random.Random,
+        priority: Priority,
+        *,
+        frames: int = 1,
+        spread_ns: int = 0,
+        at_most_ns: int | None = None,
+    ) -> int:
+        """Draw how long to wait for an answer before the next repetition, ns.
+
+        Two ends that repeat in step lie under each other's frames for ever. So what is drawn is
+        as long as what may be under way there, and longer where repetitions have become rare.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one; what was measured has it in it.
+            rng: Draws.
+            priority: Of what is repeated.
+            frames: So many frames are sent in a row.
+            spread_ns: Within which time they acknowledge, each at random.
+            at_most_ns: However rare repetitions have become, it is no longer than this, > 0, or
+                than `least_pause_ns`; None: it may be.
+        """
+        round_trip_ns = self.round_trip_ns(times, rank)
+        factor = self._factor(priority)
+        # A round trip that took long once is no reason to be silent for hours.
+        rarest_ns = round(_FACTORS[-1] * times.first_round_trip_ns)
+        pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
+        pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
+        range_ns = least_range_ns = self._least_range_ns(times, frames)
+        if factor > 1:
+            range_ns = max(range_ns, pause_ns // 2)
+        earliest_ns = max(round_trip_ns, pause_ns - range_ns // 2)
+        drawn_ns = spread_ns + earliest_ns + rng.randrange(range_ns + 1)
+        if at_most_ns is None or drawn_ns <= at_most_ns:
+            return drawn_ns
+        least_ns = self.least_pause_ns(times, rank, priority) + spread_ns
+        earliest_ns = max(least_ns, round(_EARLIEST * at_most_ns))
+        return rng.randint(earliest_ns, max(at_most_ns, least_ns + least_range_ns))
+
+    def least_pause_ns(self, times: LinkTimes, rank: int, priority: Priority) -> int:
+        """Return how long an answer is awaited, in whatever haste, ns.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one; what was measured has it in it.
+            priority: Of what is repeated.
+        """
+        factor = min(self._factor(priority), _LEAST_FACTOR)
+        return round(self.round_trip_ns(times, rank) * factor)
+
+    def await_answer(self, since: int, until: int) -> None:
+        """An answer is awaited from an instant on, and until another one, ns."""
+        self.quiet_since = max(self.quiet_since, since)
+        self.quiet_until = max(self.quiet_until, until)
+
+    def ready_at(self, times: LinkTimes, priority: Priority, *, in_haste: bool = False) -> int:
+        """Return from when on something may be repeated to it, ns.
+
+        Others may have decided to leave the node in peace for long: that holds neither for an
+        emergency, nor for what has a deadline (`in_haste`).
+        """
+        if priority is not Priority.REAL_TIME and not in_haste:
+            return self.quiet_until
+        least_ns = self.least_pause_ns(times, 0, priority)
+        return min(self.quiet_until, self.quiet_since + least_ns)
+
+    def _least_range_ns(self, times: LinkTimes, frames: int) -> int:
+        if times.senses_carrier and self._unanswered < _SENSED_TRIES:
+            return times.doubt_ns
+        return frames * times.longest_ns
+
+    def _factor(self, priority: Priority) -> float:
+        factor = _FACTORS[self._unanswered]
+        if priority is not Priority.REAL_TIME:
+            return factor
+        return min(factor, max(_FACTORS[self._unheard], _LEAST_FACTOR))
+
+    def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
+        """Return within what time an answer is here, as far as is known, ns.
+
+        Args:
+            times: Of the link.
+            rank: How many receivers acknowledge before this one.
+        """
+        if self._smooth_ns is None:
+            return times.first_round_trip_ns + rank * times.ack_slot_ns
+        return self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)

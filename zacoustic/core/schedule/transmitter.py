@@ -1,0 +1,273 @@
+"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps."""
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+import msgspec
+
+from zacoustic.core.base.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.peers.ranging import Ranging
+from zacoustic.core.schedule.access import Wanted
+from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.hosttime import HostTime
+from zacoustic.core.schedule.port import LinkPort
+from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.schedule.sources import ObjectSource
+from zacoustic.core.wire.envelope import Envelope
+
+_GIVE_WAY_PERIODS = 2
+"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
+
+
+UNHEARD_FRAMES: Final = 20
+"""So many frames that are sent without hearing anything are worth a word."""
+
+
+class NothingHeard(msgspec.Struct, frozen=True, kw_only=True):
+    """Frames were sent since the link is up, and nothing at all was heard; told once."""
+
+    frames: int
+    """How many were sent."""
+    up_at: int
+    """Instant from which on the link is up, ns."""
+    changed_at: int
+    """Instant, ns."""
+
+
+class FrameSource(Protocol):
+    """What a node has to say, as whoever makes its transmissions sees it."""
+
+    @property
+    def queue(self) -> TransmitQueue:
+        """What waits."""
+
+    @property
+    def objects(self) -> ObjectSource:
+        """What waits that is larger than a frame."""
+
+    @property
+    def ranging(self) -> Ranging:
+        """The ranges that are wanted."""
+
+    @property
+    def may_speak(self) -> bool:
+        """The boot epoch is written down: no other life of the node will have it."""
+
+    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
+        """Make what goes around a frame on a link."""
+
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Take the airtimes of a link, and drop what is too large for it."""
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
+
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame that is worth most now, or return None."""
+
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
+        """Make a frame of what waits in one lane, or return None."""
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame of what medium access has to say, or return None."""
+
+    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
+        """A transmission begins."""
+
+
+class Transmitter:
+    """Makes the transmissions of one engine.
+
+    Args:
+        source: What it has to say.
+        silence: When it must not.
+        host: What is known of UTC.
+        airtime: How much of the time it may be on the air.
+        stats: Counts.
+        make_port: Makes the port of a link from what that can do and what goes around a frame.
+        emit: Takes `NothingHeard`.
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        silence: Silence,
+        host: HostTime,
+        airtime: AirtimeCaps,
+        stats: EngineStats,
+        make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
+        emit: Callable[[NothingHeard], None],
+    ) -> None:
+        self.port: LinkPort | None = None
+        """The link; None before it was up."""
+        self.link_state = LinkState.OPENING
+        """What the link last said of itself."""
+        self.airtime = airtime
+        """How much of the time streams and node may be on the air."""
+        self._source = source
+        self._silence = silence
+        self._stats = stats
+        self._make_port = make_port
+        self._host = host
+        self._offset_ns: int | None = None
+        self._emit = emit
+        self._up_at = 0
+        self._frames_at_up: tuple[int, int] | None = None
+        """Frames sent and heard when the link came up; None: it is not up, or something was
+        heard, or `NothingHeard` was told."""
+        self._next_transmission_id = 1
+
+    def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
+        """Begin with a link, or with other capabilities of it."""
+        port = self._make_port(capabilities, self._source.envelope(capabilities))
+        self.port = port
+        self._tell_access(port, now)
+        self._source.use_link(port, now)
+
+    def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
+        """The host tells what its clock says; see `Engine.handle_clock`."""
+        self._offset_ns = offset_ns
+        if self.port is not None:
+            self.port.access.handle_clock(offset_ns, error_ns, now)
+
+    def change_state(self, state: LinkState, now: int) -> None:
+        """The link is in another state."""
+        self.link_state, self._up_at, self._frames_at_up = state, now, None
+        if state is LinkState.UP:
+            self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
+
+    def expire(self, now: int) -> None:
+        """An instant has come that something here has named."""
+        self._host.expire(now)
+        if self.port is not None:
+            self.port.access.handle_timeout(now)
+
+    def review(self, now: int) -> None:
+        """Tell the application what keeps frames from the channel, or from the others."""
+        self._host.review(self._clock_doubt(now), now)
+        if self._frames_at_up is None:
+            return
+        sent = self._stats.frames_transmitted - self._frames_at_up[0]
+        if self._stats.frames_received > self._frames_at_up[1]:
+            self._frames_at_up = None
+        elif sent >= UNHEARD_FRAMES:
+            self._frames_at_up = None
+            self._emit(NothingHeard(frames=sent, up_at=self._up_at, changed_at=now))
+
+    def make(self, now: int) -> tuple[Transmission, tuple[int, ...]] | None:
+        """Make the transmission that is worth most now, if one may begin.
+
+        Returns:
+            It, and the streams of its records.
+        """
+        port = self.port
+        if port is None:
+            return None
+        source = self._source
+        composed = None
+        granted = self._silence.granted(now)
+        if granted is not None:
+            if _is_over(self._last_word_at(granted, now), now):
+                composed = source.compose_only(port, granted, now)
+                self._silence.use_grant()
+        elif _is_over(self._transmit_at(now), now):
+            composed = source.compose(port, now)
+        if composed is None and _is_over(self._speak_at(now), now):
+            composed = source.speak(port, now)
+        if composed is None:
+            return None
+        transmission = Transmission(
+            transmission_id=self._next_transmission_id,
+            frame_bytes=composed.frame_bytes,
+            destination=composed.destination,
+            acknowledge=self._source.ranging.wants(
+                composed.destination, now, gives_way=composed.is_pressing
+            ),
+        )
+        self._next_transmission_id += 1
+        if composed.is_pressing:
+            until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
+            source.ranging.give_way(composed.destination, until)
+        port.transmit(transmission, now)
+        self._source.transmitted(transmission, composed, now)
+        self._stats.frames_transmitted += 1
+        self._stats.bytes_transmitted += len(composed.frame_bytes)
+        airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))
+        self._stats.airtime_ns += airtime_ns
+        held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
+        for stream_id, until in held.items():
+            self._source.queue.hold(stream_id, until)
+            self._source.objects.hold(stream_id, until)
+        return transmission, composed.streams
+
+    def finish(self, report: TransmitReport, now: int) -> bool:
+        """Note the end of a transmission; False for a report that belongs to none."""
+        return self.port is not None and self.port.finish(report, now)
+
+    def next_at(self, now: int) -> int | None:
+        """Return the instant from which a frame can and should go, ns, or None."""
+        granted = self._silence.granted(now)
+        if granted is not None:
+            return self._last_word_at(granted, now)
+        instants = (self._transmit_at(now), self._speak_at(now))
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    def _clock_doubt(self, now: int) -> str:
+        """Return why nothing is transmitted for want of the time, one line; empty: it is not so."""
+        if self.port is None:
+            return self._silence.clock_doubt
+        return self._silence.clock_doubt or self.port.access.clock_doubt(now)
+
+    def _tell_access(self, port: LinkPort, now: int) -> None:
+        """Tell a new policy what is known of UTC, and what the host says if that is nothing."""
+        known = self._host.time
+        if known.offset_ns is not None:
+            port.access.handle_clock(known.offset_ns, known.error_at(now), now)
+        elif self._offset_ns is not None:
+            port.access.handle_clock(self._offset_ns, None, now)
+
+    def _transmit_at(self, now: int) -> int | None:
+        """Return when a frame of what waits goes."""
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        if not self._source.may_speak:
+            return None
+        due_at = self._source.due_at(now)
+        if due_at is None:
+            return None
+        self.port.listening.exclusive = self._source.objects.is_exclusive
+        self.port.listening.sends_full = self._source.objects.has_fragment(now)
+        is_urgent = self._source.queue.is_urgent
+        if not is_urgent:
+            even_at = self.airtime.free_at(now)
+            due_at = max(due_at, even_at) if even_at > now else due_at
+        wanted = Wanted(due_at, is_urgent, is_copy=self._source.queue.has_copy)
+        return self._after_silence(self.port.free_at(wanted, now), now)
+
+    def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
+        """Return when the frame goes that a silence grants to a lane."""
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        due_at = self._source.queue.due_at(now, lane)
+        return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
+
+    def _speak_at(self, now: int) -> int | None:
+        """Return when medium access wants a frame of its own."""
+        if self.link_state is not LinkState.UP or self.port is None:
+            return None
+        return self._after_silence(self.port.speak_at(now), now)
+
+    def _after_silence(self, instant: int | None, now: int) -> int | None:
+        silent_until = self._silence.until(now)
+        if instant is None or silent_until is None:
+            return None
+        return max(instant, silent_until) if silent_until > now else instant
+
+
+def _is_over(instant: int | None, now: int) -> bool:
+    return instant is not None and instant <= now

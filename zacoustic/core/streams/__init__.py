@@ -1,0 +1,1 @@
+"""What both ends agree on: streams, their keys, the table and its digest."""

@@ -1,0 +1,236 @@
+"""What an order says, and what is answered; the types of both on the wire."""
+
+import enum
+from typing import Any, Final, Self
+
+import msgspec
+
+from zacoustic.core.base.qos import PRIORITY_NAMES, Priority
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+
+ORDERS_STREAM_ID: Final = 175
+"""Stream id of orders, in every table that does not give it to a stream of its own."""
+ORDERS_TIMEOUT_S: Final = 600.0
+"""An order is repeated, and remembered as a call, for this long at most, s."""
+LONGEST_SILENCE_S: Final = 366 * 86400.0
+"""Longest time of a silence that is to end by itself, s."""
+LONGEST_INTERVAL_S: Final = 86400.0
+"""Longest least time between two samples that can be ordered, s."""
+SERIALS: Final = 1 << 16
+"""Numbers that orders of one life of a node can have."""
+
+_SHORTEST_SILENCE_S: Final = 0.1
+_INTERVAL_STEP_S: Final = 0.01
+
+
+class OrderKind(enum.Enum):
+    """What is wanted."""
+
+    ASK = "ask"
+    """Nothing but the answer."""
+    SILENCE = "silence"
+    """Transmit nothing."""
+    RESUME = "resume"
+    """The end of the silence that was ordered."""
+    TUNE = "tune"
+    """Switch a topic off or on, set its least interval, its priority."""
+    RESET = "reset"
+    """Of a topic what the node's own configuration says."""
+
+
+class Order(msgspec.Struct, frozen=True, kw_only=True):
+    """One order, for a node that is named beside it.
+
+    Raises:
+        ValueError: Names field, value and what is allowed.
+    """
+
+    kind: OrderKind = OrderKind.ASK
+    """What is wanted."""
+    for_s: float | None = None
+    """Of SILENCE: how long, s, 0.1…31 622 400; None: until it is resumed."""
+    stream_id: int | None = None
+    """Of TUNE and RESET, and of ASK about a topic: which, 1…175."""
+    on: bool | None = None
+    """Of TUNE: its samples go; None: as it is."""
+    min_interval_s: float | None = None
+    """Of TUNE: least time between two samples of a key, s, 0…86400; None: as it is."""
+    priority: Priority | None = None
+    """Of TUNE: Zenoh's priority; None: as it is."""
+
+    def __post_init__(self) -> None:
+        """Check that the fields fit.
+
+        Raises:
+            ValueError: Names field, value and what is allowed.
+        """
+        if self.for_s is not None:
+            _check("for_s", self.for_s, _SHORTEST_SILENCE_S, LONGEST_SILENCE_S)
+            if self.kind is not OrderKind.SILENCE:
+                raise ValueError(f"for_s is {self.for_s:g}; allowed: with silence only")
+        if self.stream_id is not None:
+            _check("stream_id", self.stream_id, 1, ORDERS_STREAM_ID)
+        elif self.kind in (OrderKind.TUNE, OrderKind.RESET):
+            raise ValueError(f"stream_id is missing; allowed: a topic to {self.kind.value}")
+        if self.kind in (OrderKind.SILENCE, OrderKind.RESUME) and self.stream_id is not None:
+            raise ValueError(f"stream_id is {self.stream_id}; allowed: not with {self.kind.value}")
+        if self.min_interval_s is not None:
+            _check("min_interval_s", self.min_interval_s, 0, LONGEST_INTERVAL_S)
+        tuned = [self.on, self.min_interval_s, self.priority]
+        if (self.kind is OrderKind.TUNE) == (tuned == [None, None, None]):
+            what = "at least one" if self.kind is OrderKind.TUNE else "with tune only"
+            raise ValueError(f"on, min_interval_s, priority; allowed: {what}")
+
+    @property
+    def changes(self) -> bool:
+        """It is more than a question."""
+        return self.kind is not OrderKind.ASK
+
+    @property
+    def subject(self) -> int:
+        """What it is about: a stream id, or 0 for silence."""
+        return self.stream_id or 0
+
+    def to_wire(self, serial: int) -> dict[str, Any]:
+        """Return the request."""
+        return {
+            "serial": serial,
+            "order": self.kind.value,
+            "for_s": self.for_s,
+            "stream": self.stream_id,
+            "on": self.on,
+            "min_interval_s": self.min_interval_s,
+            "priority": _priority_name(self.priority),
+        }
+
+    @classmethod
+    def from_wire(cls, request: dict[str, Any]) -> tuple[int, Self]:
+        """Return serial and order of a request.
+
+        Raises:
+            ValueError: Its fields do not fit.
+        """
+        return request["serial"], cls(
+            kind=OrderKind(request["order"]),
+            for_s=request["for_s"],
+            stream_id=request["stream"],
+            on=request["on"],
+            min_interval_s=request["min_interval_s"],
+            priority=_priority(request["priority"]),
+        )
+
+
+class OrderState(msgspec.Struct, frozen=True, kw_only=True):
+    """What holds at a node after an order."""
+
+    silent: bool = False
+    """It transmits nothing."""
+    ordered: bool = False
+    """By an order; otherwise, if silent, by a quiet window."""
+    left_s: float | None = None
+    """How long the silence lasts, as far as that is known, s; None: no end is known, or none."""
+    on: bool | None = None
+    """Of the topic that was asked for: its samples go; None: none was."""
+    min_interval_s: float | None = None
+    """Of the topic: least time between two samples of a key, s."""
+    priority: Priority | None = None
+    """Of the topic: Zenoh's priority."""
+
+    def to_wire(self) -> dict[str, Any]:
+        """Return the response."""
+        fields = msgspec.structs.asdict(self)
+        for name, longest in (
+            ("left_s", LONGEST_SILENCE_S),
+            ("min_interval_s", LONGEST_INTERVAL_S),
+        ):
+            if fields[name] is not None:
+                fields[name] = min(fields[name], longest)
+        return fields | {"priority": _priority_name(self.priority)}
+
+    @classmethod
+    def from_wire(cls, response: dict[str, Any], age_s: float) -> Self:
+        """Return the state in a response.
+
+        Args:
+            response: The response.
+            age_s: How old it is, s.
+        """
+        state = cls(**response | {"priority": _priority(response["priority"])})
+        if state.left_s is None:
+            return state
+        if state.left_s > age_s:
+            return msgspec.structs.replace(state, left_s=state.left_s - age_s)
+        return msgspec.structs.replace(state, silent=False, ordered=False, left_s=None)
+
+
+def order_types() -> TypeTable:
+    """Return the types of `REQUEST_TYPE` and `RESPONSE_TYPE`."""
+    priorities = tuple(PRIORITY_NAMES)
+    of_topic = (
+        FieldSpec(name="on", type="bool", optional=True),
+        FieldSpec(
+            name="min_interval_s",
+            type="float64",
+            range=(0, LONGEST_INTERVAL_S),
+            step=_INTERVAL_STEP_S,
+            optional=True,
+        ),
+        FieldSpec(name="priority", type="enum", values=priorities, optional=True),
+    )
+    time_s = (0, LONGEST_SILENCE_S)
+    return TypeTable(
+        [
+            TypeSpec(
+                name=REQUEST_TYPE,
+                fields=(
+                    FieldSpec(name="serial", type="uint16"),
+                    FieldSpec(
+                        name="order", type="enum", values=tuple(each.value for each in OrderKind)
+                    ),
+                    FieldSpec(
+                        name="for_s",
+                        type="float64",
+                        range=time_s,
+                        step=_SHORTEST_SILENCE_S,
+                        optional=True,
+                    ),
+                    FieldSpec(name="stream", type="uint8", optional=True),
+                    *of_topic,
+                ),
+            ),
+            TypeSpec(
+                name=RESPONSE_TYPE,
+                fields=(
+                    FieldSpec(name="silent", type="bool"),
+                    FieldSpec(name="ordered", type="bool"),
+                    FieldSpec(
+                        name="left_s",
+                        type="float64",
+                        range=time_s,
+                        step=_SHORTEST_SILENCE_S,
+                        optional=True,
+                    ),
+                    *of_topic,
+                ),
+            ),
+        ]
+    )
+
+
+REQUEST_TYPE: Final = "Order"
+"""Name of the type of a request."""
+RESPONSE_TYPE: Final = "OrderState"
+"""Name of the type of a response."""
+
+
+def _check(name: str, value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
+        raise ValueError(f"{name} is {value:g}; allowed: {least:.9g}..{most:.9g}")
+
+
+def _priority(name: str | None) -> Priority | None:
+    return None if name is None else PRIORITY_NAMES[name]
+
+
+def _priority_name(priority: Priority | None) -> str | None:
+    return None if priority is None else priority.name.lower()

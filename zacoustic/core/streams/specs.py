@@ -1,0 +1,190 @@
+"""What is said of a stream: a topic, a service or an action, and what is allowed of each."""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import DURATIONS, is_duration
+from zacoustic.core.base.qos import Qos, Reliability
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
+from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
+from zacoustic.errors import ConfigError
+
+FIRST_STREAM_ID: Final = 1
+LAST_STREAM_ID: Final = 175
+"""Stream ids are 1…175: above are control codes and dense frames (docs/wire.md)."""
+
+CODECS: Final[dict[str, type[TypedCodec]]] = {
+    "cbor": CborCodec,
+    "packed": PackedCodec,
+    "dense": PackedCodec,
+}
+"""How the values of a type can be written in a record, by the word of the configuration. Those of a
+dense stream are in records only where they are in no dense string
+(`zacoustic.core.transport.topics.densestreams`).
+"""
+
+OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
+    "cbor": OpaqueCodec,
+    "packed": PackedBytesCodec,
+    "dense": PackedBytesCodec,
+}
+"""How what has no type is written in a record, by the same words."""
+
+DENSE: Final = "dense"
+"""The codec of dense streams."""
+
+DENSE_CODING: Final = 3
+"""How dense strings are coded, in the digests of dense streams: what was coded in another way might
+be read, and look right."""
+
+
+class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
+    """A topic: samples from any publisher to its subscribers."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, with placeholders in braces (`zacoustic.core.streams.keys`)."""
+    type_name: str | None = None
+    """Type of the samples; None: opaque bytes."""
+    publishers: tuple[int, ...] | None = None
+    """Addresses that may publish; None: any."""
+    subscribers: tuple[int, ...] | None = None
+    """Addresses that listen; None: all."""
+    wildcards: tuple[Wildcard, ...] = ()
+    """The placeholders of the name, `{node}` excepted."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
+    ones."""
+    codec: str = "cbor"
+    """How samples are written on the water, one of `CODECS`."""
+    qos: Qos = Qos()
+    """How samples wait."""
+    max_bytes: int | None = None
+    """Largest sample that this node sends or takes, bytes; None: as `ObjectLimits` says. Only of
+    reliable topics: others fit a frame. Not in the digest."""
+    journal: bool = False
+    """Samples that were accepted, and what was received, survive a restart of this node; not in
+    the digest, since each end may keep what it likes."""
+
+
+class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
+    """A service: one server answers requests of any node."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, without placeholders."""
+    server: int
+    """Address of the node that serves."""
+    request_type: str | None = None
+    """Type of a request; None: opaque bytes."""
+    response_type: str | None = None
+    """Type of a response; None: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time from call to answer after which the caller gives up, s, > 0."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
+    ones."""
+    codec: str = "cbor"
+    """How payloads are written on the water, one of `CODECS`."""
+    qos: Qos = Qos()
+    """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
+    calls."""
+    journal: bool = True
+    """Calls survive a restart of this node; without, one may run twice. Not in the digest."""
+
+
+class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
+    """An action: one server pursues goals of any node, and tells how far it is."""
+
+    stream_id: int
+    """1…175, unique in the table."""
+    name: str
+    """Key expression, without placeholders."""
+    server: int
+    """Address of the node that serves."""
+    goal_type: str | None = None
+    """Type of a goal; None: opaque bytes."""
+    feedback_type: str | None = None
+    """Type of feedback; None: opaque bytes."""
+    result_type: str | None = None
+    """Type of a result; None: opaque bytes."""
+    timeout_s: float = 60.0
+    """Time from a goal to its answer (accepted or not) after which its client gives up, s, > 0."""
+    result_timeout_s: float = 3600.0
+    """How long a result is kept that its client has not confirmed, and how long a client waits
+    while it hears nothing of a goal, s, > 0."""
+    feedback_interval_s: float = 0.0
+    """Least time between two pieces of feedback for one goal on the water, s, ≥ 0; the newest
+    wins. Not in the digest."""
+    encoding: str | None = None
+    """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
+    ones."""
+    codec: str = "cbor"
+    """How goals, feedback and results are written on the water, one of `CODECS`."""
+    qos: Qos = Qos()
+    """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
+    lifespan do not apply."""
+    journal: bool = True
+    """Goals survive a restart of this node; without, one may run twice. Not in the digest."""
+
+
+StreamSpec = TopicSpec | ServiceSpec | ActionSpec
+
+
+def _check_dense(spec: StreamSpec) -> None:
+    """A dense string names a sample by its stream alone, and is not repeated."""
+    if not isinstance(spec, TopicSpec):
+        raise ConfigError(f'codec: "{DENSE}"; allowed: packed, cbor', hint="topics can be dense")
+    if spec.qos.reliability is Reliability.RELIABLE:
+        raise ConfigError(
+            f'codec: "{DENSE}" for a reliable topic; allowed: packed, cbor',
+            hint="what is repeated is not what follows the last one",
+        )
+    if spec.wildcards:
+        raise ConfigError(
+            f'codec: "{DENSE}" with placeholders other than {{node}}; allowed: packed, cbor',
+            hint="give each of them a stream of its own",
+        )
+
+
+def check(spec: StreamSpec) -> None:
+    """Check what the native wire says of a stream.
+
+    Raises:
+        ConfigError: Something of it is not allowed.
+    """
+    if spec.codec not in CODECS:
+        raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
+    if spec.codec == DENSE:
+        _check_dense(spec)
+    if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
+        allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
+        raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")
+
+
+def check_times(spec: StreamSpec) -> None:
+    """Check server and timeouts, whatever is spoken on the link.
+
+    Raises:
+        ConfigError: Something of it is not allowed.
+    """
+    if isinstance(spec, ActionSpec):
+        if not is_duration(spec.result_timeout_s):
+            raise ConfigError(
+                f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0, {DURATIONS}"
+            )
+        if not is_duration(spec.feedback_interval_s, or_zero=True):
+            raise ConfigError(
+                f"feedback_interval_s: {spec.feedback_interval_s}; allowed: 0 or more, {DURATIONS}"
+            )
+    if isinstance(spec, ServiceSpec | ActionSpec):
+        if not 1 <= spec.server <= 254:
+            raise ConfigError(f"server: {spec.server}; allowed: an address, 1..254")
+        if not is_duration(spec.timeout_s):
+            raise ConfigError(f"timeout_s: {spec.timeout_s}; allowed: above 0, {DURATIONS}")
+        if "{" in spec.name:
+            raise ConfigError(f'name: "{spec.name}" has a placeholder; allowed in topics only')

@@ -1,0 +1,399 @@
+"""The stream table: which name is which byte, and what both ends must agree on.
+
+A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service or an
+action. Its id is the first byte of each of its records, so a name costs one byte whatever its
+length. That only works
+while both ends hold the same table, so everything that changes the meaning of bytes goes into a
+digest: of each stream, and of the whole table with its nodes. What only changes *when* something
+is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
+its journal, is left out; each end may tune it alone. The timeouts of services and actions are in
+it: from them both ends derive how long a number has to be remembered.
+
+One stream is in every table and in no digest of a table, since nobody can define it in another way:
+that of orders (`zacoustic.core.transport.commands`). A table that gives its id to a stream of its
+own has none, nor has one for a link on which another wire profile is spoken.
+"""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.base.qos import Forward, Priority, Qos, Reliability, Stamp
+from zacoustic.core.streams import rmwdesert as rmw_desert
+from zacoustic.core.streams.commands import (
+    ORDERS_STREAM_ID,
+    ORDERS_TIMEOUT_S,
+    REQUEST_TYPE,
+    RESPONSE_TYPE,
+    order_types,
+)
+from zacoustic.core.streams.keys import Instance, KeyPattern
+from zacoustic.core.streams.specs import (
+    CODECS,
+    DENSE,
+    DENSE_CODING,
+    OPAQUE_CODECS,
+    ActionSpec,
+    ServiceSpec,
+    StreamSpec,
+    TopicSpec,
+    check,
+    check_times,
+)
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.dense.model.prior import Model
+from zacoustic.core.values.encoding import CBOR, OPAQUE
+from zacoustic.core.values.payload import PayloadCodec, TypedCodec
+from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
+
+EVERY_NODE: Final = 0
+"""In place of the address of a server: each node serves, and the records say which one."""
+
+AGE_FIELD: Final = "zacoustic_age"
+"""What stands for the age of a sample in a dense string, as its code."""
+
+_OCTETS_FIELD: Final = "octets"
+_OCTETS: Final = TypeSpec(
+    name="zacoustic/Octets", fields=(FieldSpec(name=_OCTETS_FIELD, type="bytes"),)
+)
+"""What a dense string has of a sample without a type."""
+
+DIGEST_BYTES: Final = 4
+"""Size of the digests of a stream and of a table."""
+
+
+class Stream:
+    """One row of the table, with the codecs and keys made from its spec.
+
+    Raises:
+        ConfigError: An unknown type, a bad name, id, address or time; names the key, its value
+            and what is allowed.
+    """
+
+    def __init__(
+        self,
+        spec: StreamSpec,
+        types: TypeTable,
+        node_names: Mapping[int, str],
+        *,
+        wire: WireProfile = WireProfile.NATIVE,
+        is_built_in: bool = False,
+    ) -> None:
+        on_desert = wire is WireProfile.RMW_DESERT
+        if on_desert:
+            rmw_desert.check_spec(spec)
+        elif not is_built_in:
+            check(spec)
+        if not is_built_in:
+            check_times(spec)
+        self.spec = spec
+        self.is_built_in = is_built_in
+        """Every table has it."""
+        self.stream_id = spec.stream_id
+        self.name = spec.name
+        self.qos = spec.qos
+        wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
+        self.keys = KeyPattern(spec.name, wildcards, node_names)
+        """The keys that the name stands for."""
+        names = _type_names(spec)
+        used = [types.by_name(name) if name is not None else None for name in names.values()]
+        codecs: list[PayloadCodec]
+        if on_desert:
+            keyed = zip(names, used, strict=True)
+            codecs = [rmw_desert.payload_codec(spec, key, each) for key, each in keyed]
+        else:
+            typed, opaque = CODECS[spec.codec], OPAQUE_CODECS[spec.codec]
+            codecs = [typed(each) if each else opaque() for each in used]
+        self.type: TypeSpec | None = used[0]
+        """Type of samples, requests or goals; None: opaque."""
+        self.response_type: TypeSpec | None = used[-1]
+        """Type of responses or results, of samples for a topic; None: opaque."""
+        self.feedback_type: TypeSpec | None = used[len(used) // 2]
+        """Type of an action's feedback; None: opaque. Of no use for others."""
+        self.codec = codecs[0]
+        """Codec of samples, requests or goals."""
+        self.response_codec = codecs[-1]
+        """Codec of responses or results, of samples for a topic."""
+        self.feedback_codec = codecs[len(codecs) // 2]
+        """Codec of an action's feedback. Of no use for others."""
+        self.dense_type = _dense_type(spec, used[0])
+        """What a dense string has of each sample; None: the stream is not dense."""
+        self.encoding = spec.encoding or (CBOR if any(used) else OPAQUE)
+        """Zenoh encoding on the application side."""
+        description = msgspec.json.encode(self._description())
+        self.digest = hashlib.sha256(description).digest()[:DIGEST_BYTES]
+        """Changes with everything both ends must agree on."""
+        self.is_on_demand = isinstance(spec, TopicSpec) and spec.qos.forward is Forward.ON_DEMAND
+        """Samples cross the water only to nodes that have subscribed."""
+        if self.is_on_demand and not (node_names or self._publishers):
+            raise ConfigError(
+                "forward: on_demand, and nobody is known who could be asked; allowed: with nodes "
+                "listed, or publishers"
+            )
+
+    def may_publish(self, address: int) -> bool:
+        """Tell whether samples of this topic may come from that node; always for others."""
+        return self._publishers is None or address in self._publishers
+
+    def may_subscribe(self, address: int) -> bool:
+        """Tell whether that node listens to this topic; always for others."""
+        subscribers = self.spec.subscribers if isinstance(self.spec, TopicSpec) else None
+        return subscribers is None or address in subscribers
+
+    def dense_value(self, value: object) -> tuple[dict[str, Any], bytes]:
+        """Return what a dense string says of a value of the application, and its payload.
+
+        Raises:
+            PayloadInvalidError: The value is not of the stream's type.
+        """
+        if isinstance(self.codec, TypedCodec):
+            normal = self.codec.normalised(value)
+            return normal, self.codec.write(normal)
+        payload = self.codec.encode(value)
+        return {_OCTETS_FIELD: self.codec.decode(payload)}, payload
+
+    def dense_sample(self, value: dict[str, Any]) -> object:
+        """Return the value for the application of what a dense string says, without its age."""
+        return value if self.type is not None else value[_OCTETS_FIELD]
+
+    @property
+    def _publishers(self) -> tuple[int, ...] | None:
+        return self.spec.publishers if isinstance(self.spec, TopicSpec) else None
+
+    def _description(self) -> list[object]:
+        spec = self.spec
+        types = [
+            each.canonical().decode() if each else None for each in (self.type, self.response_type)
+        ]
+        head: list[object] = [spec.stream_id, spec.name, types, self.encoding]
+        if spec.codec == DENSE:
+            head.append(f"codec {DENSE} {DENSE_CODING}")
+        elif spec.codec != "cbor":
+            head.append(f"codec {spec.codec}")
+        if isinstance(spec, ActionSpec):
+            feedback = self.feedback_type.canonical().decode() if self.feedback_type else None
+            times = (_seconds(spec.timeout_s), _seconds(spec.result_timeout_s))
+            return ["action", *head, feedback, spec.server, *times]
+        if isinstance(spec, ServiceSpec):
+            return ["service", *head, spec.server, _seconds(spec.timeout_s)]
+        wildcards = [[wildcard.name, *wildcard.values] for wildcard in self.keys.wildcards]
+        nodes = sorted(self.keys.node_names.items()) if self.keys.is_named_by_node else []
+        audience = [
+            None if part is None else sorted(part) for part in (spec.publishers, spec.subscribers)
+        ]
+        description = ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
+        if spec.qos.reliability is Reliability.RELIABLE:
+            # A receiver knows from the depth what is over; see zacoustic.core.transport.reliable.
+            description += [spec.qos.reliability.value, spec.qos.depth]
+        if spec.qos.forward is Forward.ON_DEMAND:
+            # Whoever takes it for another one never subscribes.
+            description.append(spec.qos.forward.value)
+        return description
+
+
+class StreamTable:
+    """All streams of a fleet, by id and by name.
+
+    Args:
+        specs: The streams, in any order.
+        types: The types that they name.
+        nodes: Name of each node by address; empty when the fleet is not listed.
+        model: What a fit says of the dense streams.
+        wire: What is spoken on the link.
+
+    Raises:
+        ConfigError: A duplicate id or name, or anything `Stream` refuses.
+    """
+
+    def __init__(
+        self,
+        specs: Iterable[StreamSpec] = (),
+        *,
+        types: TypeTable | None = None,
+        nodes: Mapping[int, str] | None = None,
+        model: Model | None = None,
+        wire: WireProfile = WireProfile.NATIVE,
+    ) -> None:
+        self.types = types or TypeTable()
+        self.wire = wire
+        """What is spoken on the link."""
+        self.nodes: dict[int, str] = dict(nodes or {})
+        """Name of each node by address."""
+        self.model = model
+        """What a fit says of the dense streams; part of the digest."""
+        self._by_id: dict[int, Stream] = {}
+        self._by_name: dict[str, Stream] = {}
+        self._built_in = {ORDERS_STREAM_ID: _orders()} if wire is WireProfile.NATIVE else {}
+        self._digest: bytes | None = None
+        for spec in specs:
+            self.declare(spec)
+
+    def declare(self, spec: StreamSpec) -> Stream:
+        """Add a stream; the digest changes.
+
+        Raises:
+            ConfigError: The id or the name is taken, or `Stream` refuses the spec.
+        """
+        stream = Stream(spec, self.types, self.nodes, wire=self.wire)
+        known = self._by_id.get(stream.stream_id)
+        if known is not None:
+            raise ConfigError(
+                f"id: {stream.stream_id} is taken by {known.name}",
+                hint="give each stream an id of its own",
+            )
+        known = self._by_name.get(stream.name)
+        if known is not None:
+            raise ConfigError(
+                f'name: "{stream.name}" is taken by stream {known.stream_id}',
+                hint="give each stream a name of its own",
+            )
+        self._by_id[stream.stream_id] = stream
+        self._by_name[stream.name] = stream
+        self._digest = None
+        return stream
+
+    @property
+    def digest(self) -> bytes:
+        """Four bytes that change with any stream and with the list of nodes."""
+        if self._digest is None:
+            whole = hashlib.sha256(msgspec.json.encode(sorted(self.nodes.items())))
+            for stream in self:
+                whole.update(stream.digest)
+            if self.model is not None:
+                whole.update(self.model.digest)
+            self._digest = whole.digest()[:DIGEST_BYTES]
+        return self._digest
+
+    def __iter__(self) -> Iterator[Stream]:
+        """The streams of the table's own, by id."""
+        return iter(sorted(self._by_id.values(), key=lambda stream: stream.stream_id))
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    def get(self, stream_id: int) -> Stream | None:
+        """Return the stream of that id, or None."""
+        return self._by_id.get(stream_id) or self._built_in.get(stream_id)
+
+    def by_id(self, stream_id: int) -> Stream:
+        """Return the stream of that id.
+
+        Raises:
+            UnknownStreamError: There is none; lists the ids there are.
+        """
+        stream = self.get(stream_id)
+        if stream is None:
+            known = ", ".join(str(known) for known in sorted(self._by_id)) or "none"
+            raise UnknownStreamError(f"no stream has id {stream_id}; there are: {known}")
+        return stream
+
+    def topic(self, stream_id: int) -> tuple[Stream, TopicSpec]:
+        """Return a topic and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such topic.
+        """
+        stream = self.by_id(stream_id)
+        if not isinstance(stream.spec, TopicSpec):
+            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a topic")
+        return stream, stream.spec
+
+    def topic_of(self, publisher: int, stream_id: int) -> tuple[Stream, TopicSpec]:
+        """Return a topic to which a node may publish, and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such topic.
+            LocalError: The node is not among its publishers.
+        """
+        stream, spec = self.topic(stream_id)
+        if not stream.may_publish(publisher):
+            raise LocalError(
+                f"node {publisher} is not a publisher of {stream.name}; "
+                f"publishers: {spec.publishers}"
+            )
+        return stream, spec
+
+    def service(self, stream_id: int) -> tuple[Stream, ServiceSpec]:
+        """Return a service and its spec.
+
+        Raises:
+            UnknownStreamError: There is no such service.
+        """
+        stream = self.by_id(stream_id)
+        if not isinstance(stream.spec, ServiceSpec):
+            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not a service")
+        return stream, stream.spec
+
+    def by_name(self, name: str) -> Stream:
+        """Return the stream of that name, placeholders included.
+
+        Raises:
+            UnknownStreamError: There is none; lists the names there are.
+        """
+        stream = self._by_name.get(name)
+        if stream is None:
+            known = ", ".join(sorted(self._by_name)) or "none"
+            raise UnknownStreamError(f'no stream is called "{name}"; there are: {known}')
+        return stream
+
+    def find(self, key: str, source: int) -> tuple[Stream, Instance] | None:
+        """Find the stream and the instance that a key of `source` stands for, or None."""
+        stream = self._by_name.get(key)
+        if stream is not None and not stream.keys.is_named_by_node and not stream.keys.wildcards:
+            return stream, ()
+        for stream in self:
+            instance = stream.keys.match(key, source)
+            if instance is not None:
+                return stream, instance
+        return None
+
+
+def _orders() -> Stream:
+    """Return the stream of orders."""
+    spec = ServiceSpec(
+        stream_id=ORDERS_STREAM_ID,
+        name="orders",
+        server=EVERY_NODE,
+        request_type=REQUEST_TYPE,
+        response_type=RESPONSE_TYPE,
+        timeout_s=ORDERS_TIMEOUT_S,
+        qos=Qos(priority=Priority.REAL_TIME, stamp=Stamp.AGE),
+        journal=False,  # what was obeyed is in a ledger of its own
+    )
+    return Stream(spec, order_types(), {}, is_built_in=True)
+
+
+def _type_names(spec: StreamSpec) -> dict[str, str | None]:
+    """Return the types of a stream, by the key of the configuration."""
+    match spec:
+        case TopicSpec():
+            return {"type": spec.type_name}
+        case ServiceSpec():
+            return {"request": spec.request_type, "response": spec.response_type}
+        case ActionSpec():
+            return {
+                "goal": spec.goal_type,
+                "feedback": spec.feedback_type,
+                "result": spec.result_type,
+            }
+
+
+def aged(type_spec: TypeSpec) -> TypeSpec:
+    """Return a type with the code of the age as its last field."""
+    age = FieldSpec(name=AGE_FIELD, type="uint8")
+    return msgspec.structs.replace(type_spec, fields=(*type_spec.fields, age))
+
+
+def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None:
+    if spec.codec != DENSE:
+        return None
+    type_spec = type_spec or _OCTETS
+    return aged(type_spec) if spec.qos.stamp is Stamp.AGE else type_spec
+
+
+def _seconds(time_s: float) -> float:
+    """Return a time as it is in a description: 60 and 60.0 are one, whoever has written it."""
+    return int(time_s) if time_s == int(time_s) else time_s

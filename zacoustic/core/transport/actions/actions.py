@@ -1,0 +1,241 @@
+"""What the application and the water say to the actions of one node.
+
+Commands are given here (`Engine.actions`); the events are those of
+`zacoustic.core.transport.actions.news`.
+"""
+
+from collections.abc import Callable, Mapping
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.queue import TransmitQueue
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.client import GoalClient
+from zacoustic.core.transport.actions.news import ActionEvent
+from zacoustic.core.transport.actions.post import GoalPost
+from zacoustic.core.transport.actions.server import GoalServer
+from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus, decode_message
+from zacoustic.errors import LocalError, UnknownStreamError
+
+
+class Actions:
+    """The actions of one node, as client and as server.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes what is said once.
+        repeater: Takes what is repeated.
+        journal: Keeps goals and results.
+        handshake: Knows the epoch of each node, and which streams a peer defines in another way.
+        begin_epoch: Begins a new boot epoch of this node; False: that would break something.
+        doubt: Whether goals of former lives are forgotten.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        repeater: Repeater,
+        journal: JournalPort,
+        handshake: Handshake,
+        begin_epoch: Callable[[int], bool],
+        doubt: Doubt,
+        stats: EngineStats,
+        emit: Callable[[ActionEvent], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._post = post = GoalPost(address, queue, repeater, handshake)
+        self._client = GoalClient(
+            address,
+            table,
+            post=post,
+            journal=journal,
+            handshake=handshake,
+            begin_epoch=begin_epoch,
+            stats=stats,
+            emit=emit,
+        )
+        self._server = GoalServer(
+            table,
+            post=post,
+            journal=journal,
+            handshake=handshake,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
+        )
+
+    # Commands of a client
+
+    def send_goal(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        timeout_s: float | None = None,
+        tag: bytes = b"",
+    ) -> GoalKey:
+        """Send a goal; `GoalAnswered` follows, and after that, if it was accepted, its end.
+
+        Args:
+            stream_id: The action's stream.
+            value: The goal, as its type says; bytes if it is opaque.
+            now: The instant.
+            timeout_s: Time for the answer, s, > 0; the action's `timeout_s` at most, and unless
+                given.
+            tag: Any bytes; `GoalRecovered` brings them back after a restart.
+
+        Returns:
+            What names the goal in all that follows.
+
+        Raises:
+            UnknownStreamError: No such action.
+            LocalError: This node is the server.
+            PayloadInvalidError: The goal's type does not allow the value.
+            PayloadTooLargeError: It fits no frame of this link.
+            QueueFullError: Twelve goals of this action are under way.
+            JournalUnavailableError: It cannot be written down.
+        """
+        stream, spec = self._action(stream_id)
+        if spec.server == self._address:
+            raise LocalError(f"{stream.name} is served by this node, {self._address}")
+        wait_s = spec.timeout_s if timeout_s is None else timeout_s
+        return self._client.send(stream, spec, value, now, wait_s, tag)
+
+    def cancel_goal(self, goal: GoalKey, now: int) -> bool:
+        """Ask for the end of a goal, before everything else that waits; False: it has ended.
+
+        `CancelAnswered` follows, or the end of the goal. A goal of which nothing was sent yet ends
+        here.
+        """
+        return self._client.cancel(goal, now)
+
+    # Commands of a server
+
+    def accept(self, goal: GoalKey, now: int) -> bool:
+        """Accept a goal; False: nobody waits for that any more, and it must not be begun."""
+        return self._server.accept(goal, now)
+
+    def reject(
+        self,
+        goal: GoalKey,
+        now: int,
+        *,
+        text: str = "",
+        failure: GoalFailure = GoalFailure.REJECTED,
+    ) -> bool:
+        """Refuse a goal; the text is cut to 48 bytes. False: it was answered before, or is over."""
+        return self._server.reject(goal, failure, text, now)
+
+    def publish_feedback(self, goal: GoalKey, value: object, now: int) -> bool:
+        """Tell how far a goal is; False: it does not run.
+
+        Raises:
+            PayloadInvalidError: The feedback's type does not allow the value.
+            PayloadTooLargeError: It fits no frame of this link.
+        """
+        return self._server.feed(goal, value, now)
+
+    def finish(self, goal: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
+        """End a goal; False: it does not run.
+
+        Args:
+            goal: Names it.
+            status: How it ended; UNKNOWN: whoever pursued it is gone.
+            value: The result; None: there is none.
+            now: The instant.
+
+        Raises:
+            PayloadInvalidError: The result's type does not allow the value. The goal is aborted,
+                without a result.
+            PayloadTooLargeError: It fits no frame of this link; the same.
+        """
+        return self._server.finish(goal, status, value, now)
+
+    def answer_cancel(self, goal: GoalKey, now: int, *, accepted: bool, text: str = "") -> bool:
+        """Answer a `CancelRequested`; False: it was answered before, or the goal is over.
+
+        Accepted, the goal goes on until `finish`: CANCELED, or whatever it has come to by then.
+        """
+        return self._server.answer_cancel(goal, accepted, text, now)
+
+    # For the engine
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self._post.use_link(times)
+        self._client.settling_ns = self._server.settling_ns = settling_ns
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the goals that a former life has left."""
+        self._client.recover(stored)
+        self._server.recover(stored)
+
+    def link_up(self, now: int) -> None:
+        """The link is up."""
+        self._client.link_up(now)
+        self._server.link_up(now)
+
+    def epoch_changed(self, now: int) -> None:
+        """This node has begun a new epoch."""
+        self._client.epoch_changed(now)
+
+    def receive(
+        self, source: int, stream: Stream, spec: ActionSpec, content: bytes, now: int
+    ) -> str | None:
+        """Take a record that may be decoded; returns why it is dropped, or None.
+
+        Args:
+            source: Who sent it.
+            stream: The action's stream.
+            spec: Its spec.
+            content: What stands behind the stream id.
+            now: The instant.
+        """
+        message = decode_message(content, from_client=spec.server == self._address)
+        if message is None:
+            return "payload"
+        if spec.server == self._address:
+            return self._server.receive(source, stream, message, now)
+        if spec.server == source:
+            return self._client.receive(source, stream, message, now)
+        return "not_subscriber"
+
+    def stream_differs(self, server: int, stream_id: int, now: int) -> None:
+        """A node defines a stream in another way."""
+        self._client.stream_differs(server, stream_id, now)
+
+    def peer_restarted(self, peer: int, now: int) -> None:
+        """A node has begun a new epoch."""
+        self._server.client_restarted(peer, now)
+        self._client.server_restarted(peer, now)
+
+    def expire(self, now: int) -> None:
+        """Do what is due."""
+        self._client.expire(now)
+        self._server.expire(now)
+
+    def next_due_at(self) -> int | None:
+        """Return the earliest instant at which something is due, ns, or None."""
+        instants = (self._client.next_due_at(), self._server.next_due_at())
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    def _action(self, stream_id: int) -> tuple[Stream, ActionSpec]:
+        stream = self._table.by_id(stream_id)
+        if not isinstance(stream.spec, ActionSpec):
+            raise UnknownStreamError(f"stream {stream_id} ({stream.name}) is not an action")
+        return stream, stream.spec

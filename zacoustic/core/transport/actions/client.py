@@ -1,0 +1,450 @@
+"""The goals that this node has sent: repeated, asked after, cancelled, and ended once."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.clientgoal import ClientGoal, ClientStage
+from zacoustic.core.transport.actions.clientjournal import ClientJournal
+from zacoustic.core.transport.actions.clientletters import ClientLetters
+from zacoustic.core.transport.actions.news import (
+    ActionEvent,
+    CancelAnswered,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalRecovered,
+    ResultReceived,
+)
+from zacoustic.core.transport.actions.numbers import WINDOW, GoalNumbers
+from zacoustic.core.transport.actions.post import GoalLane, GoalPost
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.goals import (
+    GOAL_NUMBERS,
+    REMINDER,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
+    Message,
+    Operation,
+    Refusal,
+    decode_refusal,
+    decode_result,
+)
+from zacoustic.errors import JournalUnavailableError, QueueFullError
+
+_NEVER: Final = 1 << 62
+# Odd, so that 32 lives in a row begin with 32 different numbers; 11, 22, 1, 12, … are far apart.
+_EPOCH_STRIDE: Final = 11
+
+
+class GoalClient:
+    """The goals that one node has sent.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        post: Takes what is to be said.
+        journal: Keeps which goals have been sent.
+        handshake: Knows this node's epoch, and which streams a peer defines in another way.
+        begin_epoch: Begins a new boot epoch of this node; False: that would break something.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        post: GoalPost,
+        journal: JournalPort,
+        handshake: Handshake,
+        begin_epoch: Callable[[int], bool],
+        stats: EngineStats,
+        emit: Callable[[ActionEvent], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._post = post
+        self._letters = ClientLetters(table, post)
+        self._journal = ClientJournal(address, table, journal)
+        self._handshake = handshake
+        self._begin_epoch = begin_epoch
+        self._stats = stats
+        self._emit = emit
+        self._goals: dict[GoalKey, ClientGoal] = {}
+        self._numbers: dict[int, GoalNumbers] = {}
+        self.settling_ns = 0
+        """Time within which a repetition of a frame arrives, ns."""
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the goals that a former life has sent."""
+        for goal in self._journal.recover(stored):
+            self._goals[goal.key] = goal
+            self._emit(GoalRecovered(goal=goal.key, tag=goal.tag))
+
+    def link_up(self, now: int) -> None:
+        """The link is up: ask what became of the goals of a former life."""
+        for goal in self._goals.values():
+            if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
+                goal.deadline_at = now + self._patience_ns(goal)
+                self._letters.claim(goal, now)
+
+    # For the application
+
+    def send(
+        self,
+        stream: Stream,
+        spec: ActionSpec,
+        value: object,
+        now: int,
+        timeout_s: float,
+        tag: bytes,
+    ) -> GoalKey:
+        """Send a goal; see `Actions.send_goal`."""
+        payload = stream.codec.encode(value)
+        self._post.check_size(stream, payload)
+        if spec.journal and self._journal.failure:
+            raise JournalUnavailableError(
+                f"{stream.name}: not accepted: the journal cannot be written: "
+                f"{self._journal.failure}",
+                hint="what is accepted has to survive a restart",
+            )
+        numbers = self._numbers_for(stream, spec, now)
+        index, number = numbers.take()
+        key = GoalKey(self._address, self._handshake.epoch, stream.stream_id, number)
+        # Longer than `spec.timeout_s` the server does not remember the number.
+        deadline_at = now + seconds_to_ns(min(timeout_s, spec.timeout_s))
+        goal = ClientGoal(key, spec.server, ClientStage.OFFERED, deadline_at, tag)
+        goal.numbers, goal.index = numbers, index
+        self._goals[key] = goal
+        # What is left to be said of the last goal of this number is of no use any more.
+        self._post.withdraw(key, spec.server, GoalLane.ANSWER)
+        count(self._stats.published, stream.stream_id)
+        if self._handshake.differs(spec.server, stream.stream_id):
+            self._mismatch(goal, now)
+            return key
+
+        def kept(at: int) -> None:
+            if goal.stage is not ClientStage.OFFERED:
+                return
+            self._letters.offer(goal, payload, at)
+
+        self._journal.keep(goal, kept, now)
+        return key
+
+    def cancel(self, key: GoalKey, now: int) -> bool:
+        """Cancel a goal; see `Actions.cancel_goal`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is ClientStage.ENDED:
+            return False
+        if goal.is_unsent:
+            event = GoalAnswered(goal=key, accepted=False, failure=GoalFailure.CANCELLED)
+            self._end(goal, now, event)
+            return True
+        if goal.cancel_stands:
+            self._emit(CancelAnswered(goal=key, accepted=True))
+        elif not goal.cancel_wanted:
+            goal.cancel_wanted = True
+            # Whatever of it is in the water: it shall not begin any more.
+            self._letters.stop_offer(goal, now)
+            self._attempt_cancel(goal, now)
+        return True
+
+    # For the water
+
+    def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
+        """Take what a server says of a goal; returns why it is dropped, or None."""
+        epoch = message.epoch
+        if epoch is None:
+            server = self._handshake.peer(source)
+            if not server.knows_us and not server.is_vouching:
+                # It may be said to a former life of this node.
+                self._handshake.heard_too_short(source, now)
+                return "unconfirmed"
+            epoch = self._handshake.epoch
+        elif epoch == self._handshake.epoch:
+            self._handshake.heard_too_long(source, now)
+        key = GoalKey(self._address, epoch, stream.stream_id, message.number)
+        goal = self._goals.get(key)
+        if goal is None:
+            if message.operation is Operation.RESULT:
+                self._confirm(key, stream, source, now)
+            return "unexpected_answer"
+        if goal.stage is ClientStage.ENDED:
+            return "unexpected_answer"
+        match message.operation:
+            case Operation.REFUSED:
+                return self._receive_refusal(goal, message.payload, now)
+            case Operation.RESULT if message.payload == REMINDER:
+                self._prove(goal, now)
+                self._letters.stop_offer(goal, now, answered=True)
+                self._letters.insist(goal, now)
+            case Operation.RESULT:
+                return self._receive_result(goal, stream, message.payload, now)
+            case Operation.CONFIRM:
+                self._prove(goal, now)
+                self._letters.stop_offer(goal, now, answered=True)
+                if goal.stage is ClientStage.OFFERED and goal.claim is None:
+                    self._letters.claim(goal, now)
+            case Operation.ACCEPTED:
+                self._runs(goal, now)
+            case Operation.CANCEL:
+                self._runs(goal, now)
+                goal.cancel_stands = True
+                self._cancel_answered(goal, True, "", now)
+            case Operation.FEEDBACK:
+                return self._receive_feedback(goal, stream, message.payload, now)
+            case Operation.GOAL | Operation.FORMER:
+                return "not_publisher"
+        return None
+
+    def stream_differs(self, server: int, stream_id: int, now: int) -> None:
+        """Fail the goals of an action that its server defines in another way."""
+        for goal in list(self._goals.values()):
+            if (goal.server, goal.key.stream_id) == (server, stream_id):
+                self._mismatch(goal, now)
+
+    def server_restarted(self, server: int, now: int) -> None:
+        """Ask what became of the goals that a node had accepted."""
+        for goal in self._goals.values():
+            if goal.server == server and goal.stage is ClientStage.RUNS:
+                self._letters.claim(goal, now)
+
+    def epoch_changed(self, now: int) -> None:
+        """This node has begun a new epoch: its goals are of a former one now."""
+        self._numbers.clear()
+        for goal in self._goals.values():
+            if goal.stage is ClientStage.ENDED:
+                continue
+            if goal.offer is not None:
+                payload = goal.offer.record.payload
+                self._post.stop(goal.offer, now)
+                self._letters.offer(goal, payload, now)
+            elif goal.stage is ClientStage.RUNS or goal.claim is not None:
+                self._post.stop(goal.claim, now)
+                self._letters.claim(goal, now)
+            if goal.cancel is not None:
+                self._post.stop(goal.cancel, now)
+                self._letters.cancel(goal, now)
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Ask after the goals of which nothing is heard, and give up."""
+        for goal in [
+            each for each in self._goals.values() if each.due_at is not None and each.due_at <= now
+        ]:
+            if goal.deadline_at <= now:
+                text = "nothing was heard of it for too long"
+                if goal.stage is ClientStage.OFFERED:
+                    text = "no answer before the deadline"
+                self._fail(goal, GoalFailure.TIMED_OUT, text, now)
+            else:
+                self._letters.claim(goal, now)
+
+    def next_due_at(self) -> int | None:
+        """Return the earliest instant at which something is to be done, ns, or None."""
+        instants = (goal.due_at for goal in self._goals.values())
+        return min((at for at in instants if at is not None and at < _NEVER), default=None)
+
+    # Below the methods above
+
+    def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> GoalNumbers:
+        """Return the numbers of an action, of which the next one is free.
+
+        Raises:
+            QueueFullError: As many goals as can be under way are, or have been just now.
+        """
+        taken = [key.number for key in self._goals if key.stream_id == stream.stream_id]
+        numbers = self._numbers.get(stream.stream_id)
+        if numbers is None:
+            numbers = self._first_numbers(stream.stream_id, taken)
+        if len(taken) < WINDOW:
+            if numbers.may_begin(now, self.settling_ns):
+                return numbers
+            if numbers.is_stuck and self._begin_epoch(now):
+                numbers = self._first_numbers(stream.stream_id, taken)
+                if numbers.may_begin(now, self.settling_ns):
+                    return numbers
+        raise QueueFullError(
+            f"stream {stream.stream_id}: {WINDOW} goals for node {spec.server} are under way, or "
+            "have ended just now",
+            hint="wait for results, or cancel goals",
+        )
+
+    def _first_numbers(self, stream_id: int, taken: list[int]) -> GoalNumbers:
+        first = (self._handshake.epoch - 1) * _EPOCH_STRIDE % GOAL_NUMBERS
+        numbers = self._numbers[stream_id] = GoalNumbers(first, frozenset(taken))
+        return numbers
+
+    def _stream(self, goal: ClientGoal) -> Stream:
+        return self._table.by_id(goal.key.stream_id)
+
+    def _patience_ns(self, goal: ClientGoal) -> int:
+        spec = self._stream(goal).spec
+        assert isinstance(spec, ActionSpec)
+        return seconds_to_ns(spec.result_timeout_s)
+
+    def _prove(self, goal: ClientGoal, now: int) -> None:
+        """The server has shown that it has a goal."""
+        if goal.numbers is not None:
+            goal.numbers.proved(goal.index, now + self.settling_ns)
+
+    def _runs(self, goal: ClientGoal, now: int) -> None:
+        """The server has shown that it has accepted a goal."""
+        self._prove(goal, now)
+        self._letters.stop_offer(goal, now, answered=True)
+        if goal.claim is not None:
+            self._post.stop(goal.claim, now, answered=True)
+            goal.claim = None
+        patience_ns = self._patience_ns(goal)
+        goal.claim_at, goal.deadline_at = now + patience_ns // 2, now + patience_ns
+        if goal.stage is not ClientStage.RUNS:
+            goal.stage = ClientStage.RUNS
+            self._emit(GoalAnswered(goal=goal.key, accepted=True))
+
+    def _receive_feedback(
+        self, goal: ClientGoal, stream: Stream, payload: bytes, now: int
+    ) -> str | None:
+        try:
+            value = stream.feedback_codec.decode(payload)
+        except PayloadError:
+            return "payload"
+        self._runs(goal, now)
+        count(self._stats.received, stream.stream_id)
+        self._emit(FeedbackReceived(goal=goal.key, value=value))
+        return None
+
+    def _attempt_cancel(self, goal: ClientGoal, now: int) -> None:
+        """Cancel a goal by a number that no other cancel of it has had, in no life."""
+        goal.attempt += 1
+        attempt = goal.attempt
+
+        def kept(at: int) -> None:
+            is_open = goal.stage is not ClientStage.ENDED and goal.cancel_wanted
+            if is_open and goal.attempt == attempt and goal.cancel is None:
+                self._letters.cancel(goal, at)
+
+        if attempt < goal.attempts_kept:
+            kept(now)
+            return
+        self._journal.keep(goal, kept, now)
+        if self._journal.failure:
+            # A vehicle that does not stop is worse than an application that is asked twice.
+            kept(now)
+
+    def _cancel_answered(self, goal: ClientGoal, accepted: bool, text: str, now: int) -> None:
+        if goal.cancel is not None:
+            self._post.stop(goal.cancel, now, answered=True)
+            goal.cancel = None
+        if goal.cancel_wanted:
+            goal.cancel_wanted = False
+            self._emit(CancelAnswered(goal=goal.key, accepted=accepted, text=text))
+
+    def _receive_refusal(self, goal: ClientGoal, payload: bytes, now: int) -> str | None:
+        refusal = decode_refusal(payload) or Refusal(GoalFailure.REJECTED, "")
+        failure, text = refusal.failure, refusal.text
+        if failure is GoalFailure.CANCEL_REFUSED:
+            self._runs(goal, now)
+            if not refusal.is_of(goal.attempt):
+                return "old_cancel"
+            self._cancel_answered(goal, False, text, now)
+            return None
+        may_have_run = goal.stage is ClientStage.RUNS or (
+            goal.stage is ClientStage.FOUND and failure is GoalFailure.CANCELLED
+        )
+        if failure is GoalFailure.UNKNOWN or may_have_run:
+            text = "the server does not know it any more"
+            self._fail(goal, GoalFailure.UNKNOWN, text, now)
+            return None
+        self._prove(goal, now)
+        event = GoalAnswered(goal=goal.key, accepted=False, failure=failure, text=text)
+        self._end(goal, now, event, answered=True)
+        return None
+
+    def _receive_result(
+        self, goal: ClientGoal, stream: Stream, payload: bytes, now: int
+    ) -> str | None:
+        self._prove(goal, now)
+        decoded = decode_result(payload)
+        if decoded is not None and decoded[0] is GoalStatus.UNKNOWN:
+            text = "the server died while it ran, or has lost it"
+            self._fail(goal, GoalFailure.UNKNOWN, text, now, confirms=True)
+            return None
+        value: Any = None
+        try:
+            if decoded is None:
+                raise PayloadError("status")
+            status, result = decoded
+            value = None if result is None else stream.response_codec.decode(result)
+        except PayloadError:
+            text = "the result does not decode"
+            self._fail(goal, GoalFailure.BAD_RESULT, text, now, confirms=True)
+            return "payload"
+        count(self._stats.received, stream.stream_id)
+        ended = ResultReceived(goal=goal.key, status=status, value=value)
+        if goal.stage is ClientStage.RUNS:
+            self._end(goal, now, ended, answered=True, confirms=True)
+        else:
+            accepted = GoalAnswered(goal=goal.key, accepted=True)
+            self._end(goal, now, accepted, ended, answered=True, confirms=True)
+        return None
+
+    def _mismatch(self, goal: ClientGoal, now: int) -> None:
+        if goal.stage is not ClientStage.ENDED:
+            text = f"node {goal.server} defines stream {goal.key.stream_id} in another way"
+            self._fail(goal, GoalFailure.TABLE_MISMATCH, text, now)
+
+    def _fail(
+        self,
+        goal: ClientGoal,
+        failure: GoalFailure,
+        text: str,
+        now: int,
+        *,
+        confirms: bool = False,
+    ) -> None:
+        event = GoalFailed(goal=goal.key, failure=failure, text=text)
+        self._end(goal, now, event, confirms=confirms)
+
+    def _end(
+        self,
+        goal: ClientGoal,
+        now: int,
+        *events: ActionEvent,
+        answered: bool = False,
+        confirms: bool = False,
+    ) -> None:
+        """End a goal: the application is told, then it is forgotten, then the server may, too.
+
+        So if this node dies meanwhile, its next life is told the end again; it is never lost.
+        """
+        goal.stage = ClientStage.ENDED
+        for repetition in (goal.offer, goal.claim):
+            self._post.stop(repetition, now, answered=answered)
+        self._post.stop(goal.cancel, now)
+        for event in events:
+            self._emit(event)
+
+        def forgotten(at: int) -> None:
+            del self._goals[goal.key]
+            if goal.numbers is not None:
+                goal.numbers.ended(goal.index, goal.repetitions)
+            if confirms:
+                self._confirm(goal.key, self._stream(goal), goal.server, at)
+
+        self._journal.forget(goal.key, forgotten, now)
+
+    def _confirm(self, key: GoalKey, stream: Stream, server: int, now: int) -> None:
+        """Tell a server that it need not keep a result any longer."""
+        numbers = self._numbers.get(key.stream_id)
+        if numbers is not None and key.epoch == self._handshake.epoch:
+            numbers.rest(key.number, now + self.settling_ns)
+        self._post.say(key, stream, server, Operation.CONFIRM, GoalLane.ANSWER, now)

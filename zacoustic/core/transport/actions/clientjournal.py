@@ -1,0 +1,85 @@
+"""What a client of actions writes down: which goals it has sent, and which cancels of them.
+
+Attempt 0 to cancel a goal needs no entry of its own: that a goal was sent is written down before,
+and the next life begins at attempt 1. A later attempt is written down before it is sent.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.clientgoal import ClientGoal, ClientStage
+from zacoustic.core.wire.goals import GoalKey
+
+_JOURNAL: Final = "goal/sent"
+_NEVER: Final = 1 << 62
+
+
+class _Kept(msgspec.Struct, frozen=True, array_like=True):
+    """A goal in the journal of its client."""
+
+    digest: bytes
+    tag: bytes
+    attempts: int = 1
+    """How many attempts to cancel it may have been sent."""
+
+
+class ClientJournal:
+    """Writes down the goals that one node has sent.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        journal: Keeps them.
+    """
+
+    def __init__(self, address: int, table: StreamTable, journal: JournalPort) -> None:
+        self._address = address
+        self._table = table
+        self._journal = journal
+
+    @property
+    def failure(self) -> str:
+        """Why nothing can be written down now; empty: it can."""
+        return self._journal.failure
+
+    def recover(self, stored: Mapping[str, bytes]) -> Iterator[ClientGoal]:
+        """Yield the goals that a former life has sent; what nobody can read any more is deleted."""
+        for name, value in stored.items():
+            if not name.startswith(f"{_JOURNAL}/"):
+                continue
+            epoch, stream_id, number = map(int, name.split("/")[2:])
+            kept = msgspec.msgpack.decode(value, type=_Kept)
+            stream = self._table.get(stream_id)
+            if stream is None or stream.digest != kept.digest:
+                self._journal.write(name, None)
+                continue
+            assert isinstance(stream.spec, ActionSpec)
+            key = GoalKey(self._address, epoch, stream_id, number)
+            goal = ClientGoal(key, stream.spec.server, ClientStage.FOUND, _NEVER, kept.tag)
+            goal.attempt = kept.attempts - 1
+            goal.attempts_kept = kept.attempts
+            yield goal
+
+    def keep(self, goal: ClientGoal, then: Callable[[int], None], now: int) -> None:
+        """Write down that a goal is sent, and its cancels up to `goal.attempt`; then go on."""
+        stream = self._table.by_id(goal.key.stream_id)
+        goal.attempts_kept = max(goal.attempt, 0) + 1
+        kept = _Kept(stream.digest, goal.tag, goal.attempts_kept)
+        self._write(goal.key, msgspec.msgpack.encode(kept), then, now)
+
+    def forget(self, key: GoalKey, then: Callable[[int], None], now: int) -> None:
+        """Write down that the end of a goal was told; then go on."""
+        self._write(key, None, then, now)
+
+    def _write(
+        self, key: GoalKey, value: bytes | None, then: Callable[[int], None], now: int
+    ) -> None:
+        if not self._table.by_id(key.stream_id).spec.journal:
+            then(now)
+            return
+        self._journal.write(f"{_JOURNAL}/{key.epoch}/{key.stream_id}/{key.number}", value, then)

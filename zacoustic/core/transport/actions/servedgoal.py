@@ -1,0 +1,75 @@
+"""One goal that this node was sent, and how far it is."""
+
+import enum
+
+from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.wire.goals import GoalKey
+
+
+class ServedStage(enum.Enum):
+    """How far a goal is at its server."""
+
+    TAKEN = "taken"
+    """It is being written down; the application does not know it."""
+    OFFERED = "offered"
+    """The application has not answered."""
+    RUNS = "runs"
+    """The application has accepted it."""
+    REFUSED = "refused"
+    """It does not run; `answer` says why."""
+    ENDED = "ended"
+    """It has run; `answer` is its result."""
+
+
+class CancelStage(enum.Enum):
+    """What the client wants of a goal that runs, or may yet run."""
+
+    NONE = "none"
+    """Nothing."""
+    WANTED = "wanted"
+    """That it ends; the application does not know it yet."""
+    ASKED = "asked"
+    """The application has not answered."""
+    ACCEPTED = "accepted"
+    """The application will end it."""
+    REFUSED = "refused"
+    """The application will not."""
+
+
+class ServedGoal:
+    """A goal that this node was sent.
+
+    Args:
+        key: Names it.
+        stage: How far it is.
+        deadline_at: Instant after which its client does not wait for an answer any more, ns.
+        forget_at: Instant from which it need not be known, ns; None: as long as it runs.
+    """
+
+    __slots__ = (
+        "answer", "cancel", "cancel_attempt", "cancel_text", "claimed_in", "deadline_at",
+        "forget_at", "is_confirmed", "is_kept", "key", "repetition", "stage",
+    )  # fmt: skip
+
+    def __init__(
+        self, key: GoalKey, stage: ServedStage, deadline_at: int, forget_at: int | None
+    ) -> None:
+        self.key = key
+        self.stage = stage
+        self.deadline_at = deadline_at
+        self.forget_at = forget_at
+        self.answer = b""
+        """Payload of REFUSED or RESULT."""
+        self.is_kept = False
+        """The answer is written down and may be sent."""
+        self.is_confirmed = False
+        """The client has the result."""
+        self.claimed_in: int | None = None
+        """Later epoch of the client in which it has asked for the goal, or None."""
+        self.repetition: Repetition | None = None
+        """The RESULT on its way."""
+        self.cancel = CancelStage.NONE
+        self.cancel_attempt = 0
+        """Which attempt of the client to cancel it `cancel` is about."""
+        self.cancel_text = ""
+        """Why not."""

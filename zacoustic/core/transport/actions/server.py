@@ -1,0 +1,442 @@
+"""The goals that this node was sent: shown to the application once, and their ends kept."""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.streams.specs import ActionSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.actions.news import ActionEvent, CancelRequested, GoalReceived
+from zacoustic.core.transport.actions.numbers import closes
+from zacoustic.core.transport.actions.post import GoalLane, GoalPost
+from zacoustic.core.transport.actions.servedgoal import CancelStage, ServedGoal, ServedStage
+from zacoustic.core.transport.actions.takengoals import TakenGoals
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.goals import (
+    UNKNOWN_RESULT,
+    GoalFailure,
+    GoalKey,
+    GoalStatus,
+    Message,
+    Operation,
+    Refusal,
+    decode_cancel,
+    encode_result,
+    is_later,
+    shorten_result,
+)
+from zacoustic.errors import LocalError, PayloadInvalidError
+
+_JOURNAL: Final = "goal/taken"
+_WORTH_A_REMINDER_BYTES: Final = 8
+"""From this size on a reminder, and sometimes the question that it calls forth, takes less than one
+more copy of a result."""
+_NEVER: Final = 1 << 62
+
+
+class _Kept(msgspec.Struct, frozen=True, array_like=True):
+    """A goal in the journal of its server."""
+
+    digest: bytes
+    stage: str
+    answer: bytes
+
+
+class GoalServer:
+    """The goals that one node was sent.
+
+    Args:
+        table: Its streams.
+        post: Takes what is to be said.
+        journal: Keeps the goals.
+        handshake: Knows the present epoch of each client.
+        doubt: Whether goals of former lives are forgotten.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        *,
+        post: GoalPost,
+        journal: JournalPort,
+        handshake: Handshake,
+        doubt: Doubt,
+        stats: EngineStats,
+        emit: Callable[[ActionEvent], None],
+    ) -> None:
+        self._table = table
+        self._post = post
+        self._journal = journal
+        self._handshake = handshake
+        self._doubt = doubt
+        self._stats = stats
+        self._emit = emit
+        self._goals = TakenGoals()
+        self.settling_ns = 0
+        """Time within which a repetition of a frame arrives, ns."""
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the goals of a former life: what ran then has an unknown end."""
+        for name, value in stored.items():
+            if not name.startswith(f"{_JOURNAL}/"):
+                continue
+            key = GoalKey(*map(int, name.split("/")[2:]))
+            kept = msgspec.msgpack.decode(value, type=_Kept)
+            stream = self._table.get(key.stream_id)
+            if stream is None or stream.digest != kept.digest:
+                self._journal.write(name, None)
+                continue
+            stage, answer = ServedStage(kept.stage), kept.answer
+            if stage not in (ServedStage.REFUSED, ServedStage.ENDED):
+                stage, answer = ServedStage.ENDED, UNKNOWN_RESULT
+            goal = ServedGoal(key, stage, _NEVER, _NEVER)
+            goal.answer, goal.is_kept = answer, True
+            self._goals.add(goal)
+
+    def link_up(self, now: int) -> None:
+        """The link is up: the times of what a former life has left begin."""
+        for goal in self._goals.values():
+            if goal.forget_at == _NEVER:
+                spec = self._spec(goal)
+                goal.deadline_at = now + seconds_to_ns(spec.timeout_s)
+                keeps_ns = seconds_to_ns(max(spec.timeout_s, spec.result_timeout_s))
+                goal.forget_at = now + keeps_ns + self.settling_ns
+                if goal.stage is ServedStage.ENDED:
+                    self._push(goal, now)
+
+    # For the application
+
+    def accept(self, key: GoalKey, now: int) -> bool:
+        """Accept a goal; see `Actions.accept`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is not ServedStage.OFFERED or goal.deadline_at <= now:
+            return False
+        goal.stage, goal.forget_at = ServedStage.RUNS, None
+        self._say(goal, Operation.ACCEPTED, now)
+        if goal.cancel is CancelStage.WANTED:
+            self._ask_application(goal)
+        return True
+
+    def reject(self, key: GoalKey, failure: GoalFailure, text: str, now: int) -> bool:
+        """Refuse a goal; see `Actions.reject`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is not ServedStage.OFFERED:
+            return False
+        self._refuse(goal, failure, text, now)
+        return True
+
+    def feed(self, key: GoalKey, value: object, now: int) -> bool:
+        """Send feedback; see `Actions.publish_feedback`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is not ServedStage.RUNS:
+            return False
+        stream, spec = self._stream(goal), self._spec(goal)
+        payload = stream.feedback_codec.encode(value)
+        self._post.check_size(stream, payload)
+        if self._is_wanted(goal):
+            count(self._stats.published, stream.stream_id)
+            self._post.feed(key, stream, key.client, payload, spec.feedback_interval_s, now)
+        return True
+
+    def finish(self, key: GoalKey, status: GoalStatus, value: object, now: int) -> bool:
+        """End a goal; see `Actions.finish`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is not ServedStage.RUNS:
+            return False
+        stream = self._stream(goal)
+        try:
+            result = None if value is None else stream.response_codec.encode(value)
+            self._post.check_size(stream, result or b"", status=True)
+        except (PayloadInvalidError, LocalError):
+            self._finish(goal, encode_result(GoalStatus.ABORTED, None), now)
+            raise
+        self._finish(goal, encode_result(status, result), now)
+        return True
+
+    def answer_cancel(self, key: GoalKey, accepted: bool, text: str, now: int) -> bool:
+        """Answer a cancel; see `Actions.answer_cancel`."""
+        goal = self._goals.get(key)
+        if goal is None or goal.stage is not ServedStage.RUNS:
+            return False
+        if goal.cancel is not CancelStage.ASKED:
+            return False
+        goal.cancel = CancelStage.ACCEPTED if accepted else CancelStage.REFUSED
+        goal.cancel_text = text
+        self._say_cancel(goal, now)
+        return True
+
+    # For the water
+
+    def receive(self, source: int, stream: Stream, message: Message, now: int) -> str | None:
+        """Take what a client says of a goal; returns why it is dropped, or None."""
+        present = self._handshake.peer(source).present_epoch
+        epoch = present if message.epoch is None else message.epoch
+        key = GoalKey(source, epoch, stream.stream_id, message.number)
+        goal = self._goals.get(key)
+        if goal is not None and epoch != present:
+            goal.claimed_in = present
+        match message.operation:
+            case Operation.GOAL:
+                if goal is not None:
+                    self._answer_again(goal, now)
+                    return "repeated_goal"
+                return self._receive_goal(key, stream, message.payload, now)
+            case Operation.CLAIM:
+                if goal is None:
+                    refusal = Refusal(GoalFailure.UNKNOWN, "").encode()
+                    lane, operation = GoalLane.ANSWER, Operation.REFUSED
+                    self._post.say(key, stream, source, operation, lane, now, refusal)
+                else:
+                    self._answer_again(goal, now)
+            case Operation.CANCEL | Operation.CANCEL_AGAIN:
+                attempt = decode_cancel(message)
+                if attempt is None:
+                    return "payload"
+                return self._receive_cancel(key, goal, attempt, now)
+            case Operation.CONFIRM:
+                if goal is not None and goal.stage is ServedStage.ENDED and goal.is_kept:
+                    self._result_confirmed(goal, now)
+            case _:
+                return "not_publisher"
+        return None
+
+    def client_restarted(self, client: int, now: int) -> None:
+        """Say no more of a client's goals of other epochs, unless it asks for them."""
+        for goal in self._goals.values():
+            if goal.key.client == client and not self._is_wanted(goal):
+                self._post.stop(goal.repetition, now)
+                goal.repetition = None
+                self._post.withdraw(
+                    goal.key, client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
+                )
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Forget what nobody asks for any more."""
+        for goal in list(self._goals.values()):
+            if goal.forget_at is not None and goal.forget_at <= now:
+                self._forget(goal, now)
+
+    def next_due_at(self) -> int | None:
+        """Return the earliest instant at which a goal is forgotten, ns, or None."""
+        instants = (goal.forget_at for goal in self._goals.values())
+        return min((at for at in instants if at is not None and at < _NEVER), default=None)
+
+    # Below the methods above
+
+    def _stream(self, goal: ServedGoal) -> Stream:
+        return self._table.by_id(goal.key.stream_id)
+
+    def _spec(self, goal: ServedGoal) -> ActionSpec:
+        spec = self._stream(goal).spec
+        assert isinstance(spec, ActionSpec)
+        return spec
+
+    def _is_wanted(self, goal: ServedGoal) -> bool:
+        """Tell whether the client's present life is known, or hoped, to know the goal."""
+        present = self._handshake.peer(goal.key.client).epoch
+        return present is None or present in (goal.key.epoch, goal.claimed_in)
+
+    def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
+        """Note a goal that is new; None when there are too many."""
+        for other in [*self._goals.of(key)]:
+            if other.key.epoch == key.epoch and closes(key.number, other.key.number):
+                self._forget(other, now)
+        nodes = self._table.nodes
+        if (nodes and key.client not in nodes) or not self._goals.has_room(key):
+            return None
+        goal = ServedGoal(key, stage, 0, 0)
+        goal.deadline_at = now + seconds_to_ns(self._spec(goal).timeout_s)
+        goal.forget_at = goal.deadline_at + self.settling_ns
+        present = self._handshake.peer(key.client).present_epoch
+        goal.claimed_in = None if present == key.epoch else present
+        self._goals.add(goal)
+        return goal
+
+    def _receive_goal(self, key: GoalKey, stream: Stream, payload: bytes, now: int) -> str | None:
+        assert isinstance(stream.spec, ActionSpec)
+        if stream.spec.journal and self._doubt.suspends(stream.spec.timeout_s, now):
+            return "suspended"
+        goal = self._take(key, ServedStage.TAKEN, now)
+        if goal is None:
+            return "too_many_goals"
+        try:
+            value = stream.codec.decode(payload)
+        except PayloadError:
+            self._refuse(goal, GoalFailure.BAD_GOAL, "the goal does not decode", now)
+            return "payload"
+        if stream.spec.journal and self._doubt.covers(self._spec(goal).timeout_s, now):
+            self._refuse(goal, GoalFailure.UNKNOWN, self._doubt.reason, now)
+            return None
+        count(self._stats.received, stream.stream_id)
+
+        def kept(at: int) -> None:
+            if goal.stage is not ServedStage.TAKEN or self._goals.get(key) is not goal:
+                return
+            goal.stage = ServedStage.OFFERED
+            received = GoalReceived(goal=key, value=value, deadline_at=goal.deadline_at)
+            self._emit(received)
+            self._say(goal, Operation.CONFIRM, at)
+
+        self._keep(goal, kept, now)
+        return None
+
+    def _receive_cancel(
+        self, key: GoalKey, goal: ServedGoal | None, attempt: int, now: int
+    ) -> str | None:
+        if goal is None:
+            # It overtook its goal, which shall not begin when it comes.
+            goal = self._take(key, ServedStage.TAKEN, now)
+            if goal is None:
+                return "too_many_goals"
+            self._refuse(goal, GoalFailure.CANCELLED, "", now)
+        elif goal.stage is ServedStage.TAKEN:
+            self._refuse(goal, GoalFailure.CANCELLED, "", now)
+        elif goal.stage not in (ServedStage.OFFERED, ServedStage.RUNS):
+            self._answer_again(goal, now)
+        elif goal.cancel is CancelStage.ACCEPTED:
+            self._say_cancel(goal, now)
+        elif goal.cancel is CancelStage.NONE or is_later(attempt, goal.cancel_attempt):
+            self._attempt_cancel(goal, attempt)
+        elif attempt != goal.cancel_attempt:
+            return "old_cancel"
+        elif goal.cancel is CancelStage.REFUSED:
+            self._say_cancel(goal, now)
+        return None
+
+    def _attempt_cancel(self, goal: ServedGoal, attempt: int) -> None:
+        """Take another attempt to cancel; while the application is asked, it answers that too."""
+        goal.cancel_attempt = attempt
+        if goal.stage is ServedStage.OFFERED:
+            goal.cancel = CancelStage.WANTED
+        elif goal.cancel is not CancelStage.ASKED:
+            self._ask_application(goal)
+
+    def _ask_application(self, goal: ServedGoal) -> None:
+        goal.cancel = CancelStage.ASKED
+        self._emit(CancelRequested(goal=goal.key))
+
+    def _say_cancel(self, goal: ServedGoal, now: int) -> None:
+        stream, client = self._stream(goal), goal.key.client
+        operation, payload = Operation.CANCEL, b""
+        if goal.cancel is CancelStage.REFUSED:
+            operation = Operation.REFUSED
+            refusal = Refusal(GoalFailure.CANCEL_REFUSED, goal.cancel_text, goal.cancel_attempt)
+            payload = refusal.encode()
+        if self._is_wanted(goal):
+            lane = GoalLane.CANCEL_ANSWER
+            self._post.say(goal.key, stream, client, operation, lane, now, payload)
+
+    def _say(self, goal: ServedGoal, operation: Operation, now: int) -> None:
+        """Say how far a goal is, to whoever has asked."""
+        if self._is_wanted(goal):
+            payload = goal.answer if operation is Operation.REFUSED else b""
+            stream, client = self._stream(goal), goal.key.client
+            self._post.say(goal.key, stream, client, operation, GoalLane.ANSWER, now, payload)
+
+    def _answer_again(self, goal: ServedGoal, now: int) -> None:
+        """The client has not heard how far a goal is."""
+        match goal.stage:
+            case ServedStage.TAKEN:
+                pass
+            case ServedStage.OFFERED:
+                self._say(goal, Operation.CONFIRM, now)
+            case ServedStage.RUNS:
+                self._say(goal, Operation.ACCEPTED, now)
+            case ServedStage.REFUSED:
+                if goal.is_kept:
+                    self._say(goal, Operation.REFUSED, now)
+            case ServedStage.ENDED:
+                if goal.repetition is not None:
+                    self._post.again(goal.repetition)
+                elif goal.is_kept:
+                    self._push(goal, now)
+
+    def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
+        goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
+        goal.forget_at = goal.deadline_at + self.settling_ns
+        self._post.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
+
+        def kept(at: int) -> None:
+            goal.is_kept = True
+            if self._goals.get(goal.key) is goal:
+                self._say(goal, Operation.REFUSED, at)
+
+        self._keep(goal, kept, now)
+
+    def _finish(self, goal: ServedGoal, answer: bytes, now: int) -> None:
+        goal.stage, goal.answer = ServedStage.ENDED, answer
+        keeps_until = now + seconds_to_ns(self._spec(goal).result_timeout_s)
+        goal.forget_at = max(goal.deadline_at, keeps_until) + self.settling_ns
+        # The result says that the goal was accepted, and that it is over.
+        self._post.withdraw(
+            goal.key, goal.key.client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
+        )
+        count(self._stats.published, goal.key.stream_id)
+
+        def kept(at: int) -> None:
+            goal.is_kept = True
+            if self._goals.get(goal.key) is goal:
+                self._push(goal, at)
+
+        self._keep(goal, kept, now)
+
+    def _push(self, goal: ServedGoal, now: int) -> None:
+        """Send a result until it is confirmed, or nobody waits for it any more."""
+        if goal.is_confirmed or not self._is_wanted(goal):
+            return
+        assert goal.forget_at is not None
+        stream = self._stream(goal)
+        if not self._post.fits(goal.answer):
+            # The link has become smaller since it was checked: how the goal has ended still fits.
+            goal.answer = encode_result(GoalStatus(goal.answer[0]), None)
+        has_result = goal.answer[:1] < UNKNOWN_RESULT
+        operation, payload = shorten_result(goal.answer)
+        goal.repetition = self._post.repeat(
+            goal.key,
+            stream,
+            goal.key.client,
+            operation,
+            GoalLane.RESULT,
+            now,
+            payload=payload,
+            codec=stream.response_codec if has_result else None,
+            until=goal.forget_at,
+            is_reminded=len(payload) >= _WORTH_A_REMINDER_BYTES,
+        )
+
+    def _result_confirmed(self, goal: ServedGoal, now: int) -> None:
+        self._post.stop(goal.repetition, now, answered=True)
+        goal.repetition = None
+        if not goal.is_confirmed:
+            goal.is_confirmed = True
+            # Its frame may come once more until its deadline, and it shall not run again.
+            goal.forget_at = max(now, goal.deadline_at) + self.settling_ns
+
+    def _forget(self, goal: ServedGoal, now: int) -> None:
+        self._goals.remove(goal)
+        self._post.stop(goal.repetition, now)
+        if self._stream(goal).spec.journal:
+            self._journal.write(_journal_name(goal.key), None)
+
+    def _keep(self, goal: ServedGoal, then: Callable[[int], None], now: int) -> None:
+        """Write down how far a goal is, then go on."""
+        stream = self._stream(goal)
+        if not stream.spec.journal:
+            then(now)
+            return
+        kept = _Kept(stream.digest, goal.stage.value, goal.answer)
+        self._journal.write(_journal_name(goal.key), msgspec.msgpack.encode(kept), then)
+
+
+def _journal_name(key: GoalKey) -> str:
+    return f"{_JOURNAL}/{key.client}/{key.epoch}/{key.stream_id}/{key.number}"

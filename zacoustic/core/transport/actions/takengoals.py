@@ -1,0 +1,51 @@
+"""The goals that a server knows of, by client: bounded, whoever sends them."""
+
+from collections.abc import Collection
+from typing import Final
+
+from zacoustic.core.transport.actions.servedgoal import ServedGoal
+from zacoustic.core.wire.goals import GOAL_NUMBERS, GoalKey
+
+MOST_OF_ONE: Final = 2 * GOAL_NUMBERS
+"""Goals of one client on one stream: those that two lives of it can have."""
+MOST_GOALS: Final = 1024
+"""Goals of all clients together, those included whose addresses somebody has forged."""
+
+
+class TakenGoals:
+    """All goals of one server."""
+
+    def __init__(self) -> None:
+        self._by_client: dict[tuple[int, int], dict[GoalKey, ServedGoal]] = {}
+        self._all: dict[GoalKey, ServedGoal] = {}
+
+    def get(self, key: GoalKey) -> ServedGoal | None:
+        """Return a goal, if it is known."""
+        return self._all.get(key)
+
+    def values(self) -> Collection[ServedGoal]:
+        """Return all goals."""
+        return self._all.values()
+
+    def of(self, key: GoalKey) -> Collection[ServedGoal]:
+        """Return the goals of the client of a goal on its stream, of all its lives."""
+        return self._by_client.get((key.client, key.stream_id), {}).values()
+
+    def has_room(self, key: GoalKey) -> bool:
+        """Tell whether a goal that is not known can be."""
+        return len(self.of(key)) < MOST_OF_ONE and len(self._all) < MOST_GOALS
+
+    def add(self, goal: ServedGoal) -> None:
+        """Know a goal from now on."""
+        key = goal.key
+        self._all[key] = goal
+        self._by_client.setdefault((key.client, key.stream_id), {})[key] = goal
+
+    def remove(self, goal: ServedGoal) -> None:
+        """Know a goal no more."""
+        key = goal.key
+        place = (key.client, key.stream_id)
+        del self._all[key]
+        del self._by_client[place][key]
+        if not self._by_client[place]:
+            del self._by_client[place]

@@ -1,0 +1,1 @@
+"""Services: a request crosses, a response or an error comes back."""

@@ -1,0 +1,369 @@
+"""The calls that this node serves: each runs once, and is answered until its client confirms.
+
+`zacoustic.core.transport.calls.calls` keeps which calls there are; here they get off the water,
+into the journal, to the application, and their answers onto the queue. A service that the engine
+itself serves has a handler here in place of the application.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.qos import Priority, Qos, Stamp
+from zacoustic.core.base.stats import Cause, EngineStats, count
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served, ServerCalls
+from zacoustic.core.transport.repeating import RepeatedRecord, Repeater
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.calls import (
+    CALL_NUMBERS,
+    NAME_BYTES,
+    NAMED,
+    CallFailure,
+    CallKey,
+    CallKind,
+    encode_call_byte,
+    encode_error,
+    encode_name,
+)
+from zacoustic.core.wire.content import server_bytes, split_age
+from zacoustic.errors import LocalError, PayloadInvalidError
+
+ANSWER_LANE: Final = 2
+"""Second part of the key of a lane with answers; the client follows."""
+_CONFIRM_LANE: Final = 5
+_JOURNAL: Final = "call"
+_UNREADABLE: Final = object()
+_HEADER_BYTES: Final = 2 + NAME_BYTES
+
+
+class _Kept(msgspec.Struct, frozen=True, array_like=True):
+    """A call in the journal of its server."""
+
+    digest: bytes
+    answer: Answer | None
+
+
+class Answering:
+    """The server's side of calls.
+
+    Args:
+        address: Address of this node.
+        table: Its streams.
+        queue: Takes what confirms.
+        repeater: Takes answers.
+        journal: Keeps the calls.
+        doubt: Whether some are forgotten.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        repeater: Repeater,
+        journal: JournalPort,
+        doubt: Doubt,
+        stats: EngineStats,
+        emit: Callable[[RequestReceived], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._repeater = repeater
+        self._journal = journal
+        self._doubt = doubt
+        self._stats = stats
+        self._emit = emit
+        self._calls = ServerCalls()
+        self._handlers: dict[int, Callable[[RequestReceived, int], None]] = {}
+        self._linger_s = 0.0
+        self._settling_ns = 0
+
+    def serve_here(self, stream_id: int, handler: Callable[[RequestReceived, int], None]) -> None:
+        """Give the requests of a service to a handler that answers soon, not to the application."""
+        self._handlers[stream_id] = handler
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time all of a request has arrived."""
+        self._linger_s = times.confirm_linger_s
+        self._settling_ns = settling_ns
+
+    def link_up(self, now: int) -> None:
+        """The link is up: the times of what a former life has left begin."""
+        for key, served in self._calls.restored():
+            self._calls.begin(
+                served, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
+            )
+            self._send_answer(key, served, now)
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the calls that a former life has left: what ran then is answered UNKNOWN."""
+        for name, value in stored.items():
+            if not name.startswith(f"{_JOURNAL}/"):
+                continue
+            client, epoch, stream_id, number = map(int, name.split("/")[1:])
+            kept = msgspec.msgpack.decode(value, type=_Kept)
+            stream = self._table.get(stream_id)
+            if stream is None or stream.digest != kept.digest:
+                self._journal.write(name, None)
+                continue
+            answer = kept.answer or Answer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
+            self._calls.restore(CallKey(client, epoch, stream_id, number), answer)
+
+    # For the application
+
+    def reply(self, call: CallKey, value: object, now: int) -> bool:
+        """Answer a request; see `Engine.reply`."""
+        stream = self._table.by_id(call.stream_id)
+        try:
+            payload = stream.response_codec.encode(value)
+            self._queue.check_size(stream.name, _HEADER_BYTES + len(payload))
+        except (PayloadInvalidError, LocalError) as error:
+            self.reply_error(call, CallFailure.HANDLER, str(error), now)
+            raise
+        return self._answer(call, CallKind.RESPONSE, payload, now)
+
+    def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
+        """Answer a request with an error; see `Engine.reply_error`."""
+        return self._answer(call, CallKind.ERROR, self._error(failure, text), now)
+
+    # For the water
+
+    def receive_request(
+        self, key: CallKey, stream: Stream, payload: bytes, now: int, *, introduced: bool
+    ) -> str | None:
+        """Take a request; returns why it is dropped, or None.
+
+        Args:
+            key: Names the call.
+            stream: The service.
+            payload: The request.
+            now: The instant.
+            introduced: Its frame began with HELLO or TAG: the answer has to be named.
+        """
+        served = self._calls.find(key)
+        if served is not None:
+            self._receive_repetition(key, served, stream, now, introduced=introduced)
+            return "repeated_request"
+        if _keeps(stream) and self._doubt.suspends(_timeout_s(stream), now):
+            return "suspended"
+        for closed in self._calls.closed_by(key, settling_ns=self._settling_ns, now=now):
+            self._forget(closed, now)
+        age_s, payload = split_age(stream, payload)
+        try:
+            value = stream.codec.decode(payload)
+        except PayloadError:
+            value = _UNREADABLE
+        served = self._calls.take(
+            key, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
+        )
+        if served is None:
+            return "too_many_calls"
+        served.is_named = introduced
+        if value is _UNREADABLE:
+            self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
+            return "payload"
+        if _keeps(stream) and self._doubt.covers(_timeout_s(stream), now):
+            self.reply_error(key, CallFailure.UNKNOWN, self._doubt.reason, now)
+            return None
+        count(self._stats.received, stream.stream_id)
+        request = RequestReceived(
+            call=key, value=value, deadline_at=served.deadline_at, age_s=age_s
+        )
+
+        def kept(at: int) -> None:
+            # Whom nobody waits for any more need not run.
+            if served.abandoned_at is not None or at >= served.deadline_at:
+                return
+            handler = self._handlers.get(key.stream_id)
+            if handler is not None:
+                handler(request, at)
+                return
+            self._emit(request)
+            self._owe_confirm(key, served, stream, at)
+
+        self._keep(key, served, stream, kept, now)
+        return None
+
+    def confirmed(self, key: CallKey, now: int) -> None:
+        """The client has the answer."""
+        served = self._calls.find(key)
+        if served is None or served.answer is None:
+            return
+        self._stop_answer(served, now, answered=True)
+        served.is_closed = True
+
+    def client_restarted(self, client: int, epoch: int, now: int) -> None:
+        """Answer the calls of this life of a client only.
+
+        Those of the others stay known: the frame that told of this life may be a late duplicate.
+        """
+        for key, served in self._calls.of(client):
+            if key.epoch != epoch and served.abandoned_at is None:
+                served.abandoned_at = now
+                self._stop_answer(served, now)
+            elif key.epoch == epoch and served.abandoned_at is not None:
+                served.abandoned_at = None
+                if served.is_answerable:
+                    self._send_answer(key, served, now)
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Forget what cannot come again."""
+        for key in self._calls.due(now):
+            self._forget(key, now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which a call is forgotten, ns, or None."""
+        return self._calls.next_forget_at()
+
+    # Below the methods above
+
+    def _timeout_ns(self, key: CallKey) -> int:
+        return seconds_to_ns(_timeout_s(self._table.by_id(key.stream_id)))
+
+    def _receive_repetition(
+        self, key: CallKey, served: Served, stream: Stream, now: int, *, introduced: bool
+    ) -> None:
+        has_changed, served.is_named = served.is_named != introduced, introduced
+        if served.is_answerable and served.repetition is not None:
+            if has_changed:
+                self._stop_answer(served, now)
+                self._send_answer(key, served, now)
+            else:
+                self._repeater.again(served.repetition)
+        elif served.answer is None and served.is_kept and served.abandoned_at is None:
+            self._owe_confirm(key, served, stream, now)
+
+    def _stop_answer(self, served: Served, now: int, *, answered: bool = False) -> None:
+        if served.repetition is not None:
+            self._repeater.stop(served.repetition, now, answered=answered)
+
+    def _forget(self, key: CallKey, now: int) -> None:
+        served = self._calls.forget(key)
+        if served is not None:
+            self._stop_answer(served, now)
+            if self._table.by_id(key.stream_id).spec.journal:
+                self._journal.write(_journal_name(key), None)
+
+    def _keep(
+        self,
+        key: CallKey,
+        served: Served,
+        stream: Stream,
+        then: Callable[[int], None],
+        now: int,
+    ) -> None:
+        """Write down how far a call is, then go on if it is still known."""
+
+        def kept(at: int) -> None:
+            if self._calls.find(key) is served:
+                served.is_kept = True
+                then(at)
+
+        if not stream.spec.journal:
+            kept(now)
+            return
+        value = msgspec.msgpack.encode(_Kept(stream.digest, served.answer))
+        self._journal.write(_journal_name(key), value, kept)
+
+    def _owe_confirm(self, key: CallKey, served: Served, stream: Stream, now: int) -> None:
+        """Tell the client that its request has arrived; for a moment it may wait."""
+        record = Waiting(
+            stream_id=stream.stream_id,
+            destination=key.client,
+            head=self._head(CallKind.CONFIRM, key, served),
+            payload=b"",
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.ACK,
+            queued_at=now,
+        )
+        qos = confirm_qos(self._linger_s)
+        self._queue.replace((key.stream_id, _CONFIRM_LANE, key.client, key.number), record, qos)
+
+    def _error(self, failure: CallFailure, text: str) -> bytes:
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is None:
+            return encode_error(failure, text)
+        return encode_error(failure, text, largest_bytes - _HEADER_BYTES - 1)
+
+    def _answer(self, call: CallKey, kind: CallKind, payload: bytes, now: int) -> bool:
+        served = self._calls.answerable(call, now)
+        if served is None:
+            return False
+        stream = self._table.by_id(call.stream_id)
+        served.answer, served.is_kept = Answer(kind, payload), False
+        # The answer says that the request has arrived, too.
+        self._queue.drop_lane((call.stream_id, _CONFIRM_LANE, call.client, call.number))
+        count(self._stats.published, call.stream_id)
+
+        def kept(at: int) -> None:
+            if served.is_answerable:
+                self._send_answer(call, served, at)
+
+        self._keep(call, served, stream, kept, now)
+        return served.abandoned_at is None
+
+    def _send_answer(self, call: CallKey, served: Served, now: int) -> None:
+        stream, answer = self._table.by_id(call.stream_id), served.answer
+        assert answer is not None
+        is_response = answer.kind is CallKind.RESPONSE
+        record = RepeatedRecord(
+            stream_id=call.stream_id,
+            destination=call.client,
+            head=self._head(answer.kind, call, served),
+            payload=answer.payload,
+            stamped=is_response and stream.qos.stamp is Stamp.AGE,
+            delimits_itself=is_response and stream.response_codec.delimits_itself,
+            for_one_node=True,
+            queued_at=now,
+        )
+        key = (call.stream_id, ANSWER_LANE, call.client)
+        qos = call_qos(stream.qos)
+        served.repetition = self._repeater.start(
+            key, record, qos, until=served.deadline_at, introduces=stream.is_built_in
+        )
+
+    def _head(self, kind: CallKind, key: CallKey, served: Served) -> bytes:
+        head = server_bytes(self._table.by_id(key.stream_id), self._address)
+        if served.is_named:
+            named = bytes((encode_call_byte(NAMED, key.number),)) + encode_name(kind, key.epoch)
+            return head + named
+        return head + bytes((encode_call_byte(kind, key.number),))
+
+
+def _keeps(stream: Stream) -> bool:
+    """Tell whether a request runs once in all lives of this node: commands do no harm twice."""
+    return stream.spec.journal and not stream.is_built_in
+
+
+def _timeout_s(stream: Stream) -> float:
+    assert isinstance(stream.spec, ServiceSpec)
+    return stream.spec.timeout_s
+
+
+def call_qos(qos: Qos) -> Qos:
+    """Return the QoS of a lane of calls: none pushes out another, none waits."""
+    return msgspec.structs.replace(qos, depth=2 * CALL_NUMBERS, lifespan_s=None, min_interval_s=0.0)
+
+
+def confirm_qos(linger_s: float) -> Qos:
+    """Return the QoS of a CONFIRM, which may wait for a frame that goes anyway."""
+    return Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=linger_s)
+
+
+def _journal_name(key: CallKey) -> str:
+    return f"{_JOURNAL}/{key}"

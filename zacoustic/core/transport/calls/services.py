@@ -1,0 +1,349 @@
+"""Services: the calls that this node makes, and the way to those that it serves.
+
+`zacoustic.core.transport.calls.calls` keeps who called what and which numbers are in use; here
+requests get onto the queue and their answers off the water.
+`zacoustic.core.transport.calls.answering` is the server's side.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.base.stats import Cause, EngineStats, count
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import EVERY_NODE, Stream, StreamTable
+from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
+from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, ClientCalls
+from zacoustic.core.transport.repeating import RepeatedRecord, Repeater
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.calls import (
+    CALL_NUMBERS,
+    NAME_BYTES,
+    NAMED,
+    CallFailure,
+    CallKey,
+    CallKind,
+    decode_call_byte,
+    decode_error,
+    decode_name,
+    encode_call_byte,
+)
+from zacoustic.core.wire.content import server_bytes, server_of, split_age
+from zacoustic.errors import LocalError
+
+_REQUEST_LANE: Final = 1
+_CONFIRM_LANE: Final = 5
+_HEADER_BYTES: Final = 2
+# Odd, so that 64 lives in a row begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
+_EPOCH_STRIDE: Final = 23
+
+
+class Services:
+    """The services of one node, as client and as server.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes what confirms.
+        repeater: Takes requests and answers.
+        journal: Keeps the calls that this node serves.
+        handshake: Knows which streams a peer defines in another way, and each peer's epoch.
+        begin_epoch: Begins a new boot epoch of this node.
+        doubt: Whether calls of former lives are forgotten.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        repeater: Repeater,
+        journal: JournalPort,
+        handshake: Handshake,
+        begin_epoch: Callable[[int], None],
+        doubt: Doubt,
+        stats: EngineStats,
+        emit: Callable[[CallEvent], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._repeater = repeater
+        self._handshake = handshake
+        self._begin_epoch = begin_epoch
+        self._stats = stats
+        self._emit = emit
+        self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
+        self._answering = Answering(
+            address,
+            table,
+            queue=queue,
+            repeater=repeater,
+            journal=journal,
+            doubt=doubt,
+            stats=stats,
+            emit=emit,
+        )
+        self.reply = self._answering.reply
+        """Answers a request; see `Engine.reply`."""
+        self.reply_error = self._answering.reply_error
+        """Answers a request with an error; see `Engine.reply_error`."""
+        self.serve_here = self._answering.serve_here
+        """Gives a service to a handler in the engine."""
+        self.client_restarted = self._answering.client_restarted
+        """To be told when a node has told a new epoch."""
+        self._linger_s = 0.0
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self._linger_s = times.confirm_linger_s
+        # A unit until the last frame has arrived, and four within which it may be repeated.
+        settling_ns += settling_ns // SETTLING_UNITS
+        self._clients.settling_ns = settling_ns
+        self._answering.use_link(times, settling_ns)
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life has left is answered."""
+        self._answering.link_up(now)
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with the calls that a former life has left."""
+        self._answering.recover(stored)
+
+    # For the application
+
+    def call(
+        self,
+        stream_id: int,
+        value: object,
+        now: int,
+        *,
+        timeout_s: float | None,
+        server: int | None = None,
+    ) -> int:
+        """Call a service; see `Engine.call`. `server` is for one that every node serves."""
+        stream, spec = self._table.service(stream_id)
+        server = spec.server if server is None else server
+        if server in (self._address, EVERY_NODE):
+            raise LocalError(f"{stream.name} is served by this node, {self._address}")
+        payload = stream.codec.encode(value)
+        head = server_bytes(stream, server)
+        stamped = stream.qos.stamp is Stamp.AGE
+        self._queue.check_size(stream.name, _HEADER_BYTES + len(head) + stamped + len(payload))
+        served_at = now + seconds_to_ns(spec.timeout_s)
+        deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
+        if self._clients.needs_new_epoch(stream_id, server):
+            self._begin_epoch(now)
+            self._clients.begin_epoch(_first_number(self._handshake.epoch))
+        call_id, number = self._clients.begin(stream_id, server, deadline_at=deadline_at, now=now)
+        if self._handshake.differs(server, stream_id):
+            self._mismatch(call_id, server, stream_id, now)
+            return call_id
+        request = RepeatedRecord(
+            stream_id=stream_id,
+            destination=server,
+            head=head + _head(CallKind.REQUEST, number),
+            payload=payload,
+            stamped=stamped,
+            delimits_itself=stream.codec.delimits_itself,
+            queued_at=now,
+        )
+        key = (stream_id, _REQUEST_LANE, server)
+        # Longer than that the server does not remember the number.
+        until = min(deadline_at, served_at)
+        started = self._repeater.start(
+            key, request, call_qos(stream.qos), until=until, introduces=stream.is_built_in
+        )
+        self._clients.attach(call_id, started)
+        count(self._stats.published, stream_id)
+        return call_id
+
+    def cancel(self, call_id: int, now: int) -> None:
+        """Give up a call; see `Engine.cancel`."""
+        if self._clients.locate(call_id) is not None:
+            self._end(call_id, CallFailure.CANCELLED, "", now)
+
+    @property
+    def is_calling(self) -> bool:
+        """A call of this node has no answer yet."""
+        return self._clients.next_deadline_at() is not None
+
+    # For the water
+
+    def receive(
+        self,
+        source: int,
+        stream: Stream,
+        spec: ServiceSpec,
+        content: bytes,
+        now: int,
+        *,
+        introduced: bool,
+    ) -> str | None:
+        """Take a record that may be decoded; returns why it is dropped, or None.
+
+        Args:
+            source: Who sent it.
+            stream: The service.
+            spec: Its spec.
+            content: What stands behind the stream id.
+            now: The instant.
+            introduced: The frame began with HELLO or TAG.
+        """
+        server, start = server_of(spec, content, 0)
+        content = content[start:]
+        if not content:
+            return "payload"
+        kind, number = decode_call_byte(content[0])
+        if server == source:
+            return self._receive_answer(source, stream, content, now)
+        if server != self._address:
+            return "not_subscriber" if kind is CallKind.REQUEST else "not_publisher"
+        key = CallKey(source, self._handshake.peer(source).present_epoch, stream.stream_id, number)
+        if kind is CallKind.CONFIRM:
+            self._answering.confirmed(key, now)
+            return None
+        if kind is not CallKind.REQUEST:
+            return "not_publisher"
+        if stream.is_built_in and not introduced:
+            return "unconfirmed"  # it may be of a former life of its sender
+        return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
+
+    def epoch_changed(self) -> None:
+        """This node has begun a new epoch.
+
+        A CONFIRM that waits names a call by the epoch it is sent in: it would be taken for one of
+        the new epoch. The answer will come again.
+        """
+        for stream in self._table:
+            if isinstance(stream.spec, ServiceSpec):
+                self._queue.drop_lanes((stream.stream_id, _CONFIRM_LANE))
+
+    def heard(self, source: int) -> None:
+        """A frame of a node arrived: what had become rare for it is due."""
+        self._repeater.heard(source)
+
+    def stream_differs(self, server: int, stream_id: int, now: int) -> None:
+        """Fail the calls to a service that its server defines in another way."""
+        for call_id in self._clients.to(server, stream_id):
+            self._mismatch(call_id, server, stream_id, now)
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Fail the calls whose deadline has come."""
+        for call_id in self._clients.due(now):
+            self._fail(call_id, CallFailure.TIMED_OUT, "no answer before the deadline", now)
+        self._answering.expire(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which a call ends or is forgotten, ns, or None."""
+        instants = (self._clients.next_deadline_at(), self._answering.next_deadline_at())
+        return min((at for at in instants if at is not None), default=None)
+
+    # Below the methods above
+
+    def _receive_answer(self, server: int, stream: Stream, content: bytes, now: int) -> str | None:
+        kind, number = decode_call_byte(content[0])
+        payload = content[1:]
+        if kind is NAMED:
+            named = decode_name(payload, self._handshake.epoch)
+            if named is None or named is NAMED:
+                return "unexpected_answer"
+            kind, payload = named, payload[NAME_BYTES:]
+        elif not self._handshake.peer(server).knows_us:
+            self._ask_again(server, stream.stream_id, number, now)
+            return "unexpected_answer"
+        call_id = self._clients.find(server, stream.stream_id, number)
+        if call_id is not None:
+            self._clients.proved(call_id)
+            request = self._clients.request(call_id)
+            if request is not None:
+                is_prompt = kind is CallKind.CONFIRM
+                self._repeater.stop(request, now, answered=True, prompt=is_prompt)
+        if kind is CallKind.CONFIRM:
+            return None if call_id is not None else "unexpected_answer"
+        self._owe_confirm(stream, server, number, now)
+        if call_id is None:
+            return "unexpected_answer"
+        if kind is CallKind.ERROR:
+            failure, text = decode_error(payload) or (CallFailure.HANDLER, "")
+            self._fail(call_id, failure, text, now)
+            return None
+        return self._receive_response(call_id, stream, payload, now)
+
+    def _ask_again(self, server: int, stream_id: int, number: int, now: int) -> None:
+        """Repeat the request of what may be an answer to a former life of this node.
+
+        The server takes us for somebody who knows that it knows our epoch, and we do not any more:
+        its own HELLO was new to us after it had confirmed ours. It would say the same for ever; a
+        request behind our HELLO or TAG makes it name whom it answers.
+        """
+        call_id = self._clients.find(server, stream_id, number)
+        request = None if call_id is None else self._clients.request(call_id)
+        if request is not None:
+            self._repeater.resume(request, now)
+
+    def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
+        """Tell a server that its answer has arrived; for a moment it may wait."""
+        record = Waiting(
+            stream_id=stream.stream_id,
+            destination=peer,
+            head=server_bytes(stream, peer) + _head(CallKind.CONFIRM, number),
+            payload=b"",
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.ACK,
+            queued_at=now,
+        )
+        qos = confirm_qos(self._linger_s)
+        self._queue.replace((stream.stream_id, _CONFIRM_LANE, peer, number), record, qos)
+
+    def _receive_response(
+        self, call_id: int, stream: Stream, payload: bytes, now: int
+    ) -> str | None:
+        age_s, payload = split_age(stream, payload)
+        try:
+            value = stream.response_codec.decode(payload)
+        except PayloadError:
+            text = "the response does not decode"
+            self._fail(call_id, CallFailure.BAD_RESPONSE, text, now)
+            return "payload"
+        count(self._stats.received, stream.stream_id)
+        response = self._clients.respond(call_id, value)
+        self._emit(msgspec.structs.replace(response, age_s=age_s))
+        return None
+
+    def _mismatch(self, call_id: int, server: int, stream_id: int, now: int) -> None:
+        text = f"node {server} defines stream {stream_id} in another way"
+        self._fail(call_id, CallFailure.TABLE_MISMATCH, text, now)
+
+    def _fail(self, call_id: int, failure: CallFailure, text: str, now: int) -> None:
+        self._emit(self._end(call_id, failure, text, now))
+
+    def _end(self, call_id: int, failure: CallFailure, text: str, now: int) -> CallFailed:
+        """End a call without an answer; its request does not leave any more."""
+        request = self._clients.request(call_id)
+        if request is not None:
+            self._repeater.stop(request, now)
+        return self._clients.fail(call_id, failure, text)
+
+
+def _first_number(epoch: int) -> int:
+    """Return the call number to begin a life with: far from where the lives before began."""
+    return (epoch - 1) * _EPOCH_STRIDE % CALL_NUMBERS
+
+
+def _head(kind: CallKind, number: int) -> bytes:
+    return bytes((encode_call_byte(kind, number),))

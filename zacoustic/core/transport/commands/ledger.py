@@ -1,0 +1,90 @@
+"""Which orders have been obeyed: each once, and none behind a later one about the same thing.
+
+Orders of one life of a node are counted (*serial*), and lives differ by the boot epoch. The ledger
+keeps, for each node that gives orders and each thing that they are about, the epoch and the serial
+of the last order that was obeyed, and the epochs before. An order is new if its serial is later in
+the same epoch, or if its epoch is none that was there before: nobody goes back to a former life, so
+an order from one came late.
+"""
+
+import enum
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.streams.commands import SERIALS
+
+_JOURNAL: Final = "order"
+_FORMER_LIVES: Final = 8
+
+
+class Standing(enum.Enum):
+    """What an order is beside those before."""
+
+    NEW = "new"
+    """It is to be obeyed."""
+    SAME = "same"
+    """It has been obeyed."""
+    OVERTAKEN = "overtaken"
+    """A later one has been obeyed."""
+
+
+class _Last(msgspec.Struct, frozen=True, array_like=True):
+    """The last order of a node about one thing."""
+
+    epoch: int
+    serial: int
+    former: tuple[int, ...]
+
+
+class Ledger:
+    """The orders that this node has obeyed.
+
+    Args:
+        stored: What the journal has kept.
+        journal: Keeps the rest.
+    """
+
+    def __init__(self, stored: Mapping[str, bytes], journal: JournalPort) -> None:
+        self._journal = journal
+        self._last: dict[tuple[int, int], _Last] = {}
+        for name, value in stored.items():
+            head, _, place = name.partition("/")
+            if head == _JOURNAL:
+                client, subject = map(int, place.split("/"))
+                self._last[client, subject] = msgspec.msgpack.decode(value, type=_Last)
+
+    def standing(self, client: int, subject: int, epoch: int, serial: int) -> Standing:
+        """Tell whether an order is a new one.
+
+        Args:
+            client: Who gives it.
+            subject: What it is about.
+            epoch: Boot epoch of that node.
+            serial: Number of the order.
+        """
+        last = self._last.get((client, subject))
+        if last is None or (epoch != last.epoch and epoch not in last.former):
+            return Standing.NEW
+        if epoch != last.epoch:
+            return Standing.OVERTAKEN
+        ahead = (serial - last.serial) % SERIALS
+        if ahead == 0:
+            return Standing.SAME
+        return Standing.NEW if ahead < SERIALS // 2 else Standing.OVERTAKEN
+
+    def enter(
+        self, client: int, subject: int, epoch: int, serial: int, then: Callable[[int], None]
+    ) -> None:
+        """Note an order that is obeyed; `then` is called when that is written down."""
+        last = self._last.get((client, subject))
+        former: tuple[int, ...] = ()
+        if last is not None:
+            former = last.former
+            if last.epoch != epoch:
+                former = (last.epoch, *former)[:_FORMER_LIVES]
+        entered = self._last[client, subject] = _Last(epoch, serial, former)
+        name = f"{_JOURNAL}/{client}/{subject}"
+        self._journal.write(name, msgspec.msgpack.encode(entered), then)

@@ -1,0 +1,407 @@
+"""Samples that fit no frame: a reliable topic hands them on as objects, and takes them back.
+
+The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who is to have
+an object, whether this node wants one that arrives, and whether both ends define its stream in the
+same way. So is the count of the key (`zacoustic.core.transport.reliable`), in which a large sample
+has its place between the small ones. An object that is complete before any of that is known waits
+for it.
+"""
+
+from collections.abc import Callable, Mapping, Set
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.qos import Reliability
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import (
+    DeliveryEvent,
+    DeliveryOutcome,
+    DeliveryStored,
+    SampleReceived,
+)
+from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.manifest import Manifest
+from zacoustic.core.transport.objects.objects import Objects
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.sending import Sending
+from zacoustic.core.transport.objects.stored import StoredObject
+from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
+from zacoustic.core.transport.reliable.sending.keeping import given_up
+from zacoustic.core.transport.reliable.sending.places import LargePlaces, Place
+from zacoustic.core.transport.reliable.sending.sending import ReliableSending
+from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
+from zacoustic.core.transport.subscriptions.demand import NOBODY, Demand
+from zacoustic.core.values.encoding import decode_prefix
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.objects import Reason
+from zacoustic.errors import LocalError, UnknownStreamError
+
+_OUTCOMES: Final = {
+    ObjectState.DELIVERED: DeliveryOutcome.DELIVERED,
+    ObjectState.REFUSED: DeliveryOutcome.REFUSED,
+    ObjectState.CANCELLED: DeliveryOutcome.CANCELLED,
+    ObjectState.EXPIRED: DeliveryOutcome.EXPIRED,
+}
+_ENCODING_AT: Final = 1
+
+
+class LargeSamples:
+    """The objects of one node, and their topics.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        limits: How much memory objects may take.
+        handshake: Knows whether the tables agree.
+        demand: Knows who has subscribed to on-demand topics.
+        sending: Has the counts of this node's keys.
+        receiving: Has those of the others', and takes samples.
+        journal: Keeps what is to survive.
+        stats: Counts.
+        generators: One for each component that draws.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        limits: ObjectLimits,
+        *,
+        handshake: Handshake,
+        demand: Demand,
+        sending: ReliableSending,
+        receiving: ReliableReceiving,
+        journal: JournalPort,
+        stats: EngineStats,
+        generators: Generators,
+        emit: Callable[[ObjectProgress | DeliveryEvent], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._demand = demand
+        self._sending = sending
+        self._places: LargePlaces = sending.places
+        self._receiving = receiving
+        self._stats = stats
+        self._emit = emit
+        self._now = 0
+        self._given_up: list[StoredObject] = []
+        self.objects = Objects(
+            epoch=handshake.epoch,
+            limits=limits,
+            generators=generators,
+            gate=self,
+            owner=self,
+            emit=self._progress,
+            journal=journal,
+        )
+        self._places.sender = self
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left; what small samples it has left is known."""
+        for source, manifest in self.objects.restore(stored, self._accept):
+            place = Place(manifest.lineage, manifest.number)
+            if self._table.get(manifest.stream_id) is not None:
+                self._receiving.recover_place(manifest.stream_id, source, manifest.instance, place)
+
+    def link_up(self, now: int) -> None:
+        """The link is up: tell of what a former life has left and nobody can read any more."""
+        for order in self._given_up:
+            self._emit(given_up(order.stream_id, order.object_id, now))
+        self._given_up.clear()
+        self._now = now
+        self.objects.link_up(now)
+        for stream in self._table:
+            if self.objects.pending(stream.stream_id):
+                self.audience_changed(stream, now)
+
+    def audience_changed(self, stream: Stream, now: int) -> None:
+        """Others subscribe to an on-demand topic than before: who has left gets no object of it.
+
+        One that was for nobody else is given up. Who has come gets those that are made from now on.
+        """
+        self._now = now
+        audience = self._demand.audience(stream)
+        if audience is not None:
+            self.objects.keep_only(stream.stream_id, audience, NOBODY, now)
+
+    def unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
+        """This node does not want an on-demand topic of these nodes any more."""
+        self._now = now
+        self.objects.drop_unwanted(stream_id, sources)
+
+    def check(self, stream: Stream, payload_bytes: int) -> None:
+        """Refuse a payload that is too large for an object.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how large it may be.
+        """
+        assert isinstance(stream.spec, TopicSpec)
+        self.objects.check_size(stream.name, payload_bytes, stream.spec.max_bytes)
+
+    def publish(
+        self,
+        stream: Stream,
+        payload: bytes,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        expires_at: int | None,
+    ) -> int:
+        """Send a sample as an object; returns its delivery id, which `DeliveryEnded` will name.
+
+        Raises:
+            LocalError: Nobody is listed who could receive it.
+            PayloadTooLargeError: It is too large for an object on this link.
+            QueueFullError: Too many objects are on their way.
+        """
+        self._now = now
+        place = self._places.next_place(stream, instance)
+        delivery_id = self._sending.next_delivery_id()
+        self._send(
+            delivery_id, stream, payload, place, instance, encoding, expires_at=expires_at, now=now
+        )
+        self._places.take(stream, instance, delivery_id, now)
+        return delivery_id
+
+    def at(self, now: int) -> "LargeSamples":
+        """Note the instant, for what is asked of the table and told to the application."""
+        self._now = now
+        return self
+
+    def cancel(self, delivery_id: int, now: int) -> bool:
+        """Give up a sample, large or small; False when it is not on its way."""
+        self._now = now
+        withdrawn = self.objects.withdraw(delivery_id, ObjectState.CANCELLED, "cancelled here", now)
+        return withdrawn or self._places.cancel(delivery_id, now)
+
+    # For the places: `zacoustic.core.transport.reliable.sending.places.Large`
+
+    def enlarge(self, sample: Outgoing, stream_id: int, place: Place, now: int) -> str:
+        """Send a sample that was published as a small one; returns why not, or nothing."""
+        self._now = now
+        stream = self._table.by_id(stream_id)
+        waiting = sample.waiting
+        prefix = decode_prefix(waiting.prefix, _ENCODING_AT) if waiting.prefix else None
+        try:
+            self._send(
+                sample.delivery_id,
+                stream,
+                waiting.payload,
+                place,
+                tuple(waiting.head[:-1]),
+                prefix[0] if prefix else None,
+                expires_at=sample.expires_at,
+                now=now,
+            )
+        except LocalError as error:
+            return str(error.args[0])
+        return ""
+
+    def handed_on(self, delivery_id: int, address: int, now: int) -> None:
+        """A receiver has acknowledged a sample."""
+        self._now = now
+        self.objects.handed_on(delivery_id, address)
+
+    def withdraw(self, delivery_id: int, outcome: DeliveryOutcome, now: int) -> None:
+        """A sample is over."""
+        self._now = now
+        state = ObjectState(outcome.value)
+        self.objects.withdraw(delivery_id, state, "", now)
+
+    # For own objects: `zacoustic.core.transport.objects.sending.sending.Owner`
+
+    def stored(self, sending: Sending, now: int) -> None:
+        """An object is in the journal."""
+        if self._places.stored(sending.object_id):
+            self._emit(DeliveryStored(delivery_id=sending.object_id, stream_id=sending.stream_id))
+
+    def is_turn(self, object_id: int, address: int) -> bool:
+        """Tell whether nothing before an object will come for a receiver."""
+        return self._places.is_turn(object_id, address)
+
+    def passed(self, object_id: int, address: int, now: int) -> None:
+        """A receiver has handed an object on."""
+        self._places.passed(object_id, address, now)
+
+    def refused(self, object_id: int, address: int, now: int) -> None:
+        """A receiver does not want an object."""
+        self._places.refused(object_id, address, now)
+
+    # For objects that arrive: `zacoustic.core.transport.objects.gate.Gate`
+
+    def admit(self, source: int, stream_id: int) -> Admission:
+        """Tell what the table says of an object; stream 0: not yet known."""
+        if not stream_id:
+            taken = [each for each in self._table if self._may_take(each, source)]
+            is_wanted = any(self._is_wanted(each, source) for each in taken)
+            others = sorted(set(self._table.nodes) - {source})
+            reason = None if taken else Reason.NOT_SUBSCRIBED
+            return self._among(others, Admission(reason, is_wanted))
+        is_open = self._is_open(source, stream_id)
+        stream = self._table.get(stream_id)
+        if stream is None or not isinstance(stream.spec, TopicSpec):
+            return Admission(Reason.NOT_SUBSCRIBED if is_open else None, is_open=is_open)
+        if not self._may_take(stream, source):
+            return Admission(Reason.NOT_SUBSCRIBED, is_open=is_open)
+        others = [each for each in self._receivers(stream) if each != source]
+        admission = Admission(
+            is_wanted=self._is_wanted(stream, source),
+            is_open=is_open,
+            largest_bytes=stream.spec.max_bytes,
+            keeps=stream.spec.journal,
+            stream_digest=stream.digest,
+        )
+        return self._among(others, admission)
+
+    def claim(self, source: int, manifest: Manifest, *, is_turn: bool) -> Claim:
+        """Tell whether it is the turn of an object that is complete."""
+        return self._receiving.claim(
+            self._table.by_id(manifest.stream_id),
+            source,
+            manifest.instance,
+            Place(manifest.lineage, manifest.number),
+            self._now,
+            is_turn=is_turn,
+        )
+
+    def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
+        """An object is on its way that is not wanted, maybe for this node alone."""
+        if self._is_open(source, stream_id):
+            stream = self._table.by_id(stream_id)
+            self._demand.sample_received(source, stream, self._now, is_alone=is_alone)
+
+    def expect(self, source: int, manifest: Manifest) -> None:
+        """An object is on its way."""
+        place = Place(manifest.lineage, manifest.number)
+        self._receiving.expect(source, manifest.stream_id, manifest.instance, place)
+
+    def deliver(self, arrived: ObjectReceived) -> None:
+        """Hand a complete object on."""
+        manifest = arrived.manifest
+        stream = self._table.by_id(manifest.stream_id)
+        place = Place(manifest.lineage, manifest.number)
+        try:
+            stream.keys.key(arrived.source, manifest.instance)
+            value = stream.codec.decode(arrived.payload)
+            sample = SampleReceived(
+                stream_id=stream.stream_id,
+                source=arrived.source,
+                instance=manifest.instance,
+                value=value,
+                encoding=manifest.encoding or stream.encoding,
+                received_at=arrived.received.received_at,
+                metrics=arrived.received.metrics,
+                again=arrived.again,
+            )
+        except (PayloadError, UnknownStreamError):
+            self._stats.drop("payload")
+            sample = None
+        if arrived.again:  # its place is taken already
+            self._receiving.hand_on_left(sample, self._now)
+            return
+        key = (arrived.source, stream.stream_id, manifest.instance)
+        self._receiving.take(stream, key, place, sample, self._now)
+
+    # Below the methods above
+
+    def _is_open(self, source: int, stream_id: int) -> bool:
+        """Tell whether both ends are known to define a stream in the same way."""
+        epoch = self._handshake.peer(source).epoch
+        return self._handshake.verdict(source, epoch, stream_id, self._now) is None
+
+    def _may_take(self, stream: Stream, source: int) -> bool:
+        """Tell whether a large sample of a stream may be for this node."""
+        is_reliable = stream.qos.reliability is Reliability.RELIABLE
+        is_ours = stream.may_publish(source) and stream.may_subscribe(self._address)
+        return isinstance(stream.spec, TopicSpec) and is_reliable and is_ours
+
+    def _is_wanted(self, stream: Stream, source: int) -> bool:
+        return not stream.is_on_demand or source in self._demand.wanted(stream.stream_id)
+
+    def _among(self, receivers: list[int], admission: Admission) -> Admission:
+        """Say the how many-th receiver this node is."""
+        if self._address not in receivers:
+            return admission
+        place = receivers.index(self._address)
+        return msgspec.structs.replace(admission, place=place, others=len(receivers) - 1)
+
+    def _receivers(self, stream: Stream) -> list[int]:
+        assert isinstance(stream.spec, TopicSpec)
+        listed = stream.spec.subscribers
+        return sorted(self._table.nodes if listed is None else listed)
+
+    def _send(
+        self,
+        delivery_id: int,
+        stream: Stream,
+        payload: bytes,
+        place: Place,
+        instance: Instance,
+        encoding: str | None,
+        *,
+        expires_at: int | None,
+        now: int,
+    ) -> None:
+        audience = self._demand.audience(stream)
+        receivers = tuple(
+            each
+            for each in self._receivers(stream)
+            if each != self._address and (audience is None or each in audience)
+        )
+        if not receivers:
+            raise LocalError(
+                f"{stream.name}: nobody is listed who could receive an object",
+                hint="list the nodes, or the subscribers of the stream",
+            )
+        self.objects.publish(
+            delivery_id,
+            stream.stream_id,
+            payload,
+            now,
+            instance=instance,
+            encoding=encoding,
+            lineage=place.lineage,
+            number=place.number,
+            receivers=receivers,
+            stream_digest=stream.digest,
+            keep=stream.spec.journal,
+            priority=stream.qos.priority,
+            exclusive=stream.qos.exclusive,
+            lifespan_s=stream.qos.lifespan_s,
+            expires_at=expires_at,
+        )
+
+    def _accept(self, order: StoredObject) -> bool:
+        """Go on with an own object of a former life, if its stream is what it was."""
+        stream = self._table.get(order.stream_id)
+        place = Place(order.lineage, order.number)
+        if (
+            stream is not None
+            and stream.digest == order.stream_digest
+            and self._places.restore(
+                stream, order.instance, place, order.object_id, order.receivers
+            )
+        ):
+            return True
+        self._given_up.append(order)
+        return False
+
+    def _progress(self, progress: ObjectProgress) -> None:
+        self._emit(progress)
+        outcome = _OUTCOMES.get(progress.state)
+        if progress.object_id is not None and outcome is not None:
+            self._places.ended(
+                progress.object_id, outcome, self._now, progress.detail, progress.missing
+            )

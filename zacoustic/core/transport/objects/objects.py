@@ -1,0 +1,413 @@
+"""`Objects`: payloads larger than a frame, in both directions, as the engine sees them.
+
+What the engine does with it::
+
+    publish, cancel, cancel_incoming                      commands
+    due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
+    transmitted                                           each frame of this node has ended
+    hold_until                                            until then nothing else should start
+    fragment, feedback                                    what arrived
+    restore                                               once, with what former lives have kept
+
+A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of
+the listen windows are those of medium access, which is told when a transfer is exclusive.
+"""
+
+from collections.abc import Callable, Mapping, Set
+
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.qos import PATIENCE_NS, Priority
+from zacoustic.core.schedule.sources import Offer, Taken
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.transport.objects.gate import Gate
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.receiving.receiving import IncomingObjects
+from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Owner, Sending
+from zacoustic.core.transport.objects.stored import (
+    StoredObject,
+    StoredPlace,
+    stored_ends,
+    stored_groups,
+    stored_out,
+)
+from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.wire.objects import (
+    FEEDBACK_BYTES,
+    FRAGMENT_HEADER_BYTES,
+    Call,
+    Feedback,
+    Fragment,
+)
+from zacoustic.errors import PayloadTooLargeError
+
+
+class Objects:
+    """The objects of one node.
+
+    Args:
+        epoch: Boot epoch of the node.
+        limits: How much memory they may take.
+        generators: One for each component that draws.
+        gate: Knows the table, and when it is whose turn; takes complete objects, once each.
+        owner: Is told of own objects, and knows when it is their turn.
+        emit: Takes progress.
+        journal: Keeps what is to survive.
+    """
+
+    def __init__(
+        self,
+        *,
+        epoch: int,
+        limits: ObjectLimits,
+        generators: Generators,
+        gate: Gate,
+        owner: Owner,
+        emit: Callable[[ObjectProgress], None],
+        journal: JournalPort,
+    ) -> None:
+        self._limits = limits
+        self._outgoing = OutgoingObjects(
+            epoch=epoch,
+            most=limits.most_outgoing,
+            rng=generators.of("outgoing objects"),
+            emit=emit,
+            owner=owner,
+            journal=journal,
+        )
+        self._incoming = IncomingObjects(
+            limits=limits,
+            rng=generators.of("incoming objects"),
+            gate=gate,
+            emit=emit,
+            journal=journal,
+        )
+        self._timing: Timing | None = None
+        self._fragment_bytes = 0
+        self._last_fragment_at = 0
+        self._fragment_on_air = False
+        self._feedback_on_air = False
+
+    def use_link(
+        self, capabilities: LinkCapabilities, room_bytes: int, pause_ns: int, now: int
+    ) -> None:
+        """Derive the durations from the link.
+
+        Args:
+            capabilities: What it can do.
+            room_bytes: The records of a frame.
+            pause_ns: Length of a listen window, ns.
+            now: The instant.
+        """
+        self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
+        self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
+        if self._fragment_bytes >= 1:
+            self._outgoing.use_link(self._fragment_bytes, now)
+
+    def restore(
+        self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
+    ) -> list[tuple[int, Manifest]]:
+        """Go on with what former lives have kept, before anything else.
+
+        Args:
+            stored: What they have kept.
+            accept: Tells whether an own object is still to be sent; if not, it is forgotten.
+
+        Returns:
+            What was handed on: source and manifest.
+        """
+        handed_on: list[tuple[int, Manifest]] = []
+        for source, transfer, end in stored_ends(stored):
+            self._incoming.restore_end(source, transfer, end)
+            manifest = decode_manifest(b"".join(end.head))
+            if manifest is not None:
+                handed_on.append((source, manifest))
+        for source, transfer, group, fragments in stored_groups(stored):
+            self._incoming.restore_group(source, transfer, group, fragments)
+        for transfer, order, place in stored_out(stored):
+            if accept(order):
+                self._outgoing.restore(transfer, order, place or StoredPlace(0, 0))
+            else:
+                self._outgoing.forget(transfer)
+        return handed_on
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        self._incoming.link_up(now)
+
+    # Commands
+
+    def publish(
+        self,
+        object_id: int,
+        stream_id: int,
+        payload: bytes,
+        now: int,
+        *,
+        instance: Instance,
+        encoding: str | None,
+        lineage: int,
+        number: int,
+        receivers: tuple[int, ...],
+        stream_digest: bytes = b"",
+        keep: bool = True,
+        priority: Priority = Priority.DATA,
+        exclusive: bool = False,
+        lifespan_s: float | None = None,
+        expires_at: int | None = None,
+    ) -> None:
+        """Send a payload as an object.
+
+        Args:
+            object_id: The id that its progress will name; the smaller of two goes first.
+            stream_id: Its topic.
+            payload: The encoded payload.
+            now: The instant.
+            instance: Which of the topic's keys.
+            encoding: Zenoh encoding, where it is not the stream's.
+            lineage: Where it stands in the count of its key.
+            number: Its number there.
+            receivers: Who is to have it, at least one.
+            stream_digest: Of its topic: a later life goes on only if it is the same.
+            keep: It survives a restart.
+            priority: Which of several objects goes first.
+            exclusive: Send without listen windows.
+            lifespan_s: Withdraw it after so long, s, in a later life.
+            expires_at: Withdraw it at this instant, ns, in this life; None: never.
+
+        Raises:
+            PayloadTooLargeError: More than an index can name on this link.
+            QueueFullError: Too many objects are on their way.
+        """
+        if self._fragment_bytes < 1:
+            raise PayloadTooLargeError("a frame of this link has no room for a fragment")
+        order = StoredObject(
+            object_id,
+            stream_id,
+            instance,
+            encoding,
+            payload,
+            self._fragment_bytes,
+            receivers,
+            priority,
+            exclusive,
+            lifespan_s,
+            lineage,
+            number,
+            stream_digest,
+        )
+        self._outgoing.add(order, now, keep=keep, expires_at=expires_at)
+
+    def check_size(self, name: str, payload_bytes: int, most_bytes: int | None = None) -> None:
+        """Refuse a payload that is larger than an object may be.
+
+        Args:
+            name: Of the topic.
+            payload_bytes: Its size.
+            most_bytes: Largest of this topic; None: as the node says.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how large it may be.
+        """
+        most_bytes = self._limits.largest_bytes if most_bytes is None else most_bytes
+        if payload_bytes > most_bytes:
+            raise PayloadTooLargeError(
+                f"{name}: the payload is {payload_bytes} bytes; an object has at most {most_bytes}",
+                hint="raise the limit at both ends, or publish it in pieces",
+            )
+
+    def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
+        """Withdraw an own object; False when it is not under way."""
+        return self._outgoing.withdraw(object_id, state, detail, now)
+
+    def handed_on(self, object_id: int, address: int) -> None:
+        """A receiver has acknowledged in another way that it has handed an own object on."""
+        self._outgoing.handed_on(object_id, address)
+
+    def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
+        """Of the receivers of a stream's own objects, go on with those; `detail`: if none is."""
+        self._outgoing.keep_only(stream_id, receivers, detail, now)
+
+    def cancel_incoming(self, source: int, transfer: int) -> bool:
+        """Refuse the rest of an object of another node; False when it is not under way."""
+        return self._incoming.cancel(source, transfer)
+
+    def stream_coming(self, source: int, transfer: int) -> int:
+        """Return the stream of an object on its way to here, 0 while nobody has said it."""
+        return self._incoming.stream_of(source, transfer)
+
+    def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
+        """Keep nothing of a stream of these sources: this node has unsubscribed."""
+        self._incoming.drop_unwanted(stream_id, sources)
+
+    def look_again(self, source: int) -> None:
+        """A sample of a source was handed on: what waits for its turn may have it now."""
+        self._incoming.look_again(source)
+
+    # Frames of this node
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame with an object's record is to go, or None."""
+        if self._timing is None:
+            return None
+        instants = [self._incoming.due_at(now), self._fragment_due_at(now)]
+        return min((at for at in instants if at is not None), default=None)
+
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether a source is to be told what has come of an object."""
+        return self._incoming.due_at(now) is not None
+
+    def offer(self, now: int) -> Offer | None:
+        """Return what is due now: an answer before a fragment."""
+        if self._timing is None:
+            return None
+        destination = self._incoming.destination(now)
+        if destination is not None:
+            return Offer(
+                destination=destination,
+                size_bytes=FEEDBACK_BYTES,
+                is_fragment=False,
+                rank=0,
+            )
+        sending = self._sending(now)
+        if sending is None:
+            return None
+        patience_ns = PATIENCE_NS.get(sending.priority, 0)
+        return Offer(
+            destination=self._outgoing.next_destination(sending, now),
+            size_bytes=FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now),
+            is_fragment=True,
+            rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
+        )
+
+    def has_fragment(self, now: int) -> bool:
+        """Whether a fragment is due."""
+        return self._timing is not None and self._sending(now) is not None
+
+    def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
+        """Take an answer that is due and goes to this destination, if it fits."""
+        if room_bytes < FEEDBACK_BYTES or self._feedback_on_air:
+            return None
+        taken = self._incoming.take(destination, now)
+        if taken is None:
+            return None
+        feedback, stream_id = taken
+        self._feedback_on_air = True
+        record = feedback.encode()
+        return Taken(stream_id=stream_id, record=record, header_bytes=len(record))
+
+    def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
+        """Take the fragment that `offer` told of, if it fits.
+
+        Args:
+            room_bytes: What the frame has for it.
+            now: The instant.
+            frames_before_pause: Full frames before the next listen window, this one included.
+        """
+        sending, timing = self._sending(now), self._timing
+        if timing is None or sending is None:
+            return None
+        if FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now) > room_bytes:
+            return None
+        taken = self._outgoing.take(now, timing, frames_before_pause)
+        if taken is None:
+            return None
+        sending, fragment = taken
+        self._fragment_on_air = True
+        self._last_fragment_at = now
+        return Taken(
+            stream_id=sending.stream_id,
+            record=fragment.encode(),
+            header_bytes=FRAGMENT_HEADER_BYTES,
+            is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
+            is_repair=sending.outgoing.is_repair(fragment.index),
+            ends_run=fragment.call is Call.WINDOW,
+        )
+
+    def transmitted(self, finished_at: int) -> None:
+        """A frame of this node has been on the air, or was given up."""
+        timing = self._timing
+        if timing is None:
+            return
+        if self._fragment_on_air:
+            self._fragment_on_air = False
+            self._outgoing.transmitted(finished_at, timing)
+        if self._feedback_on_air:
+            self._feedback_on_air = False
+            self._incoming.transmitted(finished_at, timing)
+
+    def hold(self, stream_id: int, until: int) -> None:
+        """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
+        self._outgoing.held[stream_id] = until
+
+    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+        """Let the objects of a stream go with this priority, or wait."""
+        self._outgoing.tune(stream_id, priority, on=on)
+
+    def hold_until(self, now: int) -> int:
+        """Return the instant until which an answer is awaited, which other frames would destroy."""
+        return self._outgoing.listens_until(now)
+
+    @property
+    def quiet_until(self) -> int:
+        """Until then fragments of another node are expected: a frame of ours would cost one."""
+        return self._incoming.quiet_until
+
+    # Inputs
+
+    def fragment(
+        self, source: int, fragment: Fragment, received: ReceivedFrame, now: int
+    ) -> str | None:
+        """Take a fragment; returns why it is dropped, or None."""
+        if self._timing is None:
+            return "link_down"
+        return self._incoming.fragment(source, fragment, received, self._timing, now)
+
+    def feedback(self, source: int, feedback: Feedback, now: int) -> str | None:
+        """Take a feedback; returns why it is dropped, or None."""
+        return None if self._outgoing.answered(source, feedback, now) else "object_answer"
+
+    def expire(self, now: int) -> None:
+        """Withdraw what is too old."""
+        self._outgoing.expire(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the instant at which `expire` has something to do."""
+        return self._outgoing.next_deadline_at()
+
+    # Getters
+
+    def pending(self, stream_id: int) -> int:
+        """Count the own objects of a stream that are not yet delivered."""
+        return self._outgoing.pending(stream_id)
+
+    @property
+    def incoming_bytes(self) -> int:
+        """Bytes that what has come of unfinished objects of others takes."""
+        return self._incoming.memory_bytes
+
+    @property
+    def is_idle(self) -> bool:
+        """Nothing is to be sent."""
+        return not len(self._outgoing)
+
+    @property
+    def is_exclusive(self) -> bool:
+        """The object that is being sent has the channel alone."""
+        return self._outgoing.is_exclusive
+
+    # Below the methods above
+
+    def _fragment_due_at(self, now: int) -> int | None:
+        sending, at = self._outgoing.next(max(now, self._incoming.quiet_until))
+        return at if sending is not None else None
+
+    def _sending(self, now: int) -> Sending | None:
+        """Return the object of which a fragment is due now."""
+        if self._incoming.quiet_until > now:
+            return None
+        sending, at = self._outgoing.next(now)
+        return sending if at <= now else None

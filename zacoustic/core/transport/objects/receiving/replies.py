@@ -1,0 +1,154 @@
+"""When a receiver speaks of the objects that it receives.
+
+It speaks when it is called: at once when the sender waits for an answer; and when it has the object
+and the sender does not know, into the sender's next listen window (when that is, medium access
+knows: `zacoustic.core.schedule.access.listening`). An answer that is asked for is repeated where
+fragments are being lost, as long as the copies leave before the sender can react to the first.
+Several receivers speak one after the other.
+"""
+
+import random
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.wire.objects import Call
+
+Place = tuple[int, int]
+"""``(source, transfer)``."""
+
+# A copy of an answer where more than that is lost, and another.
+_LOSS_FOR_TWO: Final = 0.1
+_LOSS_FOR_THREE: Final = 0.35
+_SLOTS_EACH: Final = 2
+
+
+class _Reply:
+    """An answer that is due."""
+
+    def __init__(self, at: int, copies: int, until: int | None = None) -> None:
+        self.at = at
+        self.copies = copies
+        self.until = until
+        """Instant after which it would come too late; None: until the sender sends on."""
+
+
+class Replies:
+    """The answers of one node.
+
+    Args:
+        rng: Spreads the answers of several receivers.
+        is_sayable: ``place`` → nothing is in the way of the answer.
+    """
+
+    def __init__(self, rng: random.Random, is_sayable: Callable[[Place], bool]) -> None:
+        self._rng = rng
+        self._is_sayable = is_sayable
+        self._replies: dict[Place, _Reply] = {}
+        self._speaking: Place | None = None
+        self.quiet_until = 0
+        """Until then fragments of somebody else, or an exchange with him, are expected."""
+
+    def called(
+        self, place: Place, call: Call, heard_at: int, timing: Timing, *, loss: float
+    ) -> None:
+        """The sender listens for the answer of this node alone."""
+        at = self._listens_at(call, heard_at, timing)
+        copies = 1 + (loss > _LOSS_FOR_TWO) + (loss > _LOSS_FOR_THREE)
+        in_time = 2 * timing.propagation_ns // timing.feedback_slot_ns
+        self._replies[place] = _Reply(at, min(copies, 1 + in_time))
+
+    def called_among(
+        self,
+        place: Place,
+        call: Call,
+        heard_at: int,
+        timing: Timing,
+        *,
+        rank: int,
+        others: int,
+        repeats: bool,
+    ) -> None:
+        """The sender listens for the answers of several.
+
+        Args:
+            place: Which object.
+            call: When it listens.
+            heard_at: End of the fragment, ns.
+            timing: The durations.
+            rank: So many receivers speak before this one.
+            others: How many there are beside it.
+            repeats: It has said the same before. Since they are not equally far away, it may have
+                met the answer of another then, and would again.
+        """
+        at = self._listens_at(call, heard_at, timing)
+        slots = _SLOTS_EACH * rank + self._rng.random()
+        if repeats:
+            slots = self._rng.random() * _SLOTS_EACH * (others + 1)
+        self._replies[place] = _Reply(at + round(slots * timing.feedback_slot_ns), 1)
+
+    def goes_on(
+        self, place: Place, heard_at: int, timing: Timing, *, tell: bool, window: bool
+    ) -> None:
+        """The sender sends on.
+
+        Args:
+            place: Which object.
+            heard_at: End of the fragment, ns.
+            timing: The durations.
+            tell: It had better know that it need not.
+            window: A listen window begins now, and then others.
+        """
+        self.quiet_until = heard_at + timing.slot_ns + timing.pause_ns
+        if not tell:
+            self._replies.pop(place, None)
+        elif window:
+            # Medium access decides when it starts.
+            self._replies[place] = _Reply(heard_at, 1, heard_at + 2 * timing.period_ns)
+
+    def due_at(self, now: int) -> int | None:
+        """Return the instant at which the next answer is to go, or None."""
+        for place, reply in list(self._replies.items()):
+            if reply.until is not None and reply.until < now and place != self._speaking:
+                del self._replies[place]
+        return min((reply.at for _, reply in self._sayable()), default=None)
+
+    def due(self, now: int, source: int | None = None) -> list[Place]:
+        """Return the objects of which something is to be said now, to one source or to all."""
+        due = [
+            (reply.at, place)
+            for place, reply in self._sayable()
+            if reply.at <= now and source in (None, place[0])
+        ]
+        return [place for _, place in sorted(due)]
+
+    def say(self, place: Place) -> None:
+        """An answer is in the frame that goes now."""
+        self._speaking = place
+
+    def drop(self, place: Place) -> None:
+        """There is nothing to say."""
+        self._replies.pop(place, None)
+
+    def transmitted(self, finished_at: int, timing: Timing) -> None:
+        """The answer has been on the air: repeat it, or not."""
+        place, self._speaking = self._speaking, None
+        reply = self._replies.get(place) if place is not None else None
+        if place is None or reply is None:
+            return
+        reply.copies -= 1
+        reply.at = finished_at + timing.gap_ns
+        if reply.copies <= 0:
+            del self._replies[place]
+
+    # Below the methods above
+
+    def _listens_at(self, call: Call, heard_at: int, timing: Timing) -> int:
+        at = heard_at
+        if call is Call.ANSWER_NEXT:
+            at += timing.slot_ns + timing.gap_ns + timing.feedback_ns // 4
+        self.quiet_until = at + timing.exchange_ns
+        return at
+
+    def _sayable(self) -> list[tuple[Place, _Reply]]:
+        return [(place, reply) for place, reply in self._replies.items() if self._is_sayable(place)]

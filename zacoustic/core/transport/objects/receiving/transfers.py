@@ -1,0 +1,103 @@
+"""The objects that are on their way to a node, and how much memory they may take.
+
+So many transfers at most, and so many bytes in all. The one that was silent for longest gives way
+to others; or rather, of its key, the one that is handed on last, since it would have to wait for
+all the others.
+"""
+
+from collections.abc import Iterator
+from typing import Final
+
+from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.transport.objects.limits import ObjectLimits
+from zacoustic.core.transport.objects.receiving.incoming import IncomingObject
+from zacoustic.core.transport.objects.receiving.replies import Place
+
+_MOST_AT_A_TIME: Final = 64
+
+
+class Transfer:
+    """An object on its way to here, and what is to be said of it."""
+
+    def __init__(self, incoming: IncomingObject) -> None:
+        self.incoming = incoming
+        self.heard_at = 0
+        self.groups = 0
+        self.unwritten: list[tuple[int, bytes]] = []
+        self.received: ReceivedFrame | None = None
+        self.is_ending = False
+        """It is complete, and that is on its way to the journal."""
+
+
+class Transfers:
+    """All of them.
+
+    Args:
+        limits: How much memory they may take.
+    """
+
+    def __init__(self, limits: ObjectLimits) -> None:
+        self._limits = limits
+        self._transfers: dict[Place, Transfer] = {}
+
+    def __len__(self) -> int:
+        return len(self._transfers)
+
+    def __contains__(self, place: Place) -> bool:
+        return place in self._transfers
+
+    def __iter__(self) -> Iterator[tuple[Place, Transfer]]:
+        return iter(self._transfers.items())
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes that they take, at most."""
+        return sum(each.incoming.memory_bytes for each in self._transfers.values())
+
+    def get(self, place: Place) -> Transfer | None:
+        """Return the transfer from a source with a number, or None."""
+        return self._transfers.get(place)
+
+    def open(self, place: Place, fragment_bytes: int) -> Transfer:
+        """Begin with an object."""
+        incoming = IncomingObject(place[1], fragment_bytes, self._limits.largest_bytes)
+        transfer = self._transfers[place] = Transfer(incoming)
+        return transfer
+
+    def remove(self, place: Place) -> Transfer:
+        """Take an object out."""
+        return self._transfers.pop(place)
+
+    def make_room(self, newest: Place) -> Iterator[Place]:
+        """Yield what is to be given up, one by one; each is to be removed before the next.
+
+        Args:
+            newest: What has just been heard: given up only when nothing else may be.
+        """
+        while self._is_full and newest in self._transfers:
+            idle = [
+                (transfer.heard_at, place)
+                for place, transfer in self._transfers.items()
+                if not transfer.is_ending and place != newest
+            ]
+            yield self._last_of_key(min(idle)[1]) if idle else newest
+
+    @property
+    def _is_full(self) -> bool:
+        if len(self._transfers) > _MOST_AT_A_TIME:
+            return True
+        return self.memory_bytes > self._limits.incoming_bytes
+
+    def _last_of_key(self, place: Place) -> Place:
+        manifest = self._transfers[place].incoming.manifest
+        if manifest is None:
+            return place
+        key = (place[0], manifest.stream_id, manifest.instance, manifest.lineage)
+        of_key = [
+            (each.number, other)
+            for other, transfer in self._transfers.items()
+            if (each := transfer.incoming.manifest) is not None
+            and (other[0], each.stream_id, each.instance, each.lineage) == key
+            and not transfer.is_ending
+        ]
+        return max(of_key)[1]

@@ -1,0 +1,1 @@
+"""The source of an object: its fragments, their order, and what its receivers lack."""

@@ -1,0 +1,419 @@
+"""The sender's side of one transfer: rounds of fragments, each of which ends with a question.
+
+A *round* is the source fragments of the next block and as many repair fragments of the blocks
+before as the receivers will probably need; its last fragment calls for an answer, and the one
+before it announces that call, so that a receiver answers when either has arrived. Then the sender
+listens. It knows, for each receiver, how many fragments of each block it lacks; it never knows
+which, and need not.
+
+When no answer comes, the next round is short and useful: repair fragments, since the likeliest
+reason is a loss. When several questions in a row are not answered, nobody may be there: single
+fragments, at pauses that double.
+
+A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
+none of them will come, which it is told then: it is its turn.
+"""
+
+import random
+from collections import deque
+from collections.abc import Callable, Iterator, Set
+from typing import Final
+
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.transport.objects.code.code import BLOCK_FRAGMENTS, Fragments
+from zacoustic.core.transport.objects.manifest import Manifest
+from zacoustic.core.transport.objects.sending.planning import LossEstimate, repairs_to_send
+from zacoustic.core.transport.objects.sending.receiverview import ReceiverView
+from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.wire.objects import (
+    CHECK_BYTES,
+    MOST_BLOCKS,
+    NO_FRAGMENT,
+    WITHDRAWN,
+    Call,
+    Complete,
+    Feedback,
+    Fragment,
+    Headless,
+    Reason,
+    Refused,
+)
+
+_MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
+# While source fragments are still to be sent, another round costs nothing.
+_CHEAP_ROUND_FRAMES: Final = 1.0
+_PATIENT_QUESTIONS: Final = 4
+_QUESTIONS_A_PAUSE: Final = 2
+_MOST_DOUBLINGS: Final = 6
+# Two, so that a question is heard though one of them is lost.
+_SHORTEST_ROUND: Final = 2
+_FEW_LACKING: Final = 16
+_ANSWER_COPIES: Final = 3
+
+
+class OutgoingObject:
+    """One object on its way.
+
+    Args:
+        transfer: Its number.
+        receivers: Addresses that are to have it, and what is known of the loss on the way there.
+        manifest: What it is.
+        fragments: Its fragments.
+        rng: Draws the pauses between questions that nobody answers.
+    """
+
+    def __init__(
+        self,
+        transfer: int,
+        receivers: dict[int, LossEstimate],
+        manifest: Manifest,
+        fragments: Fragments,
+        rng: random.Random,
+    ) -> None:
+        self.transfer = transfer
+        self.manifest = manifest
+        self.fragments = fragments
+        self.views = {address: ReceiverView(loss) for address, loss in receivers.items()}
+        self.next_source = 0
+        self.next_seed = [0] * fragments.layout.blocks
+        self.transmitted = 0
+        """Fragments transmitted in this life."""
+        self.listens = False
+        """A question is on the air or not yet answered."""
+        self.due_at = 0
+        """Instant from which the next fragment may go; while it listens, of giving up."""
+        self.listens_until = 0
+        """Until then an answer may come, and nothing else should be transmitted."""
+        self.is_withdrawn = False
+        """It is not to be had any more; the receivers are told so."""
+        self._round: deque[int] = deque()
+        self._patience_ns = 0
+        self._asked: list[ReceiverView] = []
+        self._rng = rng
+
+    # What is to be sent
+
+    @property
+    def has_fragments(self) -> bool:
+        """Somebody needs fragments of it, or is to be told that it is withdrawn."""
+        return self.is_withdrawn or bool(self._lacking())
+
+    def next_at(self, is_turn: Callable[[int], bool]) -> int | None:
+        """Return the instant from which something of it may go, ns; None: all wait for their turn.
+
+        Args:
+            is_turn: Tells whether nothing before it will come for a receiver.
+        """
+        if self.listens or self.has_fragments:
+            return self.due_at
+        turns = [self.views[each].turn_at for each in self._holders(is_turn)]
+        return max(self.due_at, min(turns)) if turns else None
+
+    def next_turn(self, is_turn: Callable[[int], bool], now: int) -> int | None:
+        """Return the receiver that is told next that it is its turn; None: a fragment goes."""
+        if self.is_withdrawn:
+            return None
+        due = (each for each in self._holders(is_turn) if self.views[each].turn_at <= now)
+        return next(due, None)
+
+    def withdraw(self, now: int) -> None:
+        """Send nothing of it any more, but tell the receivers."""
+        self.is_withdrawn = True
+        self.listens = False
+        self.due_at = now
+        for view in self.views.values():
+            view.unanswered = 0
+
+    @property
+    def is_past_asking(self) -> bool:
+        """Nobody has answered for so long that nobody may be there."""
+        return all(view.unanswered > _PATIENT_QUESTIONS for view in self._waiting())
+
+    def resume(self, next_source: int, next_seed: int) -> None:
+        """Go on after a restart: nothing before these was kept from being sent."""
+        layout = self.fragments.layout
+        self.next_source = min(next_source, layout.fragments)
+        self.next_seed = [next_seed] * layout.blocks
+        if self.next_source:
+            begun = layout.block_of(self.next_source - 1) + 1
+            for view in self.views.values():
+                view.lacking = dict.fromkeys(range(begun))
+
+    def take(self, timing: Timing, *, window_follows: bool) -> Fragment:
+        """Return the fragment that is next, for transmission."""
+        self._asked = self._waiting() if self.is_withdrawn else self._lacking()
+        if self.is_withdrawn:
+            self.listens = True
+            return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, WITHDRAWN)
+        if not self._round:
+            self._round.extend(self._plan(timing))
+        index = self._round.popleft()
+        left = len(self._round)
+        call = Call.WINDOW if window_follows else Call.NONE
+        if left <= 1:
+            call = Call.ANSWER_NEXT if left else Call.ANSWER
+        layout = self.fragments.layout
+        block = layout.block_of(index)
+        if index == self.next_source < layout.fragments:
+            self.next_source += 1
+        for view in self.views.values():
+            view.lacking.setdefault(block, layout.size(block))
+            view.sent[block] = view.sent.get(block, 0) + 1
+        self.listens = not left
+        self.transmitted += 1
+        return Fragment(self.transfer, call, index, self.fragments.fragment(index))
+
+    def take_turn(self, address: int) -> Fragment:
+        """Return what tells a receiver that it is its turn, for transmission."""
+        view = self.views[address]
+        view.turns += 1
+        self.transmitted += 1
+        self._asked = [view]
+        self.listens = True
+        check = self.manifest.digest[:CHECK_BYTES]
+        return Fragment(self.transfer, Call.ANSWER, NO_FRAGMENT, check)
+
+    def transmitted_until(self, finished_at: int, timing: Timing) -> None:
+        """What was just taken has been on the air."""
+        if not self.listens:
+            self.due_at = finished_at
+            return
+        for view in self._asked:
+            view.unanswered += 1
+            view.asked = dict(view.sent)
+            view.asked_at = finished_at
+        alone = len(self._waiting()) == 1 or self._asked[0].holds
+        answers = _ANSWER_COPIES if alone else 2 * len(self.views) + 1
+        listen_ns = timing.exchange_ns + (answers - 1) * timing.feedback_slot_ns
+        self.listens_until = finished_at + listen_ns
+        self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
+        for view in self._asked:
+            view.turn_at = finished_at + self._pause_ns(timing, listen_ns, view.turns)
+            if view.unanswered > _PATIENT_QUESTIONS:
+                view.forget_holding()
+        waiting = self._lacking() or self._waiting()
+        silent = min((view.unanswered for view in waiting), default=0)
+        self.due_at = finished_at + self._pause_ns(timing, listen_ns, silent)
+
+    def give_up_listening(self, now: int) -> None:
+        """No answer, or not all of them, came in time: go on."""
+        self.listens = False
+        self.due_at = now
+
+    @property
+    def destination(self) -> int:
+        """Address of the frames: of the one receiver that is left, so that no other answers."""
+        waiting = [each for each, view in self.views.items() if not view.is_finished]
+        return waiting[0] if len(waiting) == 1 else BROADCAST
+
+    @property
+    def fragment_bytes(self) -> int:
+        """Bytes of data in the fragment that is sent next."""
+        return len(WITHDRAWN) if self.is_withdrawn else self.fragments.layout.fragment_bytes
+
+    def is_repair(self, index: int) -> bool:
+        """Tell whether a fragment of that index is a repair fragment."""
+        return self.fragments.layout.fragments <= index < NO_FRAGMENT
+
+    def next_seeds(self) -> int:
+        """Return a seed that no fragment sent so far has."""
+        return max(self.next_seed)
+
+    # What the receivers say
+
+    def answered(self, source: int, feedback: Feedback, now: int) -> bool:
+        """Take a feedback; False when it says nothing new or is not about this object."""
+        view = self.views.get(source)
+        if view is None or view.is_finished:
+            return False
+        layout = self.fragments.layout
+        if isinstance(feedback, Complete):
+            if feedback.check == self.manifest.digest[:CHECK_BYTES]:
+                view.complete = True
+                view.learn(layout, view.asked or view.sent, view.first, {})
+            elif self.is_withdrawn:
+                view.refused = Reason.CANCELLED  # nothing of this one has arrived
+            else:
+                # It has an object of a life of ours that is over: the manifest will tell it so.
+                view.headless = True
+        elif isinstance(feedback, Refused):
+            view.refused = feedback.reason
+        elif view.asked is None:
+            return False  # a copy of an answer that was taken
+        elif isinstance(feedback, Headless):
+            view.take_count(layout, view.asked, feedback.held)
+        else:
+            view.take_lacks(layout, view.asked, feedback)
+        if view.asked is not None:
+            # Medium access may make answers slow: it is waited for as long as that takes.
+            self._patience_ns = max(self._patience_ns * 7 // 8, (now - view.asked_at) * 5 // 4)
+        view.asked = None
+        view.unanswered = 0
+        if not any(view.unanswered for view in self._asked if not view.is_finished):
+            self.listens = False
+            self.due_at = now
+            self._round.clear()
+        return True
+
+    def handed_on(self, address: int) -> bool:
+        """A receiver is known to have handed it on; False when that is no news."""
+        view = self.views.get(address)
+        if view is None or view.is_finished:
+            return False
+        view.complete = True
+        if self.listens and not any(
+            each.unanswered for each in self._asked if not each.is_finished
+        ):
+            self.listens = False
+        return True
+
+    def is_for(self, receivers: Set[int]) -> bool:
+        """Tell whether one of those is to have it, or anybody has it."""
+        return any(view.complete or each in receivers for each, view in self.views.items())
+
+    def keep_only(self, receivers: Set[int]) -> bool:
+        """Forget others that do not have it; returns whether there were such."""
+        leaving = [
+            each for each, view in self.views.items() if each not in receivers and not view.complete
+        ]
+        for each in leaving:
+            view = self.views.pop(each)
+            self._asked = [other for other in self._asked if other is not view]
+        return bool(leaving)
+
+    @property
+    def is_finished(self) -> bool:
+        """No receiver needs anything more."""
+        return all(view.is_finished for view in self.views.values())
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Receivers that do not have it, as far as known."""
+        return tuple(address for address, view in self.views.items() if not view.complete)
+
+    @property
+    def delivered_fragments(self) -> int:
+        """Source fragments that every receiver has, or could have solved for, as far as known."""
+        layout = self.fragments.layout
+        held = [
+            layout.fragments
+            if view.complete
+            else layout.first(min(view.first, layout.blocks))
+            + sum(
+                layout.size(block) - lacking
+                for block, lacking in view.lacking.items()
+                if block >= view.first and lacking is not None
+            )
+            for view in self.views.values()
+            if view.refused is None
+        ]
+        return min(held, default=0)
+
+    @property
+    def done_bytes(self) -> int:
+        """Bytes of the payload that every receiver has, as far as known."""
+        delivered_bytes = self.delivered_fragments * self.fragments.layout.fragment_bytes
+        return min(self.manifest.payload_bytes, delivered_bytes)
+
+    @property
+    def sent_bytes(self) -> int:
+        """Bytes of the payload that were on the air at least once, in this life or before."""
+        sent_bytes = self.next_source * self.fragments.layout.fragment_bytes
+        return min(self.manifest.payload_bytes, sent_bytes)
+
+    # Below the methods above
+
+    def _waiting(self) -> list[ReceiverView]:
+        return [view for view in self.views.values() if not view.is_finished]
+
+    def _lacking(self) -> list[ReceiverView]:
+        """Return the receivers that need fragments, as far as known."""
+        return [view for view in self._waiting() if not view.holds]
+
+    def _holders(self, is_turn: Callable[[int], bool]) -> list[int]:
+        """Return the receivers that wait for their turn, and have it."""
+        return [
+            each
+            for each, view in self.views.items()
+            if view.holds and not view.is_finished and is_turn(each)
+        ]
+
+    def _plan(self, timing: Timing) -> Iterator[int]:
+        """Return the indices of the next round."""
+        layout = self.fragments.layout
+        waiting = self._lacking()
+        silent = all(view.unanswered for view in waiting)
+        planned: list[int] = []
+        unknown = any(None in view.lacking.values() for view in waiting)
+        if self.next_source == layout.fragments and (silent or unknown):
+            return self._probe(timing, waiting)
+        if any(view.headless for view in waiting):
+            planned += self._head()
+        behind = self._behind(waiting)
+        typical = max((view.loss for view in waiting), key=lambda loss: loss.received)
+        more = self.next_source < layout.fragments and len(behind) < MOST_BLOCKS
+        cost = self._round_frames(timing, waiting) / max(1, len(behind))
+        for block in behind:
+            needs = [need for view in waiting if (need := view.need(block, typical)) is not None]
+            if needs:
+                number = repairs_to_send(
+                    needs, _CHEAP_ROUND_FRAMES if more else cost, _MOST_IN_ROUND
+                )
+                if planned and block == 0:
+                    # The manifest is worth as much as a repair fragment, and must arrive.
+                    number -= len(planned)
+                    if number < _FEW_LACKING:
+                        number += len(planned)
+                        planned += self._head()
+                planned += self._repairs(block, number)
+        if more:
+            block = layout.block_of(self.next_source)
+            planned += range(self.next_source, layout.first(block + 1))
+        return iter(planned) if planned else self._probe(timing, waiting)
+
+    def _behind(self, waiting: list[ReceiverView]) -> list[int]:
+        """Return the blocks of which something was sent and something is lacking."""
+        return sorted(
+            {block for view in waiting for block, lacking in view.lacking.items() if lacking != 0}
+        )
+
+    def _probe(self, timing: Timing, waiting: list[ReceiverView]) -> Iterator[int]:
+        """Plan a short round: nobody has answered, or what the receivers lack is not known."""
+        behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
+        lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
+        number = min(timing.run_frames, lacking)
+        if min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
+            number = 1
+        head = self._head() if any(view.headless for view in waiting) else []
+        number = max(number, _SHORTEST_ROUND - len(head))
+        return iter(head + self._repairs(behind[-1], number))
+
+    def _head(self) -> list[int]:
+        """Return the fragments with the manifest."""
+        last = (self.manifest.size_bytes - 1) // self.fragments.layout.fragment_bytes
+        return list(range(min(last + 1, self.next_source)))
+
+    def _repairs(self, block: int, number: int) -> list[int]:
+        first = self.next_seed[block]
+        number = max(0, number)
+        self.next_seed[block] = first + number
+        layout = self.fragments.layout
+        return [layout.repair(block, seed) for seed in range(first, first + number)]
+
+    @staticmethod
+    def _round_frames(timing: Timing, waiting: list[ReceiverView]) -> float:
+        """Return what a question costs, in frames: the exchange, and again where it is lost."""
+        loss = max((view.loss.loss for view in waiting), default=0.0)
+        answered = (1 - loss**2) * (1 - loss**_ANSWER_COPIES)
+        return timing.exchange_ns / timing.slot_ns / max(0.1, answered)
+
+    def _pause_ns(self, timing: Timing, listen_ns: int, questions: int) -> int:
+        """Return the pause after so many questions without an answer that helps, ns."""
+        # Two sources that ask in one rhythm would never be heard.
+        is_step = questions > 1 or not timing.senses_carrier
+        drawn_ns = self._rng.randrange(timing.slot_ns) if is_step else 0
+        doublings = max(0, questions - _PATIENT_QUESTIONS) // _QUESTIONS_A_PAUSE
+        if not doublings:
+            return max(self._patience_ns, listen_ns) + drawn_ns
+        pause_ns = listen_ns << min(doublings, _MOST_DOUBLINGS)
+        return max(self._patience_ns, round(pause_ns * self._rng.uniform(0.75, 1.5))) + drawn_ns

@@ -1,0 +1,133 @@
+"""What the sender of an object knows of one receiver."""
+
+from zacoustic.core.transport.objects.code.code import Layout
+from zacoustic.core.transport.objects.sending.planning import LossEstimate, Need
+from zacoustic.core.wire.objects import Lacks
+
+
+class ReceiverView:
+    """What the sender knows of one receiver."""
+
+    def __init__(self, loss: LossEstimate) -> None:
+        self.loss = loss
+        self.complete = False
+        self.refused: int | None = None
+        """Why it does not want the object."""
+        self.headless = False
+        """It lacks the manifest."""
+        self.held = 0
+        """Fragments that it had when it lacked the manifest."""
+        self.first = 0
+        """All blocks before are complete."""
+        self.lacking: dict[int, int | None] = {}
+        """Of blocks of which something was sent; None: not known, from before a restart."""
+        self.sent: dict[int, int] = {}
+        """Fragments of each block sent since the last question that it answered."""
+        self.asked: dict[int, int] | None = None
+        """How many of them were sent before the last question; None: it is answered."""
+        self.asked_at = 0
+        """End of that question, ns."""
+        self.unanswered = 0
+        """Questions since it last answered."""
+        self.holds = False
+        """It has all of it, and waits for its turn."""
+        self.turns = 0
+        """How often it was told that it is its turn."""
+        self.turn_at = 0
+        """Instant from which it may be told so again, ns."""
+
+    @property
+    def is_finished(self) -> bool:
+        """It needs nothing more."""
+        return self.complete or self.refused is not None
+
+    def forget_holding(self) -> None:
+        """It does not say any more that it has all of it: maybe it has lost it."""
+        if self.holds:
+            self.holds, self.turns = False, 0
+            self.lacking = dict.fromkeys(self.lacking)
+
+    def need(self, block: int, typical: LossEstimate) -> Need | None:
+        """Return what it probably needs of a block, or None.
+
+        Args:
+            block: Which.
+            typical: The loss on the way to somebody, for a receiver of which nothing is known.
+        """
+        lacking = self.lacking.get(block)
+        if not lacking:
+            return None
+        loss = self.loss if self.loss.is_known else typical
+        # It has not answered since: so many of these will have arrived.
+        arrived = round(self.sent.get(block, 0) * (1 - loss.loss))
+        return Need(max(1, lacking - arrived), loss.received, loss.lost)
+
+    def answered_for(self, asked: dict[int, int]) -> None:
+        """What was sent before the question is accounted for; what was sent since is not."""
+        self.sent = {
+            block: left
+            for block, number in self.sent.items()
+            if (left := number - asked.get(block, 0)) > 0
+        }
+
+    def take_lacks(self, layout: Layout, asked: dict[int, int], lacks: Lacks) -> None:
+        """It says what it lacks.
+
+        Args:
+            layout: How the object is cut.
+            asked: How many fragments of each block were sent before the question.
+            lacks: What it says.
+        """
+        self.headless = False
+        self.holds = lacks.is_nothing and lacks.block == layout.blocks
+        if self.holds:
+            self.learn(layout, asked, layout.blocks, {})
+            return
+        self.turns = 0
+        told = dict(enumerate(lacks.lacking, lacks.block))
+        if max(told) >= layout.blocks or any(
+            lacking > layout.size(block) for block, lacking in told.items()
+        ):
+            # It speaks of another object: the manifest will tell it so.
+            self.headless = True
+            return
+        self.learn(layout, asked, lacks.block, told)
+
+    def learn(
+        self, layout: Layout, asked: dict[int, int], first: int, told: dict[int, int]
+    ) -> None:
+        """Compare what it lacked with what it lacks: so many have arrived since.
+
+        Args:
+            layout: How the object is cut.
+            asked: How many fragments of each block were sent before the question.
+            first: All blocks before are complete.
+            told: How many fragments it lacks of the blocks that it tells of.
+        """
+        self.first = first
+        for block, before in list(self.lacking.items()):
+            if block < first or self.complete:
+                after = 0
+            else:
+                after = told.get(block, layout.size(block))
+            sent = asked.get(block, 0)
+            if before is not None and before > 0:
+                arrived = max(0, before - after)
+                # What came after the last that was needed is not told: count none of it.
+                self.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
+            self.lacking[block] = after
+        self.answered_for(asked)
+
+    def take_count(self, layout: Layout, asked: dict[int, int], held: int) -> None:
+        """It lacks the manifest, and tells how many fragments it has."""
+        self.forget_holding()
+        self.headless = True
+        self.loss.learn(sum(asked.values()), held - self.held)
+        self.held = held
+        self.answered_for(asked)
+        if layout.blocks == 1:
+            self.lacking[0] = max(1, layout.fragments - held)
+            return
+        for block in self.lacking:
+            expected = layout.size(block) * self.loss.loss
+            self.lacking[block] = max(1, round(expected))

@@ -1,0 +1,448 @@
+"""The objects that a node sends: which of them is next, and what is written down of them."""
+
+import random
+from collections.abc import Callable, Set
+from functools import partial
+from typing import Final, Protocol
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
+from zacoustic.core.transport.objects.manifest import Manifest, encode_object
+from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
+from zacoustic.core.transport.objects.sending.planning import LossEstimate
+from zacoustic.core.transport.objects.stored import StoredObject, StoredPlace, out_key, sent_key
+from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.wire.objects import CHECK_BYTES, MOST_TRANSFERS, Feedback, Fragment
+from zacoustic.errors import PayloadTooLargeError, QueueFullError
+
+_EPOCH_STRIDE: Final = 23
+_STEP_DIVISOR: Final = 40
+
+
+class Sending(msgspec.Struct, kw_only=True):
+    """An own object and what belongs to it here."""
+
+    object_id: int
+    stream_id: int
+    instance: Instance
+    priority: Priority
+    exclusive: bool
+    lifespan_ns: int | None
+    expires_at: int | None
+    """When it becomes too old; None: never, or of a life before and not yet reckoned."""
+    outgoing: OutgoingObject
+    keeps: bool
+    """It survives a restart."""
+    may_go: bool
+    """It is in the journal, or need not be: nothing is sent before."""
+    source_kept: int = 0
+    """Source fragments below are noted as sent."""
+    seed_kept: int = 0
+    """Seeds below are noted as sent."""
+    told_bytes: int = 0
+    """What was told to be on the air."""
+
+    @property
+    def rank(self) -> tuple[int, int]:
+        """The smaller, the sooner."""
+        return (self.priority, self.object_id)
+
+
+class Owner(Protocol):
+    """Who has handed out the objects that are sent."""
+
+    def stored(self, sending: Sending, now: int) -> None:
+        """An object is in the journal."""
+
+    def is_turn(self, object_id: int, address: int) -> bool:
+        """Tell whether nothing before an object will come for a receiver."""
+
+    def passed(self, object_id: int, address: int, now: int) -> None:
+        """A receiver has handed an object on."""
+
+    def refused(self, object_id: int, address: int, now: int) -> None:
+        """A receiver does not want an object."""
+
+
+class OutgoingObjects:
+    """All objects that one node sends.
+
+    Args:
+        epoch: Its boot epoch: lives in a row begin with other transfer numbers.
+        most: Most objects at a time, those that wait included.
+        rng: Draws pauses.
+        emit: Takes progress.
+        owner: Is told of them, and knows when it is their turn.
+        journal: Keeps what is to survive.
+    """
+
+    def __init__(
+        self,
+        *,
+        epoch: int,
+        most: int,
+        rng: random.Random,
+        emit: Callable[[ObjectProgress], None],
+        owner: Owner,
+        journal: JournalPort,
+    ) -> None:
+        self._sendings: dict[int, Sending] = {}
+        self._most = most
+        self._rng = rng
+        self._emit = emit
+        self._owner = owner
+        self._journal = journal
+        self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
+        self._losses: dict[int, LossEstimate] = {}
+        self._on_air: Sending | None = None
+        self.held: dict[int, int] = {}
+        """Instant before which no fragment of a stream goes, ns, by stream."""
+        self._off: set[int] = set()
+        self._priorities: dict[int, Priority] = {}
+
+    def __len__(self) -> int:
+        return len(self._sendings)
+
+    def pending(self, stream_id: int) -> int:
+        """Count the objects of a stream that are not yet delivered."""
+        return sum(each.stream_id == stream_id for each in self._sendings.values())
+
+    # Commands
+
+    def add(
+        self,
+        order: StoredObject,
+        now: int,
+        *,
+        keep: bool = True,
+        transfer: int | None = None,
+        expires_at: int | None = None,
+    ) -> None:
+        """Take an object to be sent.
+
+        Raises:
+            PayloadTooLargeError: More fragments than an index can name.
+            QueueFullError: Too many objects are on their way.
+        """
+        manifest, coded = encode_object(
+            order.stream_id,
+            order.instance,
+            order.encoding,
+            order.payload,
+            lineage=order.lineage,
+            number=order.number,
+        )
+        fragments = Fragments(coded, order.fragment_bytes)
+        if fragments.layout.fragments > MOST_FRAGMENTS:
+            most_bytes = MOST_FRAGMENTS * order.fragment_bytes - manifest.size_bytes
+            raise PayloadTooLargeError(
+                f"the payload is {len(order.payload)} bytes; an object on this link has at most "
+                f"{most_bytes}",
+                hint="publish it in pieces",
+            )
+        restored = transfer is not None
+        if transfer is None:
+            transfer = self._free_transfer()
+        losses = {
+            address: self._losses.setdefault(address, LossEstimate()) for address in order.receivers
+        }
+        outgoing = OutgoingObject(transfer, losses, manifest, fragments, self._rng)
+        outgoing.due_at = now
+        lifespan_ns = None if order.lifespan_s is None else seconds_to_ns(order.lifespan_s)
+        sending = self._sendings[transfer] = Sending(
+            object_id=order.object_id,
+            stream_id=order.stream_id,
+            instance=order.instance,
+            priority=self._priorities.get(order.stream_id, Priority(order.priority)),
+            exclusive=order.exclusive,
+            lifespan_ns=lifespan_ns,
+            expires_at=expires_at,
+            outgoing=outgoing,
+            keeps=keep,
+            may_go=restored or not keep,
+        )
+        self._report(sending, ObjectState.UNDER_WAY, "")
+        if keep and not restored:
+            self._journal.write(
+                out_key(transfer),
+                msgspec.msgpack.encode(order),
+                lambda at: self._stored(sending, at),
+            )
+
+    def restore(self, transfer: int, order: StoredObject, place: StoredPlace) -> None:
+        """Go on with an object of a life before."""
+        self.add(order, 0, transfer=transfer)
+        sending = self._sendings[transfer]
+        sending.outgoing.resume(place.next_source, place.next_seed)
+        sending.source_kept, sending.seed_kept = place.next_source, place.next_seed
+
+    def forget(self, transfer: int) -> None:
+        """Forget an object of a life before."""
+        self._journal.write(sent_key(transfer), None)
+        self._journal.write(out_key(transfer), None)
+
+    def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
+        """Withdraw an object; False when it is not under way."""
+        for sending in self._sendings.values():
+            if sending.object_id == object_id and not sending.outgoing.is_withdrawn:
+                self._withdraw(sending, state, detail, now)
+                return True
+        return False
+
+    def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
+        """Of the receivers of a stream's objects, go on with those; `detail`: if none is left."""
+        for sending in list(self._sendings.values()):
+            outgoing = sending.outgoing
+            if sending.stream_id != stream_id or outgoing.is_withdrawn:
+                continue
+            if not outgoing.is_for(receivers):
+                self._withdraw(sending, ObjectState.REFUSED, detail, now)
+            elif outgoing.keep_only(receivers):
+                self._conclude(sending)
+
+    def expire(self, now: int) -> None:
+        """Withdraw what is too old."""
+        for sending in list(self._sendings.values()):
+            at = sending.expires_at
+            if at is not None and at <= now and not sending.outgoing.is_withdrawn:
+                self._withdraw(sending, ObjectState.EXPIRED, "older than its lifespan", now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the instant at which the next object becomes too old."""
+        return min(
+            (
+                each.expires_at
+                for each in self._sendings.values()
+                if each.expires_at is not None and not each.outgoing.is_withdrawn
+            ),
+            default=None,
+        )
+
+    # Sending
+
+    def use_link(self, fragment_bytes: int, now: int) -> None:
+        """Cut anew what is too large for the frames of a link."""
+        for sending in list(self._sendings.values()):
+            if sending.expires_at is None and sending.lifespan_ns is not None:
+                # How old it was, no clock tells: its lifespan begins anew.
+                sending.expires_at = now + sending.lifespan_ns
+            before = sending.outgoing
+            if before.fragments.layout.fragment_bytes <= fragment_bytes:
+                continue
+            fragments = before.fragments.cut(fragment_bytes)
+            if fragments.layout.fragments > MOST_FRAGMENTS:
+                self._report(sending, ObjectState.CANCELLED, "too large for this link")
+                self._end(sending)
+                continue
+            losses = {address: view.loss for address, view in before.views.items()}
+            sending.outgoing = OutgoingObject(
+                before.transfer, losses, before.manifest, fragments, self._rng
+            )
+            sending.outgoing.due_at = now
+            sending.source_kept = sending.seed_kept = sending.told_bytes = 0
+            if sending.keeps:
+                place = msgspec.msgpack.encode(StoredPlace(0, 0))
+                self._journal.write(sent_key(before.transfer), place)
+
+    def tune(self, stream_id: int, priority: Priority, *, on: bool) -> None:
+        """Let the objects of a stream go with this priority, or wait."""
+        self._priorities[stream_id] = priority
+        (self._off.discard if on else self._off.add)(stream_id)
+        for sending in self._sendings.values():
+            if sending.stream_id == stream_id:
+                sending.priority = priority
+
+    def next(self, now: int) -> tuple[Sending | None, int]:
+        """Return the object whose fragment is next, and the instant from which it may go."""
+        quiet_until = self.listens_until(now)
+        best: tuple[int, tuple[int, int]] | None = None
+        chosen: Sending | None = None
+        for sending in self._sendings.values():
+            if not sending.may_go or sending.stream_id in self._off:
+                continue
+            at = sending.outgoing.next_at(partial(self._owner.is_turn, sending.object_id))
+            if at is None:
+                continue
+            if not sending.outgoing.listens:
+                at = max(at, quiet_until, self.held.get(sending.stream_id, 0))
+            place = (max(at, now), sending.rank)
+            if best is None or place < best:
+                best, chosen = place, sending
+        return chosen, best[0] if best is not None else now
+
+    def take(
+        self, now: int, timing: Timing, frames_before_pause: int
+    ) -> tuple[Sending, Fragment] | None:
+        """Return the fragment that is next, for transmission.
+
+        Args:
+            now: The instant.
+            timing: The durations.
+            frames_before_pause: Full frames before the next listen window, this one included.
+        """
+        sending, at = self.next(now)
+        if sending is None or at > now:
+            return None
+        outgoing = sending.outgoing
+        if outgoing.listens:
+            outgoing.give_up_listening(now)
+            if outgoing.is_withdrawn and outgoing.is_past_asking:
+                self._end(sending)
+                return self.take(now, timing, frames_before_pause)
+        turn = self._turn(sending, now)
+        window_follows = not sending.exclusive and frames_before_pause == 1
+        if turn is not None:
+            fragment = outgoing.take_turn(turn)
+        elif not outgoing.has_fragments:
+            return self.take(now, timing, frames_before_pause)
+        else:
+            fragment = outgoing.take(timing, window_follows=window_follows)
+        self._keep_place(sending)
+        self._on_air = sending
+        return sending, fragment
+
+    def next_bytes(self, sending: Sending, now: int) -> int:
+        """Return the bytes of data in what is sent next of an object."""
+        return CHECK_BYTES if self._turn(sending, now) else sending.outgoing.fragment_bytes
+
+    def next_destination(self, sending: Sending, now: int) -> int:
+        """Return the address that what is sent next of an object goes to."""
+        return self._turn(sending, now) or sending.outgoing.destination
+
+    def _turn(self, sending: Sending, now: int) -> int | None:
+        return sending.outgoing.next_turn(partial(self._owner.is_turn, sending.object_id), now)
+
+    @property
+    def is_exclusive(self) -> bool:
+        """Of the objects that have been begun, the first is exclusive."""
+        going = (each for each in self._sendings.values() if each.stream_id not in self._off)
+        begun = [each for each in going if each.outgoing.transmitted]
+        return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
+
+    def transmitted(self, finished_at: int, timing: Timing) -> None:
+        """The fragment just taken has been on the air."""
+        sending, self._on_air = self._on_air, None
+        if sending is not None:
+            outgoing = sending.outgoing
+            outgoing.transmitted_until(finished_at, timing)
+            if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
+                sending.told_bytes = outgoing.sent_bytes
+                self._report(sending, ObjectState.UNDER_WAY, "")
+
+    def listens_until(self, now: int) -> int:
+        """Return the instant until which an answer may come; `now` when none is awaited."""
+        return max(
+            (
+                each.outgoing.listens_until
+                for each in self._sendings.values()
+                if each.outgoing.listens
+            ),
+            default=now,
+        )
+
+    def answered(self, source: int, feedback: Feedback, now: int) -> bool:
+        """Take a feedback; False when it belongs to no object or says nothing new."""
+        sending = self._sendings.get(feedback.transfer)
+        if sending is None or not sending.outgoing.answered(source, feedback, now):
+            return False
+        view = sending.outgoing.views[source]
+        if view.complete:
+            self._owner.passed(sending.object_id, source, now)
+        elif view.refused is not None:
+            self._owner.refused(sending.object_id, source, now)
+        self._conclude(sending)
+        return True
+
+    def handed_on(self, object_id: int, address: int) -> None:
+        """A receiver has acknowledged in another way that it has handed an object on."""
+        for sending in list(self._sendings.values()):
+            if sending.object_id == object_id and sending.outgoing.handed_on(address):
+                self._conclude(sending)
+
+    def _conclude(self, sending: Sending) -> None:
+        """Tell of an object of which a receiver has told, and end it after the last."""
+        outgoing = sending.outgoing
+        if not outgoing.is_finished:
+            self._report(sending, ObjectState.UNDER_WAY, "")
+        else:
+            self._end(sending)
+            if not outgoing.is_withdrawn:
+                refusals = [
+                    f"{address}: {view.refused}"
+                    for address, view in outgoing.views.items()
+                    if view.refused is not None
+                ]
+                state = ObjectState.REFUSED if refusals else ObjectState.DELIVERED
+                self._report(sending, state, ", ".join(refusals))
+
+    # Below the methods above
+
+    def _stored(self, sending: Sending, now: int) -> None:
+        """It is in the journal: it may go."""
+        sending.may_go = True
+        sending.outgoing.due_at = max(now, sending.outgoing.due_at)
+        self._owner.stored(sending, now)
+
+    def _free_transfer(self) -> int:
+        if len(self._sendings) >= self._most:
+            raise QueueFullError(f"{self._most} objects are on their way already")
+        while self._next_transfer in self._sendings:
+            self._next_transfer = (self._next_transfer + 1) % MOST_TRANSFERS
+        transfer = self._next_transfer
+        self._next_transfer = (transfer + 1) % MOST_TRANSFERS
+        return transfer
+
+    def _keep_place(self, sending: Sending) -> None:
+        """Note ahead of time what will have been sent."""
+        if not sending.keeps:
+            return
+        outgoing = sending.outgoing
+        fragments = outgoing.fragments.layout.fragments
+        step = max(1, fragments // _STEP_DIVISOR)
+        next_source, next_seed = outgoing.next_source, outgoing.next_seeds()
+        if next_source > sending.source_kept or next_seed > sending.seed_kept:
+            if next_source > sending.source_kept:
+                sending.source_kept = min(fragments, next_source - 1 + step)
+            sending.seed_kept = max(sending.seed_kept, next_seed + step) if next_seed else 0
+            place = StoredPlace(sending.source_kept, sending.seed_kept)
+            self._journal.write(sent_key(outgoing.transfer), msgspec.msgpack.encode(place))
+
+    def _withdraw(self, sending: Sending, state: ObjectState, detail: str, now: int) -> None:
+        self._report(sending, state, detail)
+        sending.outgoing.withdraw(now)
+        if not sending.outgoing.transmitted:
+            self._end(sending)
+
+    def _end(self, sending: Sending) -> None:
+        transfer = sending.outgoing.transfer
+        del self._sendings[transfer]
+        if self._on_air is sending:
+            self._on_air = None
+        if sending.keeps:
+            self.forget(transfer)
+
+    def _report(self, sending: Sending, state: ObjectState, detail: str) -> None:
+        manifest: Manifest = sending.outgoing.manifest
+        views = sending.outgoing.views
+        is_delivered = state is ObjectState.DELIVERED
+        self._emit(
+            ObjectProgress(
+                stream_id=sending.stream_id,
+                peer=next(iter(views)) if len(views) == 1 else BROADCAST,
+                transfer=sending.outgoing.transfer,
+                object_id=sending.object_id,
+                state=state,
+                done_bytes=manifest.payload_bytes if is_delivered else sending.outgoing.done_bytes,
+                sent_bytes=sending.outgoing.sent_bytes,
+                total_bytes=manifest.payload_bytes,
+                missing=() if state is ObjectState.UNDER_WAY else sending.outgoing.missing,
+                detail=detail,
+            )
+        )

@@ -1,0 +1,67 @@
+"""The durations of a transfer, all of them from what the link says of itself.
+
+No number of seconds here belongs to one modem: a *slot* is the time from the start of a full frame
+to the start of the next, and the other durations follow from slots and the propagation delay.
+"""
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.schedule.access.otherruns import RUN_LIMIT_NS
+from zacoustic.core.wire.objects import FEEDBACK_BYTES
+
+
+class Timing(msgspec.Struct, frozen=True, kw_only=True):
+    """Durations on one link, ns."""
+
+    frame_ns: int
+    """Airtime of a full frame."""
+    gap_ns: int
+    """What the device needs after a frame."""
+    feedback_ns: int
+    """Airtime of a frame with a feedback."""
+    propagation_ns: int
+    """Propagation delay to reckon with, one way."""
+    pause_ns: int
+    """Length of a listen window."""
+    senses_carrier: bool = True
+    """Two that start at once hear of each other, unless they do within a propagation delay."""
+
+    @classmethod
+    def of(cls, capabilities: LinkCapabilities, envelope_bytes: int, pause_ns: int) -> "Timing":
+        """Derive the durations from a link and from what the envelope adds to a frame."""
+        feedback_bytes = min(capabilities.mtu_bytes, FEEDBACK_BYTES + envelope_bytes)
+        return cls(
+            frame_ns=capabilities.airtime_ns(capabilities.mtu_bytes),
+            gap_ns=seconds_to_ns(capabilities.gap_s),
+            feedback_ns=capabilities.airtime_ns(feedback_bytes),
+            propagation_ns=seconds_to_ns(capabilities.propagation_s),
+            pause_ns=pause_ns,
+            senses_carrier=capabilities.senses_carrier,
+        )
+
+    @property
+    def slot_ns(self) -> int:
+        """From the start of a full frame to the start of the next, ≥ 1."""
+        return max(1, self.frame_ns + self.gap_ns)
+
+    @property
+    def feedback_slot_ns(self) -> int:
+        """From the start of a feedback to the start of what may follow it, ≥ 1."""
+        return max(1, self.feedback_ns + self.gap_ns)
+
+    @property
+    def exchange_ns(self) -> int:
+        """From the end of a fragment that calls for an answer to the end of that answer."""
+        return 2 * self.propagation_ns + self.feedback_slot_ns
+
+    @property
+    def run_frames(self) -> int:
+        """Full frames between two listen windows."""
+        return max(1, (RUN_LIMIT_NS + self.gap_ns) // self.slot_ns)
+
+    @property
+    def period_ns(self) -> int:
+        """From the end of a listen window to the end of the next."""
+        return self.run_frames * self.slot_ns + self.pause_ns

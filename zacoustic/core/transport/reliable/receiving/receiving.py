@@ -1,0 +1,452 @@
+"""The subscriber's side: samples in their order, each once, and what is owed for them."""
+
+import enum
+import random
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Positions
+from zacoustic.core.transport.reliable.receiving.receivelane import ReceiveLane
+from zacoustic.core.transport.reliable.sending.places import Place
+from zacoustic.core.wire.frame import SYNC_BYTES, Control, Sync
+from zacoustic.core.wire.numbers import Ack, resolve, resolve_floor
+
+ACK_LANE: Final = 4
+ACK_HEAD_BYTES: Final = 3
+"""Prefix, address and stream id."""
+_ACK_QOS: Final = Qos(priority=Priority.INTERACTIVE_HIGH)
+_MOST_UNHEARD: Final = 5
+
+
+class Arrival(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample that came, and how."""
+
+    sync: Sync | None
+    """What stood before it."""
+    low_number: int
+    """The seven bits of its number."""
+    in_rhythm: bool
+    """It is marked so."""
+    frame_bytes: int
+    """Size of its frame."""
+    sample: SampleReceived
+    """The event to hand on when it is its turn."""
+    is_alone: bool
+    """The frame was for this node, so no other one answers."""
+    spare_bytes: int
+    """What the frame would have had left, had the record been in it twice, less the MTU: with
+    less than nothing the publisher may have had more to say."""
+
+
+class _Turn(msgspec.Struct, frozen=True):
+    """How long an ACK waits before it is a reason for a frame of its own."""
+
+    linger_ns: int = 0
+    """For the end of the publisher's frames; each one of them puts it off."""
+    offset_ns: int = 0
+    """Behind that, so that those who answer do not speak all at once."""
+
+
+class Claim(enum.Enum):
+    """Whether it is the turn of a large sample that is complete."""
+
+    NOW = "now"
+    """It is handed on next."""
+    LATER = "later"
+    """Something before it may still come."""
+    OVER = "over"
+    """It was handed on before, or given up."""
+    FORMER = "former"
+    """Its lineage is over: it will not be handed on, and whether it was is not known."""
+
+
+class _AckWaiting(Waiting):
+    """An ACK in the transmit queue."""
+
+    __slots__ = ("owed_at",)
+    owed_at: int
+    """Since when one is owed, ns."""
+
+
+class ReliableReceiving:
+    """What came reliably from other nodes.
+
+    Args:
+        address: Address of this node.
+        table: Its streams.
+        queue: Takes ACKs.
+        journal: Keeps the positions.
+        doubt: Whether some of them are forgotten: what comes then may come again.
+        rng: Draws when a repetition is acknowledged.
+        emit: Takes the samples in their order, and the instant.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        journal: JournalPort,
+        doubt: Doubt,
+        rng: random.Random,
+        emit: Callable[[SampleReceived, int], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._doubt = doubt
+        self._positions = Positions(journal, table)
+        self._rng = rng
+        self._emit = emit
+        self._lanes: dict[LaneKey, ReceiveLane] = {}
+        self._left: list[LaneKey] = []
+        """Lanes of which a former life was about to hand something on."""
+        self._watched: dict[LaneKey, ReceiveLane] = {}
+        """Those of which something may have to be asked for."""
+        self._times: LinkTimes | None = None
+
+    def use_link(self, times: LinkTimes) -> None:
+        """Take the airtimes of a link."""
+        self._times = times
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on from the positions that a former life has left."""
+        self._lanes.update(self._positions.recover(stored))
+        self._left = [key for key, lane in self._lanes.items() if lane.pending]
+
+    def link_up(self, now: int) -> None:
+        """The link is up: what a former life was about to hand on is handed on."""
+        for key in self._left:
+            lane = self._lanes[key]
+            for sample in lane.pending:
+                self._emit(msgspec.structs.replace(sample, received_at=now), now)
+            lane.pending.clear()
+            self._positions.write(key, lane, lane.expected)
+        self._left.clear()
+
+    def receive(self, stream: Stream, arrival: Arrival, now: int) -> str | None:
+        """Take a sample of a topic; returns why it is dropped, or None."""
+        sync, sample = arrival.sync, arrival.sample
+        if sync is not None and self._doubt.reason:
+            sample = msgspec.structs.replace(sample, again=True)
+        key = (sample.source, stream.stream_id, sample.instance)
+        lane = self._lanes.get(key)
+        ready: list[SampleReceived] = []
+        if sync is not None and lane is not None and sync.lineage in lane.former:
+            # It came late, or its publisher has forgotten what it has published since.
+            self._owe(key, lane.ack(), lane.sync, now, self._turn(stream, arrival))
+            return "repeated_sample"
+        if sync is not None and (lane is None or lane.lineage != sync.lineage):
+            lane, ready = ReceiveLane.behind(lane, sync.lineage, sync.floor)
+            self._lanes[key] = lane
+        if lane is None or (sync is None and not lane.is_settled):
+            self._owe(key, Ack(0, knows=False), None, now, self._turn(stream, arrival))
+            return "out_of_sync"
+        lane.in_sync, lane.is_settled = sync is None, True
+        before = lane.expected
+        if sync is not None:
+            ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
+        number = resolve(arrival.low_number, lane.expected)
+        answers = self._learn(lane, number, arrival)
+        reason = None
+        if number < lane.expected or number in lane.held:
+            reason = "repeated_sample"
+        else:
+            lane.held[number] = sample
+            ready += lane.hand_on(number - stream.qos.depth + 1)
+        is_first = reason is None and sync is None
+        turn = self._turn(stream, arrival, is_first=is_first, unheard=lane.unheard)
+        self._count(key, lane, is_new=reason is None)
+        if is_first:
+            self._watch(key, lane, now + turn.linger_ns + turn.offset_ns)
+        own_turn = turn if answers else None
+        if ready or lane.expected != before:  # what is given up is not asked for any more
+            self._keep(key, lane, ready, stream, now, own_turn)
+        else:
+            self._owe_ack(key, lane, now, own_turn)
+        return reason
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """Ask for what has not come in time."""
+        if self._times is None:
+            return
+        for key, lane in list(self._watched.items()):
+            ask_at = lane.watch.ask_at
+            if ask_at is None or self._lanes[key] is not lane:
+                del self._watched[key]
+            elif ask_at <= now:
+                lane.watch.asks(now, self._times)
+                self._owe_ack(key, lane, now, _Turn())
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something is asked for, ns, or None."""
+        instants = (lane.watch.ask_at for lane in self._watched.values())
+        return min((at for at in instants if at is not None), default=None)
+
+    # Large samples
+
+    def claim(
+        self,
+        stream: Stream,
+        source: int,
+        instance: Instance,
+        place: Place,
+        now: int,
+        *,
+        is_turn: bool,
+    ) -> Claim:
+        """Tell whether it is the turn of a large sample that is complete.
+
+        NOW: the caller writes down that it is handed on, and then calls `take`.
+
+        Args:
+            stream: The topic.
+            source: Who published it.
+            instance: Which of the topic's keys.
+            place: Where it stands.
+            now: The instant.
+            is_turn: The publisher says that nothing before it will come.
+        """
+        key = (source, stream.stream_id, instance)
+        lane = self._lanes.get(key)
+        ready: list[SampleReceived] = []
+        if lane is None or lane.lineage != place.lineage:
+            # Of two lineages nobody but the publisher knows which one is over.
+            if lane is not None and place.lineage in lane.former:
+                return Claim.FORMER
+            if not is_turn and (place.number or lane is not None):
+                return Claim.LATER
+            lane, ready = ReceiveLane.behind(lane, place.lineage, place.number)
+            lane.in_sync = False
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if number < lane.expected:
+            return Claim.OVER
+        ready += lane.hand_on(number if is_turn else number - stream.qos.depth + 1)
+        if ready:
+            self._keep(key, lane, ready, stream, now, self._large_turn)
+        return Claim.LATER if number > lane.expected else Claim.NOW
+
+    def expect(self, source: int, stream_id: int, instance: Instance, place: Place) -> None:
+        """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
+        lane = self._lanes.get((source, stream_id, instance))
+        if lane is None or lane.lineage != place.lineage:
+            return
+        lane.large_end = max(lane.large_end, resolve_floor(place.number, lane.expected) + 1)
+        if lane.awaits_large:
+            lane.watch.forget()
+
+    def take(
+        self,
+        stream: Stream,
+        key: tuple[int, int, Instance],
+        place: Place,
+        sample: SampleReceived | None,
+        now: int,
+    ) -> None:
+        """Hand on a large sample, and what is held behind it; not if it is over meanwhile.
+
+        Args:
+            stream: The topic.
+            key: Source, stream, instance.
+            place: Where it stands.
+            sample: The sample; None: it cannot be read, but nothing waits for it any longer.
+            now: The instant.
+        """
+        lane = self._lanes.get(key)
+        if lane is None or lane.lineage != place.lineage:
+            return
+        number = resolve_floor(place.number, lane.expected)
+        if number != lane.expected:
+            return
+        lane.is_settled = True
+        lane.expected = lane.kept = number + 1
+        self._positions.write(key, lane, lane.expected)
+        if sample is not None:
+            again = sample.again or bool(self._doubt.reason)
+            self._emit(msgspec.structs.replace(sample, again=again), now)
+        self._hand_on_held(key, lane, stream, now)
+
+    def hand_on_left(self, sample: SampleReceived | None, now: int) -> None:
+        """Hand on a large sample that a former life was about to; None: it is unreadable."""
+        if sample is not None:
+            self._emit(sample, now)
+
+    def recover_place(self, stream_id: int, source: int, instance: Instance, place: Place) -> None:
+        """A former life has written down that it handed a large sample on."""
+        key = (source, stream_id, instance)
+        lane = self._lanes.get(key)
+        if lane is None:
+            lane = ReceiveLane(place.lineage, place.number, is_settled=False)
+            self._lanes[key] = lane
+        number = resolve_floor(place.number, lane.expected)
+        if lane.lineage == place.lineage and lane.expected <= number:
+            lane.expected = lane.kept = number + 1
+
+    # Below the methods above
+
+    def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
+        """Learn the rhythm from a sample; returns whether it is to be answered."""
+        assert self._times is not None
+        is_rhythmic = not (self._times.is_delegated or lane.awaits_large)
+        if arrival.sync is not None or not is_rhythmic:
+            lane.watch.forget()
+            return True
+        frame_ns = self._times.airtime_ns(arrival.frame_bytes)
+        return not lane.watch.take(
+            number,
+            at=arrival.sample.received_at - frame_ns,
+            frame_ns=frame_ns,
+            newest=number > lane.newest,
+            marked=arrival.in_rhythm,
+            times=self._times,
+        )
+
+    def _count(self, key: LaneKey, lane: ReceiveLane, *, is_new: bool) -> None:
+        """Count the answers that were said, and behind which the same comes again."""
+        source, stream_id, instance = key
+        if is_new:
+            lane.unheard = 0
+        elif self._queue.first((stream_id, ACK_LANE, source, *instance)) is None:
+            lane.unheard = min(lane.unheard + 1, _MOST_UNHEARD)
+
+    def _watch(self, key: LaneKey, lane: ReceiveLane, soon_at: int) -> None:
+        assert self._times is not None
+        lane.watch.plan(lane.newest, is_whole=not lane.held, soon_at=soon_at, times=self._times)
+        if lane.watch.ask_at is not None:
+            self._watched[key] = lane
+
+    def _hand_on_held(self, key: LaneKey, lane: ReceiveLane, stream: Stream, now: int) -> None:
+        before = lane.expected
+        ready = lane.hand_on(before)
+        if lane.expected > before:
+            self._keep(key, lane, ready, stream, now, self._large_turn)
+
+    @property
+    def _large_turn(self) -> _Turn:
+        assert self._times is not None
+        return _Turn(self._times.ack_linger_ns)
+
+    def _keep(
+        self,
+        key: LaneKey,
+        lane: ReceiveLane,
+        ready: list[SampleReceived],
+        stream: Stream,
+        now: int,
+        turn: _Turn | None,
+    ) -> None:
+        """Write the position down and hand the samples on; that first, where the topic asks."""
+        expected = lane.expected
+
+        def kept(at: int) -> None:
+            for sample in ready:
+                self._emit(sample, at)
+            if stream.spec.journal and ready:
+                del lane.pending[: len(ready)]
+                if self._lanes.get(key) is lane:
+                    self._positions.write(key, lane, lane.expected)
+            lane.kept = max(lane.kept, expected)
+            if self._lanes.get(key) is lane:
+                self._owe_ack(key, lane, at, turn)
+
+        if stream.spec.journal:
+            lane.pending += ready
+            self._positions.write(key, lane, expected, kept)
+        else:
+            # No promise waits for it: it spares most of the repetitions after a restart.
+            self._positions.write(key, lane, expected)
+            kept(now)
+
+    def _owe_ack(self, key: LaneKey, lane: ReceiveLane, now: int, turn: _Turn | None) -> None:
+        """Let an ACK wait; without a turn until it is asked for what is missing."""
+        sync = None if lane.in_sync else lane.sync
+        ask_at = lane.watch.ask_at
+        if turn is None and ask_at is not None:
+            self._push(key, lane.ack(), sync, owed_at=ask_at, due_at=ask_at)
+        else:
+            self._owe(key, lane.ack(), sync, now, turn or _Turn())
+
+    def _owe(self, key: LaneKey, ack: Ack, sync: Sync | None, now: int, turn: _Turn) -> None:
+        """Let an ACK wait for its turn."""
+        assert self._times is not None
+        source, stream_id, instance = key
+        before = self._queue.first((stream_id, ACK_LANE, source, *instance))
+        owed_at = before.owed_at if isinstance(before, _AckWaiting) else now
+        patient_until = owed_at + self._times.ack_patience_ns
+        due_at = min(now + turn.linger_ns, patient_until) + turn.offset_ns
+        if before is not None and now >= patient_until:
+            due_at = min(due_at, before.queued_at)
+        self._push(key, ack, sync, owed_at=owed_at, due_at=max(now, due_at))
+
+    def _push(
+        self, key: LaneKey, ack: Ack, sync: Sync | None, *, owed_at: int, due_at: int
+    ) -> None:
+        """Queue an ACK in the place of one that waits already."""
+        source, stream_id, instance = key
+        lane_key = (stream_id, ACK_LANE, source, *instance)
+        largest_bytes = self._queue.largest_bytes
+        assert largest_bytes is not None
+        head_bytes = ACK_HEAD_BYTES + len(instance) + (SYNC_BYTES if sync else 0)
+        item = _AckWaiting(
+            stream_id=stream_id,
+            destination=source,
+            prefix=bytes((Control.ACK,)),
+            address=bytes((source,)),
+            head=bytes(instance),
+            payload=ack.encode(max(1, largest_bytes - head_bytes)),
+            delimits_itself=True,
+            cause=Cause.ACK,
+            queued_at=due_at,
+        )
+        item.owed_at = owed_at
+        item.sync = sync.encode() if sync else b""
+        self._queue.drop_lane(lane_key)
+        self._queue.push(lane_key, item, _ACK_QOS)
+
+    def _turn(
+        self, stream: Stream, arrival: Arrival, *, is_first: bool = False, unheard: int = 0
+    ) -> _Turn:
+        """Return how long an ACK waits: for the end of the publisher's frames, and for its turn.
+
+        Receivers answer in the order of their addresses. Where an answer was lost, since they are
+        not equally far away, or one had more to say, the same might be lost in the same way again:
+        a repetition is answered at a random instant. All may wait for the same pause of the
+        publisher: so the range of that is doubled each time when nothing new follows, up to the
+        deadline of the topic.
+        """
+        times = self._times
+        assert times is not None
+        assert isinstance(stream.spec, TopicSpec)
+        linger_ns = times.ack_linger_ns
+        # A publisher goes on when its frame is full, and with further copies of what is urgent.
+        is_full = arrival.spare_bytes + times.mtu_bytes < 0
+        if is_full or stream.qos.priority is Priority.REAL_TIME:
+            linger_ns += times.next_frame_ns
+        listed = stream.spec.subscribers
+        source = arrival.sample.source
+        others = sorted(set(self._table.nodes if listed is None else listed) - {source})
+        if not is_first:
+            spread_ns = times.ack_spread_ns(len(others))
+            if len(others) > 1:
+                most_ns = stream.qos.deadline_ns or spread_ns << unheard
+                spread_ns = max(spread_ns, min(spread_ns << unheard, most_ns))
+            return _Turn(linger_ns, self._rng.randrange(spread_ns + 1))
+        is_alone = arrival.is_alone or self._address not in others
+        rank = 0 if is_alone else others.index(self._address)
+        return _Turn(linger_ns, rank * times.ack_slot_ns)

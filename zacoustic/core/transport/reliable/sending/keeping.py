@@ -1,0 +1,156 @@
+"""What the journal has of samples that were published: of each lane its count, and each sample.
+
+A sample is written before its first transmission and deleted when it has ended. The count goes
+with it, so a life that comes later never gives a number to another sample: receivers would take it
+for a repetition. What was published under another definition of the stream cannot be read by
+anybody any more, and is given up.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.transport.reliable.sending.sendlane import KeptSample, Outgoing, SendLane
+from zacoustic.core.transport.reliable.spans import Span
+from zacoustic.errors import JournalUnavailableError
+
+_JOURNAL: Final = "out"
+
+
+class _KeptCount(msgspec.Struct, frozen=True, array_like=True):
+    """A lane as the journal has it."""
+
+    digest: bytes
+    next_number: int
+    spans: tuple[Span, ...]
+    own: dict[int, Span] = {}
+
+
+class KeptLane(msgspec.Struct, frozen=True, kw_only=True):
+    """A lane that a former life has left."""
+
+    stream_id: int
+    instance: tuple[int, ...]
+    next_number: int
+    spans: tuple[Span, ...]
+    own: dict[int, Span]
+    samples: tuple[tuple[int, KeptSample], ...]
+    """With their numbers, in that order."""
+
+
+class Keeping:
+    """The lanes of one node in its journal.
+
+    Args:
+        journal: Where they are.
+    """
+
+    def __init__(self, journal: JournalPort) -> None:
+        self._journal = journal
+        self.highest_id = 0
+        """The highest delivery id that was found."""
+
+    def keep(
+        self,
+        stream: Stream,
+        lane: SendLane,
+        sample: Outgoing,
+        kept: KeptSample,
+        then: Callable[[int], None],
+    ) -> None:
+        """Write a sample down, and the count behind it."""
+        self.keep_count(stream, lane)
+        name = f"{_name(lane)}/{sample.number}"
+        self._journal.write(name, msgspec.msgpack.encode(kept), then)
+
+    def keep_count(self, stream: Stream, lane: SendLane) -> None:
+        """Write down where the count of a lane stands."""
+        spans = lane.spans
+        count = _KeptCount(stream.digest, lane.next_number, tuple(spans.all), spans.own)
+        self._journal.write(_name(lane), msgspec.msgpack.encode(count))
+
+    def check(self, stream: Stream) -> None:
+        """Refuse a sample that is to be kept and cannot be.
+
+        Raises:
+            JournalUnavailableError: The journal cannot be written.
+        """
+        if stream.spec.journal and self._journal.failure:
+            raise JournalUnavailableError(
+                f"{stream.name}: not accepted: the journal cannot be written: "
+                f"{self._journal.failure}",
+                hint="what is accepted has to survive a restart",
+            )
+
+    def forget(
+        self, lane: SendLane, sample: Outgoing, then: Callable[[int], None] | None = None
+    ) -> None:
+        """Delete a sample that has ended; the count stays."""
+        self._journal.write(f"{_name(lane)}/{sample.number}", None, then)
+
+    def recover(
+        self,
+        stored: Mapping[str, bytes],
+        table: StreamTable,
+        emit: Callable[[DeliveryEnded], None],
+    ) -> Iterator[KeptLane]:
+        """Yield what a former life has left.
+
+        Args:
+            stored: What the journal has.
+            table: The streams as they are now.
+            emit: Takes the end of what nobody can read any more, when it is deleted.
+        """
+        numbers: dict[str, list[int]] = {}
+        for key in stored:
+            parts = key.split("/")
+            if parts[0] == _JOURNAL:
+                of_lane = numbers.setdefault("/".join(parts[:3]), [])
+                of_lane += [int(number) for number in parts[3:]]
+        for name in sorted(numbers):
+            _, stream_id, instance = name.split("/")
+            count = msgspec.msgpack.decode(stored[name], type=_KeptCount)
+            stream = table.get(int(stream_id))
+            samples = [
+                (number, msgspec.msgpack.decode(stored[f"{name}/{number}"], type=KeptSample))
+                for number in sorted(numbers[name])
+            ]
+            self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
+            if stream is None or stream.digest != count.digest:
+                self._journal.write(name, None)
+                for number, sample in samples:
+                    self._give_up(f"{name}/{number}", int(stream_id), sample.delivery_id, emit)
+                continue
+            yield KeptLane(
+                stream_id=int(stream_id),
+                instance=tuple(bytes.fromhex(instance)),
+                next_number=count.next_number,
+                spans=count.spans,
+                own=count.own,
+                samples=tuple(samples),
+            )
+
+    def _give_up(
+        self, key: str, stream_id: int, delivery_id: int, emit: Callable[[DeliveryEnded], None]
+    ) -> None:
+        self._journal.write(key, None, lambda at: emit(given_up(stream_id, delivery_id, at)))
+
+
+def given_up(stream_id: int, delivery_id: int, now: int) -> DeliveryEnded:
+    """Return what is told of a sample whose stream is not what it was."""
+    return DeliveryEnded(
+        delivery_id=delivery_id,
+        stream_id=stream_id,
+        outcome=DeliveryOutcome.CANCELLED,
+        missing=(),
+        ended_at=now,
+        detail="the stream is defined in another way now",
+    )
+
+
+def _name(lane: SendLane) -> str:
+    return f"{_JOURNAL}/{lane.key[0]}/{bytes(lane.key[2:]).hex()}"

@@ -1,0 +1,284 @@
+"""When a sample goes again: how long its receivers are given to answer, and who is waited for.
+
+Repetitions to a node that does not answer become rare. Of a topic with a deadline they do not
+become rarer than that: one ends within each deadline, unless even a few answers take longer. So
+a sample of it does not wait for as long as others have decided to leave the node in peace.
+"""
+
+import random
+from typing import Final
+
+from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
+from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.reliable.sending.sendlane import AT_ONCE, Outgoing, SendLane, Stage
+
+_COPIED_AT_ONCE: Final = 2
+"""A stream of copies would fill the channel, and no answer could be heard."""
+_CROWD_ROUND_TRIPS: Final = 20
+"""Whoever was heard within so many round trips may be speaking."""
+_ROUND_TRIPS_OF_ASKING: Final = 2
+"""How long a receiver that asks for what is overdue is awaited."""
+
+
+class Pacing:
+    """What this node knows of how long others take to answer.
+
+    Args:
+        table: The streams.
+        rng: Draws the pauses between repetitions.
+        stats: Is told how long that is.
+        handshake: Is told where a device decides when it transmits.
+    """
+
+    def __init__(
+        self, table: StreamTable, rng: random.Random, stats: EngineStats, handshake: Handshake
+    ) -> None:
+        self.times: LinkTimes | None = None
+        """The airtimes of the link; None before it was up."""
+        self._table = table
+        self._rng = rng
+        self._stats = stats
+        self._handshake = handshake
+        self._timings: dict[int, PeerTiming] = {}
+        self._heard_at: dict[int, int] = {}
+
+    def timing(self, address: int) -> PeerTiming:
+        """Return what is known of one node."""
+        timing = self._timings.get(address)
+        if timing is None:
+            timing = self._timings[address] = PeerTiming()
+        return timing
+
+    def heard(self, source: int, now: int) -> bool:
+        """Anything was heard of a node; True when repetitions to it had become rare."""
+        self._heard_at[source] = now
+        timing = self._timings.get(source)
+        if timing is None or not timing.heard():
+            return False
+        timing.quiet_until = 0
+        return True
+
+    def answered(self, source: int, now: int) -> None:
+        """A node has told that it has something of what it lacked."""
+        # Where two speak, silence is loss. Where more do, it may be that all speak at once: then
+        # one answer does not mean that the channel is free.
+        lately = now - _CROWD_ROUND_TRIPS * self.times.first_round_trip_ns if self.times else now
+        others = any(at > lately for each, at in self._heard_at.items() if each != source)
+        self.timing(source).answered(in_crowd=others)
+
+    def first_acknowledged(
+        self, lane: SendLane, sample: Outgoing, source: int, now: int, *,
+        is_last: bool, had_gap: bool,
+    ) -> int:  # fmt: skip
+        """Learn from an ACK; returns the order of the transmission that it is taken to answer.
+
+        Args:
+            lane: The key.
+            sample: What it acknowledges for the first time, and was sent last of that.
+            source: Who acknowledges.
+            now: The instant.
+            is_last: Nothing at all was sent later.
+            had_gap: It was known to have something that was sent behind what it lacked.
+        """
+        times, timing, round_trip_ns = self.times, self.timing(source), now - sample.sent_at
+        if times is None or sample.stage is not Stage.SENT or sample.marked:
+            return sample.order
+        if sample.tries == 1 and (is_last or times.is_delegated):
+            # What comes so late was said because nothing further came, and the answer was lost.
+            is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
+            if is_answer:
+                self._measured(source, round_trip_ns, times)
+        if not times.is_delegated:
+            return sample.order
+        reception = lane.receptions[source]
+        reception.late_ns = now - sample.sent_before_at if sample.tries > 1 else None
+        order = sample.order
+        if sample.tries > 1 and round_trip_ns < timing.least_ns(times):
+            # Too soon for the last transmission.
+            self.answered_again(lane, source)
+            order = sample.first_order
+        elif sample.tries > 1 and not had_gap:
+            order = sample.first_order  # all behind it may be on its way, too
+        for other in lane.active():
+            # Frames wait in the device: what was sent later is only awaited from now on.
+            if other.stage is Stage.SENT and other.order > order and source in lane.lacking(other):
+                other.due_at = max(other.due_at, now + self.pause_ns(lane, other))
+        return order
+
+    def answered_again(self, lane: SendLane, source: int) -> None:
+        """An ACK says nothing new: the one before answered what went before the last repetition."""
+        reception = lane.receptions[source]
+        if reception.late_ns is not None and self.times is not None:
+            self._measured(source, reception.late_ns, self.times)
+            reception.late_ns = None
+
+    def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        """A sample begins to be sent."""
+        assert self.times is not None
+        lane.begins(sample, now, self.times)
+
+    def asked(self, lane: SendLane, source: int, now: int) -> None:
+        """Where the rhythm is known, an ACK asks for what should have come and has not."""
+        shortest_ns = self.timing(source).shortest_ns
+        if self.times is None or shortest_ns is None:
+            return
+        # Before that nobody who has it can have been heard: the ACK is from before it came.
+        least_ns = shortest_ns - self.times.ack_linger_ns
+        for sample in lane.active():
+            is_lacking = lane.awaits(sample) and now - sample.sent_at >= least_ns
+            if is_lacking and lane.rhythm_is_known(sample):
+                sample.asked, sample.due_at = True, AT_ONCE
+
+    def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
+        """Return when a sample may be repeated: an answer to what was sent later is waited for."""
+        if sample.follows or sample.asked:
+            return sample.due_at
+        if self.times is None:
+            return self._before_end(sample, sample.due_at)
+        # Of several receivers the first: one that is out of range does not hold back the others.
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
+        quiet = (
+            self.timing(each).ready_at(self.times, priority, in_haste=at_most_ns is not None)
+            for each in lane.lacking(sample)
+        )
+        at = max(self._in_time(lane, sample, at_most_ns), min(quiet, default=0))
+        return self._before_end(sample, at)
+
+    def due_at(self, lane: SendLane, sample: Outgoing) -> int:
+        """Return when a sample is due, whatever is waited for."""
+        return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane)))
+
+    def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        """A sample is repeated: its receivers have not answered."""
+        if self.times is None or sample.asked:
+            return
+        if not sample.follows:
+            for address in lane.lacking(sample):
+                self.timing(address).unanswered(now, self.times)
+        self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
+
+    def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
+        """Tell whether all receivers that lack a sample have not answered again and again."""
+        times = self.times
+        assert times is not None
+        return all(self.timing(each).is_doubtful(times) for each in lane.lacking(sample))
+
+    def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
+        """Return when a sample that was just sent is due again."""
+        assert self.times is not None
+        was_copy, sample.follows = sample.follows, False
+        was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
+        if was_sent and lane.rhythm_is_known(sample):
+            # If it was lost it is asked for; if it is the last one, the next one is asked for.
+            round_trips_ns = _ROUND_TRIPS_OF_ASKING * self.times.first_round_trip_ns
+            return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
+        priority = self._priority(lane)
+        if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
+            at = report.finished_at
+            sample.follows = follow(
+                sample.waiting, priority, sample.tries, self.times, at, self._rng
+            )
+            sample.follows |= is_emergency(priority, sample.tries)
+            if not was_copy and not self.is_doubtful(lane, sample):
+                sample.follows |= is_doubled(priority, sample.tries)
+            if sample.follows:
+                return AT_ONCE
+        pause_ns = self.pause_ns(lane, sample)
+        if not self.is_doubtful(lane, sample):
+            pause_ns = aimed_pause(
+                pause_ns, priority, sample.tries, self.times, report.finished_at, self._rng
+            )
+        if report.outcome is TransmitOutcome.NOT_DELIVERED:
+            pause_ns //= 2
+        due_at = report.finished_at + pause_ns
+        self._await_answer(lane, sample, report.finished_at, due_at)
+        return due_at
+
+    def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
+        """Draw how long the receivers that lack a sample are given, ns."""
+        assert self.times is not None
+        times, lacking = self.times, lane.lacking(sample)
+        rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
+        pauses_ns = (
+            self.timing(each).pause_ns(
+                times,
+                rank,
+                self._rng,
+                priority,
+                frames=row_frames(priority),
+                spread_ns=spread_ns,
+                at_most_ns=at_most_ns,
+            )
+            for each in lacking
+        )
+        return min(pauses_ns, default=times.first_round_trip_ns)
+
+    def _at_most_ns(self, lane: SendLane) -> int | None:
+        """Return after what pause a repetition ends within the deadline, ns; None: there is none.
+
+        What may have been drawn, and a frame, come on top of the pause.
+        """
+        times, deadline_ns = self.times, self._table.by_id(lane.key[0]).qos.deadline_ns
+        if deadline_ns is None or times is None:
+            return None
+        return max(1, deadline_ns - times.doubt_ns - times.airtime_ns(times.mtu_bytes))
+
+    def _in_time(self, lane: SendLane, sample: Outgoing, at_most_ns: int | None) -> int:
+        """Return when a sample is due, with this longest pause, ns, if there is one."""
+        if at_most_ns is None or self.times is None:
+            return sample.due_at
+        lacking = lane.lacking(sample)
+        rank, spread_ns = _order_of_answers(lane, sample, lacking, self.times)
+        priority = self._priority(lane)
+        pauses_ns = (
+            self.timing(each).least_pause_ns(self.times, rank, priority) for each in lacking
+        )
+        least_ns = min(pauses_ns, default=self.times.first_round_trip_ns) + spread_ns
+        drawn_ns = row_frames(priority) * self.times.longest_ns
+        longest_ns = max(least_ns + drawn_ns, at_most_ns)
+        return min(sample.due_at, sample.sent_at + longest_ns)
+
+    def _measured(self, source: int, round_trip_ns: int, times: LinkTimes) -> None:
+        timing = self.timing(source)
+        timing.measured(round_trip_ns, times)
+        self._stats.round_trips_ns[source] = timing.smooth_ns
+        if times.is_delegated:
+            self._handshake.answers_within(source, timing.round_trip_ns(times))
+
+    def _before_end(self, sample: Outgoing, at: int) -> int:
+        """Return an instant, or the last one that leaves time for an answer before the sample ends.
+
+        However rare repetitions have become, a sample has this one; not before the last one can
+        have been answered.
+        """
+        if sample.expires_at is None or self.times is None:
+            return at
+        round_trip_ns = self.times.first_round_trip_ns
+        last_at = max(sample.sent_at, sample.expires_at - 2 * round_trip_ns) + round_trip_ns
+        return min(at, last_at) if last_at < sample.expires_at else at
+
+    def _await_answer(self, lane: SendLane, sample: Outgoing, since: int, until: int) -> None:
+        for address in lane.lacking(sample):
+            self.timing(address).await_answer(since, until)
+
+    def _priority(self, lane: SendLane) -> Priority:
+        return self._table.by_id(lane.key[0]).qos.priority
+
+
+def _order_of_answers(
+    lane: SendLane, sample: Outgoing, lacking: list[int], times: LinkTimes
+) -> tuple[int, int]:
+    """Return how many answer before the last one, and within what time each at random, ns."""
+    if sample.tries > 1 or sample.waiting.sync:
+        return 0, times.ack_spread_ns(len(lane.receptions))
+    return (len(lane.receptions) - 1 if len(lacking) > 1 else 0), 0
+
+
+def _period_ns(lane: SendLane) -> int:
+    return lane.rhythm.period_ns if lane.rhythm else 0

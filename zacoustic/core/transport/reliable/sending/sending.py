@@ -1,0 +1,466 @@
+"""The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
+
+from collections.abc import Callable, Iterable, Mapping, Set
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.generators import Generators
+from zacoustic.core.base.journal import LIFE_KEY, JournalPort
+from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.stats import Cause, EngineStats
+from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import (
+    DeliveryEnded,
+    DeliveryEvent,
+    DeliveryOutcome,
+    DeliveryStored,
+)
+from zacoustic.core.transport.reliable.sending.contradictions import Contradictions
+from zacoustic.core.transport.reliable.sending.keeping import Keeping
+from zacoustic.core.transport.reliable.sending.pacing import Pacing
+from zacoustic.core.transport.reliable.sending.places import LargePlaces
+from zacoustic.core.transport.reliable.sending.sendlane import (
+    AT_ONCE,
+    KeptSample,
+    Outgoing,
+    SampleWaiting,
+    SendLane,
+    Stage,
+)
+from zacoustic.core.transport.reliable.sending.sendlanes import SendLanes
+from zacoustic.core.transport.subscriptions.demand import NOBODY, Demand
+from zacoustic.core.wire.frame import Sync
+from zacoustic.core.wire.numbers import Ack, resolve_expected
+
+_ANY_DEPTH: Final = 65535
+
+
+class ReliableSending:
+    """What this node has published reliably.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes records.
+        handshake: Knows the boot epoch, and who defines a stream in another way.
+        demand: Knows who has subscribed to on-demand topics.
+        journal: Keeps what is to survive.
+        doubt: Whether something of former lives is forgotten.
+        generators: One for each component that draws.
+        stats: Is told how long answers take.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        handshake: Handshake,
+        demand: Demand,
+        journal: JournalPort,
+        doubt: Doubt,
+        generators: Generators,
+        stats: EngineStats,
+        emit: Callable[[DeliveryEvent], None],
+    ) -> None:
+        self._table = table
+        self._queue = queue
+        self._handshake = handshake
+        self._keeping = Keeping(journal)
+        self._pacing = Pacing(table, generators.of("pacing"), stats, handshake)
+        self._contradictions = Contradictions(
+            self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
+        )
+        self._emit = emit
+        self._lanes = SendLanes(address, table, handshake, demand)
+        self.places = LargePlaces(
+            self._lanes,
+            self._keeping,
+            end=self._end,
+            lose=self._out_of_sync,
+            go_on=self._go_on,
+            pause_ns=self._pacing.pause_ns,
+        )
+        """The places of samples that cross as objects."""
+        self._settling_ns = 0
+        self._paced_until: int | None = None
+        self._on_air: list[tuple[SendLane, Outgoing]] = []
+        self._next_delivery_id = 1
+        self._order = 0
+
+    # For the application
+
+    def check(self, stream: Stream) -> None:
+        """Refuse what could not be delivered, or not kept.
+
+        Raises:
+            LocalError: Nobody is listed who could acknowledge.
+            JournalUnavailableError: It is to be journalled, and the journal cannot be written.
+        """
+        self._lanes.check(stream)
+        self._keeping.check(stream)
+
+    def publish(
+        self,
+        stream: Stream,
+        instance: Instance,
+        *,
+        prefix: bytes,
+        payload: bytes,
+        stamped: bool,
+        queued_at: int,
+        expires_at: int | None,
+        now: int,
+    ) -> int:
+        """Take a sample that `check` has not refused; returns its delivery id."""
+        lane = self._lanes.of(stream, instance)
+        delivery_id = self.next_delivery_id()
+        kept = KeptSample(delivery_id, prefix, payload, stamped)
+        sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
+        if lane.is_kept:
+            # Before what it pushes out is deleted: a journal that ends here has one of the two.
+            self._keeping.keep(
+                stream, lane, sample, kept, lambda at: self._stored(lane, sample, at)
+            )
+        else:
+            sample.stage = Stage.BEHIND
+        # By the number: a receiver reckons so, where it may hear of this one before what it lacks.
+        while (first := lane.samples[0]).number <= sample.number - stream.qos.depth:
+            end = self.places.give_up if first.number < lane.born else self._end
+            end(lane, first, DeliveryOutcome.SUPERSEDED, now)
+        self._go_on(lane, now)
+        return delivery_id
+
+    def next_delivery_id(self) -> int:
+        """Return a delivery id that was never given away."""
+        self._next_delivery_id += 1
+        return self._next_delivery_id - 1
+
+    def delivering(self, stream_id: int) -> int:
+        """Count the samples of a topic that not all receivers have acknowledged."""
+        return sum(len(lane.samples) for lane in self._lanes if lane.key[0] == stream_id)
+
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Tell whether a sample has not ended."""
+        return any(
+            sample.delivery_id == delivery_id for lane in self._lanes for sample in lane.samples
+        )
+
+    # For the link
+
+    def use_link(self, times: LinkTimes, settling_ns: int) -> None:
+        """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
+        self._pacing.times = times
+        self._settling_ns = self._contradictions.settling_ns = settling_ns
+        # There will be no report of what was under way on the link before.
+        for _, sample in self._on_air:
+            if sample.stage is Stage.ON_AIR:
+                sample.stage, sample.due_at = Stage.SENT, AT_ONCE
+        self._on_air.clear()
+
+    def link_up(self, now: int) -> None:
+        """What was sent before is due."""
+        for lane in self._lanes:
+            lifespan_s = self._table.by_id(lane.key[0]).qos.lifespan_s
+            for sample in lane.samples:
+                if sample.stage is Stage.SENT:
+                    sample.due_at = AT_ONCE
+                is_large = sample.stage is Stage.OBJECT
+                if sample.expires_at is None and lifespan_s is not None and not is_large:
+                    sample.expires_at = now + seconds_to_ns(lifespan_s)
+            self._go_on(lane, now)
+
+    def transmitted(self, records: Iterable[Waiting], now: int) -> None:
+        """Note which samples are in the transmission that begins."""
+        for record in records:
+            if isinstance(record, SampleWaiting):
+                self._order += 1
+                record.sample.order, record.sample.stage = self._order, Stage.ON_AIR
+                self._pacing.begins(record.lane, record.sample, now)
+                self._on_air.append((record.lane, record.sample))
+
+    def handle_report(self, report: TransmitReport) -> None:
+        """A transmission has ended: from here an ACK is awaited."""
+        on_air, self._on_air = self._on_air, []
+        for lane, sample in on_air:
+            if sample.stage is Stage.ON_AIR:
+                sample.stage = Stage.SENT
+                sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
+                sample.due_at = self._pacing.repeat_at(lane, sample, report)
+
+    # For the water
+
+    def heard(self, source: int, now: int) -> None:
+        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
+        if self._pacing.heard(source, now):
+            for lane in self._lanes:
+                if source in lane.receptions:
+                    lane.due_soon(source)
+
+    def lost_sync(self, source: int, now: int) -> None:
+        """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
+        for lane in self._lanes:
+            reception = lane.receptions.get(source)
+            if reception is not None and reception.in_sync:
+                self._out_of_sync(lane, source)
+
+    def acknowledged(
+        self, source: int, stream: Stream, instance: Instance, ack: Ack, sync: Sync | None, now: int
+    ) -> str | None:
+        """Take an ACK.
+
+        Args:
+            source: Who acknowledges.
+            stream: The topic.
+            instance: Which of its keys.
+            ack: The content.
+            sync: What stands before it: lineage, and what is expected in full.
+            now: The instant.
+
+        Returns:
+            Why it is dropped, or None.
+        """
+        lane = self._lanes.find(stream, instance)
+        reception = lane.receptions.get(source) if lane else None
+        if lane is None or reception is None:
+            return "unexpected_ack"
+        if not ack.knows:
+            self._out_of_sync(lane, source)
+            return None
+        if sync is None:
+            if not reception.in_sync:
+                return "unexpected_ack"  # it may be of another life, or about numbers long ago
+            expected = resolve_expected(ack.expected, reception.expected)
+        else:
+            expected = lane.told(source, sync)
+            if expected > lane.next_number and lane.contradicts(source, sync):
+                self._contradictions.heard(stream, lane, source, sync, now)
+                self._go_on(lane, now)
+        if expected > lane.next_number:
+            return "unexpected_ack"
+        self._contradictions.agrees(lane, source, expected)
+        if sync is not None and not reception.in_sync:
+            if expected < reception.expected:
+                # It has forgotten what it had, and began at the floor: it lacks that again.
+                lane.regress(source, expected)
+            if expected >= lane.floor:
+                if reception.settled_at is None:
+                    reception.settled_at = now + self._settling_ns
+                reception.in_sync = now >= reception.settled_at
+        if expected >= reception.expected:
+            reception.expected = expected
+            self._pacing.timing(source).quiet_until = 0
+            self._mark(lane, source, expected, ack.held, now)
+            self._pacing.asked(lane, source, now)
+            self.places.acknowledged(lane, source, expected, now)
+        self._go_on(lane, now)
+        return None
+
+    def audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        """Others subscribe to an on-demand topic than before."""
+        for lane in self._lanes:
+            if lane.key[0] == stream.stream_id:
+                for sample in [] if lane.audience else list(lane.samples):
+                    self.places.give_up(lane, sample, DeliveryOutcome.REFUSED, now, NOBODY)
+                for address in newcomers & lane.receptions.keys():
+                    self._out_of_sync(lane, address)
+                self.places.audience_changed(lane)
+                self._refresh(lane)
+                self._go_on(lane, now)
+
+    # For the timer
+
+    def expire(self, now: int) -> None:
+        """End what is too old, and repeat what is due."""
+        self._paced_until = None
+        for lane in self._lanes:
+            for sample in list(lane.samples):
+                if sample.expires_at is not None and sample.expires_at <= now:
+                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
+            self._advance(lane, now)
+        self._repeat(now)
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which something expires or is due, ns, or None."""
+        instants = [] if self._paced_until is None else [self._paced_until]
+        times = self._pacing.times
+        may_repeat = times is not None and self._lanes.repeating_bytes() < times.batch_bytes
+        for lane in self._lanes:
+            if not lane.samples:
+                continue
+            sent = (sample for sample in lane.active() if may_repeat and lane.awaits(sample))
+            instants += (self._pacing.ready_at(lane, sample) for sample in sent)
+            if self._table.by_id(lane.key[0]).qos.lifespan_s is not None:
+                ends = (sample.expires_at for sample in lane.samples)
+                instants += (at for at in ends if at is not None)
+        return min(instants, default=None)
+
+    def dropped(self, records: Iterable[Waiting], now: int) -> None:
+        """Records fit no frame of the link any more: they go as objects."""
+        for record in records:
+            if isinstance(record, SampleWaiting):
+                self.places.enlarge(record.lane, record.sample, now)
+
+    # The journal
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left; ids of its samples are not given away again."""
+        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
+            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
+        for kept in self._keeping.recover(stored, self._table, self._emit):
+            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
+        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
+
+    # Below the methods above
+
+    def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        if sample.stage is not Stage.STORING:
+            return
+        sample.stage = Stage.BEHIND
+        self._emit(DeliveryStored(delivery_id=sample.delivery_id, stream_id=lane.key[0]))
+        self._advance(lane, now)
+
+    def _go_on(self, lane: SendLane, now: int) -> None:
+        """End what has been delivered, and queue what comes next."""
+        while lane.samples and not lane.missing(first := lane.samples[0]):
+            if first.stage is Stage.OBJECT:
+                break  # it ends with its object
+            outcome = DeliveryOutcome.UNKNOWN if first.unknown else DeliveryOutcome.DELIVERED
+            self._end(lane, first, outcome, now, missing=tuple(sorted(first.unknown)))
+        self._advance(lane, now)
+
+    def _advance(self, lane: SendLane, now: int) -> None:
+        """Queue what has come into the window."""
+        paced_until = lane.open(now, self._settling_ns)
+        if paced_until is not None:
+            self._paced_until = min(self._paced_until or paced_until, paced_until)
+        for sample in list(lane.active()):
+            if sample.stage is Stage.BEHIND and not lane.is_blocked(sample):
+                self._queue_sample(lane, sample, now)
+
+    def _queue_sample(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        stream = self._table.by_id(lane.key[0])
+        lacking = [
+            address
+            for address in lane.lacking(sample)
+            if not self._handshake.differs(address, stream.stream_id)
+        ]
+        if not lacking:
+            # Whoever lacks it could not read it: until that changes.
+            sample.stage = Stage.SENT
+            sample.due_at = now + self._pacing.pause_ns(lane, sample)
+            return
+        if self.places.is_large(sample, self._queue.largest_bytes):
+            self.places.enlarge(lane, sample, now)
+            return
+        sample.stage = Stage.QUEUED
+        lane.address(sample, lacking)
+        sample.waiting.cause = Cause.REPEAT if sample.tries else None
+        qos = msgspec.structs.replace(stream.qos, depth=_ANY_DEPTH, lifespan_s=None)
+        self._queue.push(lane.key, sample.waiting, qos)
+
+    def _refresh(self, lane: SendLane) -> None:
+        """What is known of receivers has changed: so do the records that wait."""
+        for sample in lane.address_anew():
+            self._queue.discard(lane.key, sample.waiting)
+            sample.stage = Stage.SENT
+
+    def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
+        """Note what a receiver has, and repeat at once what it must have missed."""
+        latest: Outgoing | None = None
+        had_gap = any(source in each.held for each in lane.samples)
+        for sample in lane.samples:
+            if sample.stage is Stage.OBJECT:
+                continue  # its own feedback tells
+            ahead = sample.number - expected - 1
+            has_it = sample.number < expected
+            holds_it = ahead >= 0 and bool(held >> ahead & 1)
+            if (has_it or holds_it) and source not in sample.acknowledged | sample.held:
+                latest = sample if latest is None or latest.order < sample.order else latest
+            if has_it:
+                sample.acknowledged.add(source)
+                sample.held.discard(source)
+            elif holds_it:
+                sample.held.add(source)
+            else:
+                sample.held.discard(source)  # it has restarted, and lost what it held
+        if latest is None:
+            self._pacing.answered_again(lane, source)
+        else:
+            is_last = latest.order == self._order
+            order = self._pacing.first_acknowledged(
+                lane, latest, source, now, is_last=is_last, had_gap=had_gap
+            )
+            self._pacing.answered(source, now)
+            lane.due_soon(source, before=order)
+        self._refresh(lane)
+
+    def _repeat(self, now: int) -> None:
+        """Queue what is due, and with it what will be before an answer can come.
+
+        Not more at once than a few frames: whoever transmits without end hears no answer.
+        """
+        times = self._pacing.times
+        if times is None:
+            return
+        room_bytes = times.batch_bytes - self._lanes.repeating_bytes()
+        slack_ns = times.first_round_trip_ns // 2
+        batch: list[tuple[SendLane, Outgoing]] = []
+        for lane in self._lanes:
+            sent = [sample for sample in lane.active() if lane.awaits(sample)]
+            if room_bytes <= 0 or all(self._pacing.ready_at(lane, each) > now for each in sent):
+                continue
+            for sample in sent:
+                if self._pacing.due_at(lane, sample) <= now + slack_ns and room_bytes > 0:
+                    room_bytes -= sample.waiting.size_bytes
+                    if self._pacing.is_doubtful(lane, sample):
+                        room_bytes = min(room_bytes, times.mtu_bytes - sample.waiting.size_bytes)
+                    batch.append((lane, sample))
+        for lane, sample in batch:
+            self._pacing.repeats(lane, sample, now)
+            self._queue_sample(lane, sample, now)
+
+    def _out_of_sync(self, lane: SendLane, source: int) -> None:
+        lane.lose_sync(source)
+        self._pacing.timing(source).quiet_until = 0
+        self._refresh(lane)
+        lane.due_soon(source)
+
+    def _end(
+        self,
+        lane: SendLane,
+        sample: Outgoing,
+        outcome: DeliveryOutcome,
+        now: int,
+        detail: str = "",
+        *,
+        missing: tuple[int, ...] | None = None,
+    ) -> bool:
+        """Forget a sample and tell of it; returns whether receivers wait for its number."""
+        if sample.stage is Stage.QUEUED:
+            self._queue.discard(lane.key, sample.waiting)
+        leaves_gap = lane.remove(sample)
+        lane.closing += lane.is_closing(sample, outcome)
+        if sample.stage is Stage.OBJECT:
+            self.places.left(sample, outcome, now)
+        sample.stage = Stage.ENDED
+        ended = lane.ended(sample, outcome, now, detail, missing)
+        if lane.is_kept:  # no later life is to find the sample, and tell another end of it
+            self._keeping.forget(lane, sample, lambda at: self._forgotten(lane, sample, ended, at))
+        else:
+            self._emit(ended)
+        return leaves_gap
+
+    def _forgotten(self, lane: SendLane, sample: Outgoing, ended: DeliveryEnded, now: int) -> None:
+        self._emit(ended)
+        lane.closing -= lane.is_closing(sample, ended.outcome)
+        self._advance(lane, now)

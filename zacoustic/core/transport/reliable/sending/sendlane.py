@@ -1,0 +1,449 @@
+"""Samples of one key that not all receivers have acknowledged."""
+
+import enum
+from collections import deque
+from collections.abc import Iterator, Set
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.schedule.queue import LaneKey, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.transport.reliable.rhythm import SendRhythm
+from zacoustic.core.transport.reliable.sending.reception import Reception
+from zacoustic.core.transport.reliable.spans import Spans
+from zacoustic.core.wire.frame import Control, Sync
+from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, resolve_floor
+
+AT_ONCE: Final = 0
+"""A `due_at` that is always over."""
+_DELETE: Final = bytes((Control.DELETE,))
+_DOUBTED_TRIES: Final = 8
+"""What was sent so often in vain goes with SYNC: its receiver may count in another lineage."""
+
+
+class Stage(enum.Enum):
+    """Where a sample is."""
+
+    STORING = "storing"
+    """The journal has not committed it."""
+    BEHIND = "behind"
+    """Its number is too far ahead of the oldest."""
+    QUEUED = "queued"
+    """In the transmit queue."""
+    ON_AIR = "on_air"
+    """In a transmission that has not ended."""
+    SENT = "sent"
+    """Sent; an ACK is awaited until `due_at`."""
+    OBJECT = "object"
+    """It has its place here, and crosses as an object (`zacoustic.core.transport.objects`)."""
+    ENDED = "ended"
+    """Its publisher has been told what became of it."""
+
+
+class KeptSample(msgspec.Struct, frozen=True, array_like=True):
+    """What is needed to make the record of a sample, in this life or in the next."""
+
+    delivery_id: int
+    prefix: bytes
+    payload: bytes
+    stamped: bool
+
+
+class Outgoing:
+    """A sample on its way.
+
+    Args:
+        number: Its number in the lane.
+        delivery_id: What `Engine.publish` returned.
+        waiting: Its record.
+        expires_at: Instant after which it is worthless, ns, or None.
+    """
+
+    __slots__ = (
+        "acknowledged", "asked", "delivery_id", "due_at", "expires_at", "first_order", "follows",
+        "held", "marked", "number", "order", "sent_at", "sent_before_at", "stage", "tries",
+        "unknown", "waiting",
+    )  # fmt: skip
+
+    def __init__(
+        self, number: int, delivery_id: int, waiting: Waiting, expires_at: int | None
+    ) -> None:
+        self.number = number
+        self.delivery_id = delivery_id
+        self.waiting = waiting
+        self.expires_at = expires_at
+        self.stage = Stage.STORING
+        self.acknowledged: set[int] = set()
+        """Receivers that have it and all before it."""
+        self.unknown: set[int] = set()
+        """Receivers of which nobody knows any more whether they have handed it on."""
+        self.held: set[int] = set()
+        """Receivers that have it, but keep it until what is before it has come."""
+        self.follows = False
+        """It was just sent, and goes again without an answer."""
+        self.asked = False
+        """Its receiver has told that it lacks it, after it should have come."""
+        self.marked = False
+        """It was sent as one in rhythm."""
+        self.tries = 0
+        self.order = 0
+        """Counts transmissions of the node: what was sent after what."""
+        self.first_order = 0
+        """The same of its first transmission."""
+        self.sent_at = 0
+        """End of its last transmission, ns."""
+        self.sent_before_at = 0
+        """End of the one before that, ns."""
+        self.due_at = 0
+
+
+class SampleWaiting(Waiting):
+    """A reliable sample in the transmit queue."""
+
+    __slots__ = ("lane", "sample")
+    lane: "SendLane"
+    sample: Outgoing
+
+    def head_at(self, now: int) -> bytes:
+        """Return wildcards and number, marked where it is sent in rhythm now."""
+        mark = IN_RHYTHM if self.lane.is_marked(self.sample, now) else 0
+        return self.head[:-1] + bytes((self.head[-1] | mark,))
+
+
+class SendLane:
+    """Samples of one key in the order of their numbers.
+
+    Args:
+        key: Of its lane in the transmit queue: stream id first, then wildcards.
+        receivers: Addresses that are to have each sample.
+        spans: Their lineages.
+        next_number: The number of the next sample.
+        is_kept: Its samples and its count are in the journal.
+        audience: Of the receivers those that want samples, as they change; None: all.
+        rhythm: Learns the rhythm of the samples; None: whatever it is, each one is answered.
+    """
+
+    def __init__(
+        self,
+        key: LaneKey,
+        receivers: tuple[int, ...],
+        spans: Spans,
+        next_number: int = 0,
+        *,
+        is_kept: bool = False,
+        audience: Set[int] | None = None,
+        rhythm: SendRhythm | None = None,
+    ) -> None:
+        self.key = key
+        self.is_kept = is_kept
+        self.audience = audience
+        self.rhythm = rhythm
+        self.spans = spans
+        self.born = 0
+        """What has a smaller number was published by a former life."""
+        self.closing = 0
+        """So many samples of former lives were given up, and the journal has them still."""
+        self.is_former = False
+        """This life has published nothing yet: it begins a lineage of its own when it does."""
+        self.next_number = next_number
+        self.samples: deque[Outgoing] = deque()
+        self._end = next_number
+        self._marks: deque[tuple[int, int]] = deque()
+        """When numbers came into use lately, and where they began."""
+        self.receptions = {address: Reception(next_number) for address in receivers}
+
+    @property
+    def lineage(self) -> int:
+        """Boot epoch in which the newest samples were published."""
+        return self.spans.newest.lineage
+
+    def begin_life(self, lineage: int) -> None:
+        """This life publishes for the first time: numbers go on, in a lineage of its own."""
+        self.is_former, self.born = False, self.next_number
+        self.spans.begin(self.next_number, lineage)
+        self.spans.forget_before(self.floor)
+
+    def told(self, address: int, sync: Sync) -> int:
+        """Return the number that a receiver awaits by SYNC; above all: that cannot be."""
+        first = self.spans.heard_of(address, self._next_for(address), sync.lineage)
+        expected = resolve_floor(sync.floor, self.receptions[address].expected)
+        is_possible = first is not None and expected <= self.spans.end_of(first, self.next_number)
+        if not is_possible:
+            return self.next_number + 1
+        self.receptions[address].lineage = sync.lineage
+        return expected
+
+    def contradicts(self, address: int, sync: Sync) -> bool:
+        """Tell whether SYNC of a receiver, which `told` does not understand, cannot be."""
+        number = self._next_for(address)
+        is_present = sync.lineage == self.spans.of(address, number).lineage
+        lacks = any(address not in each.acknowledged for each in self.samples)
+        return lacks and (is_present or not self.spans.knows(sync.lineage))
+
+    @property
+    def floor(self) -> int:
+        """The oldest number that may still come."""
+        return self.samples[0].number if self.samples else self.next_number
+
+    def floor_of(self, address: int) -> int:
+        """Return the oldest number that may still come for one receiver."""
+        lacking = (each.number for each in self.samples if address not in each.acknowledged)
+        return next(lacking, self.next_number)
+
+    def add(
+        self, stream: Stream, kept: KeptSample, *, queued_at: int, expires_at: int | None
+    ) -> Outgoing:
+        """Give a sample the next number."""
+        number = self.next_number
+        self.next_number += 1
+        waiting = SampleWaiting(
+            stream_id=stream.stream_id,
+            destination=BROADCAST,
+            prefix=kept.prefix,
+            head=bytes(self.key[2:]) + self.number_byte(number),
+            payload=kept.payload,
+            stamped=kept.stamped,
+            delimits_itself=stream.codec.delimits_itself or kept.prefix[:1] == _DELETE,
+            queued_at=queued_at,
+        )
+        sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
+        waiting.lane, waiting.sample = self, sample
+        self.samples.append(sample)
+        return sample
+
+    def insert(self, stream: Stream, kept: KeptSample, number: int) -> Outgoing:
+        """Give a sample of a former life its number again, in the place of what has it."""
+        end, self.next_number = self.next_number, number
+        sample = self.add(stream, kept, queued_at=0, expires_at=None)
+        self.next_number = max(self.next_number, end)
+        others = [each for each in self.samples if each.number != number]
+        self.samples = deque(sorted([*others, sample], key=lambda each: each.number))
+        for reception in self.receptions.values():
+            reception.expected = min(reception.expected, number)
+        return sample
+
+    def active(self) -> Iterator[Outgoing]:
+        """Yield the samples that may be on their way."""
+        for sample in self.samples:
+            if sample.number >= self._end:
+                return
+            yield sample
+
+    def open(self, now: int, settling_ns: int) -> int | None:
+        """Let numbers come into use; returns when to try again because of `PACE`, ns, or None."""
+        while self._marks and self._marks[0][0] + settling_ns <= now:
+            self._marks.popleft()
+        wanted = min(self.floor + WINDOW, self.next_number)
+        begin = self._marks[0][1] if self._marks else self._end
+        end = min(wanted, begin + PACE)
+        if end > self._end:
+            self._marks.append((now, self._end))
+            self._end = end
+        return self._marks[0][0] + settling_ns if end < wanted else None
+
+    def remove(self, sample: Outgoing) -> bool:
+        """Forget a sample; returns whether receivers wait for its number.
+
+        If it and all behind it were never sent, those take its number over; not where numbers are
+        in the journal.
+        """
+        index = self.samples.index(sample)
+        behind = list(self.samples)[index + 1 :]
+        del self.samples[index]
+        fixed = (Stage.ON_AIR, Stage.OBJECT)
+        was_sent = any(each.tries or each.stage in fixed for each in (sample, *behind))
+        if self.is_kept or was_sent:
+            return True
+        for other in behind:
+            other.number -= 1
+            other.waiting.head = other.waiting.head[:-1] + self.number_byte(other.number)
+        self.next_number -= 1
+        self._end = min(self._end, self.next_number)
+        return False
+
+    def awaits(self, sample: Outgoing) -> bool:
+        """Tell whether an answer to a sample that was sent is awaited."""
+        return sample.stage is Stage.SENT and bool(self.lacking(sample))
+
+    def lacking(self, sample: Outgoing) -> list[int]:
+        """Return the receivers that are not known to have it, and may have it now."""
+        first = self.spans.first_of(sample.number)
+        return [
+            address
+            for address in self.missing(sample)
+            if address not in sample.held and not self._waits(address, first)
+        ]
+
+    def ended(
+        self,
+        sample: Outgoing,
+        outcome: DeliveryOutcome,
+        now: int,
+        detail: str,
+        missing: tuple[int, ...] | None,
+    ) -> DeliveryEnded:
+        """Return what is told of a sample that ends."""
+        return DeliveryEnded(
+            delivery_id=sample.delivery_id,
+            stream_id=self.key[0],
+            outcome=outcome,
+            missing=tuple(self.missing(sample)) if missing is None else missing,
+            ended_at=now,
+            detail=detail,
+        )
+
+    def is_closing(self, sample: Outgoing, outcome: DeliveryOutcome) -> bool:
+        """Tell whether the end of a sample must be safe before a later lineage is begun.
+
+        Else a life that finds it again would take what is heard of that lineage for its delivery.
+        """
+        is_given_up = outcome is not DeliveryOutcome.DELIVERED
+        return self.is_kept and sample.number < self.born and is_given_up
+
+    def _waits(self, address: int, first: int) -> bool:
+        """Tell whether a receiver lacks something of a lineage before that of this number."""
+        return bool(first) and (self.closing > 0 or self.floor_of(address) < first)
+
+    def _some_wait(self, sample: Outgoing) -> bool:
+        first = self.spans.first_of(sample.number)
+        return any(self._waits(address, first) for address in self.missing(sample))
+
+    def is_blocked(self, sample: Outgoing) -> bool:
+        """Tell whether all receivers of a sample lack something of an earlier lineage."""
+        return bool(self.missing(sample)) and not self.lacking(sample)
+
+    def missing(self, sample: Outgoing) -> list[int]:
+        """Return the receivers that have not acknowledged a sample and all before it."""
+        return [
+            address
+            for address in self.receptions
+            if address not in sample.acknowledged
+            and (self.audience is None or address in self.audience)
+        ]
+
+    def is_marked(self, sample: Outgoing, now: int) -> bool:
+        """Tell whether a sample that is sent now is marked as one in rhythm."""
+        if self.rhythm is None or sample.waiting.sync or self._has_large:
+            return False
+        (reception,) = self.receptions.values()
+        if sample.tries:
+            return sample.asked and self.rhythm_is_known(sample)
+        return self.rhythm.marks(sample.number, reception.expected, now)
+
+    def rhythm_is_known(self, sample: Outgoing) -> bool:
+        """Tell whether the receiver would ask for a sample, the newest that was sent."""
+        if self.rhythm is None or self._has_large:
+            return False
+        (reception,) = self.receptions.values()
+        return reception.in_sync and self.rhythm.is_known(sample.number, reception.expected)
+
+    def begins(self, sample: Outgoing, now: int, times: LinkTimes) -> None:
+        """A sample begins to be sent."""
+        sample.marked = self.is_marked(sample, now)
+        if self.rhythm is not None:
+            (reception,) = self.receptions.values()
+            if not sample.tries:
+                self.rhythm.first_sent(sample.number, reception.expected, now, times)
+            is_off_beat = bool(sample.tries) and not sample.marked
+            if sample.waiting.sync or is_off_beat or self._has_large:
+                self.rhythm.end()
+        sample.first_order = sample.first_order or sample.order
+        sample.tries += 1
+        sample.asked = False
+
+    def due_soon(self, address: int, before: int | None = None) -> None:
+        """What a receiver lacks, and was sent, is due at once.
+
+        Args:
+            address: The receiver.
+            before: Only what was sent before the transmission of this order; None: all.
+        """
+        for sample in self.active():
+            is_earlier = before is None or sample.order < before
+            if sample.stage is Stage.SENT and is_earlier and address in self.lacking(sample):
+                sample.due_at = AT_ONCE
+
+    def address(self, sample: Outgoing, lacking: list[int]) -> None:
+        """Make the record of a sample one for these receivers, with SYNC where one needs it."""
+        waiting = sample.waiting
+        skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
+        alone = next(skip, None)
+        is_private = bool(self.spans.own) or self._some_wait(sample)
+        if alone is None and is_private:
+            alone = lacking[0]  # the others must not hear this lineage yet, or not at all
+        lacking = lacking if alone is None else [alone]
+        waiting.destination = lacking[0] if len(lacking) == 1 else BROADCAST
+        waiting.sync, waiting.for_one_node = b"", is_private
+        span = self.spans.of(lacking[0], sample.number)
+        for address in lacking:
+            reception = self.receptions[address]
+            if reception.lineage not in (None, span.lineage):
+                self.lose_sync(address)
+                reception.expected = max(reception.expected, span.first)
+            reception.lineage = span.lineage
+            if sample.number - reception.expected >= WINDOW or sample.tries >= _DOUBTED_TRIES:
+                reception.in_sync = False
+        if all(self.receptions[address].in_sync for address in lacking):
+            return
+        floor = self.floor
+        if len(lacking) == 1:
+            # What others still lack does not concern it, but they may not read this.
+            floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
+            waiting.for_one_node = True
+        waiting.sync = Sync(span.lineage, max(floor, span.first)).encode()
+
+    def address_anew(self) -> list[Outgoing]:
+        """Make the records that are queued ones for who lacks them; returns those for nobody."""
+        queued = [sample for sample in self.active() if sample.stage is Stage.QUEUED]
+        for sample in queued:
+            if lacking := self.lacking(sample):
+                self.address(sample, lacking)
+        return [sample for sample in queued if not self.lacking(sample)]
+
+    def put_off(self, due_at: int) -> int:
+        """Let nothing that was sent, and not asked for, be due before an instant; returns that."""
+        for sample in self.active():
+            if sample.stage is Stage.SENT and not sample.asked:
+                sample.due_at = max(sample.due_at, due_at)
+        return due_at
+
+    def skip(self, sample: Outgoing, address: int) -> None:
+        """A receiver is not to have a sample that others may still lack."""
+        sample.acknowledged.add(address)
+        self.receptions[address].skips_to = sample.number + 1
+
+    def lose_sync(self, address: int) -> None:
+        """A receiver may know neither lineage nor floor, and have lost what it held."""
+        self.receptions[address].in_sync = False
+        self.receptions[address].settled_at = None
+        for sample in self.samples:
+            sample.held.discard(address)
+
+    def regress(self, address: int, expected: int) -> None:
+        """A receiver has forgotten what it had from this number on."""
+        self.receptions[address].expected = expected
+        for sample in self.samples:
+            if sample.number >= expected and sample.stage is not Stage.OBJECT:
+                sample.acknowledged.discard(address)
+
+    def number_byte(self, number: int) -> bytes:
+        """Return the byte of a number in a record."""
+        return bytes((number % NUMBERS,))
+
+    # Below the methods above
+
+    @property
+    def _has_large(self) -> bool:
+        """A large sample is on its way: its receiver awaits no rhythm, and asks for nothing."""
+        return any(each.stage is Stage.OBJECT for each in self.samples)
+
+    def _next_for(self, address: int) -> int:
+        """Return the oldest number that a receiver lacks, or the newest one."""
+        return max(0, min(self.floor_of(address), self.next_number - 1))
+
+    def _told(self, address: int) -> int:
+        return self.receptions[address].expected

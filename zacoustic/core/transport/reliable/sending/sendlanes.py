@@ -1,0 +1,121 @@
+"""All lanes of one publisher: each begins with its first sample, or where a former life ended."""
+
+from collections.abc import Iterator
+
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.queue import RELIABLE_LANE, LaneKey
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.reliable.rhythm import SendRhythm
+from zacoustic.core.transport.reliable.sending.keeping import KeptLane
+from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
+from zacoustic.core.transport.reliable.spans import Span, Spans
+from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.errors import LocalError
+
+
+class SendLanes:
+    """The lanes of one node.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        handshake: Knows the boot epoch.
+        demand: Knows who has subscribed to on-demand topics.
+    """
+
+    def __init__(
+        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._demand = demand
+        self._lanes: dict[LaneKey, SendLane] = {}
+
+    def __iter__(self) -> Iterator[SendLane]:
+        return iter(self._lanes.values())
+
+    def find(self, stream: Stream, instance: Instance) -> SendLane | None:
+        """Return a lane, if there is one."""
+        return self._lanes.get((stream.stream_id, RELIABLE_LANE, *instance))
+
+    def of(self, stream: Stream, instance: Instance) -> SendLane:
+        """Return a lane; a new one begins its count in this life."""
+        lane = self.find(stream, instance)
+        if lane is None:
+            return self.begin(stream, instance, Spans([Span(0, self._handshake.epoch)]), 0)
+        if lane.is_former:
+            lane.begin_life(self._handshake.epoch)
+        return lane
+
+    def begin(
+        self,
+        stream: Stream,
+        instance: Instance,
+        spans: Spans,
+        number: int,
+        *,
+        is_kept: bool | None = None,
+    ) -> SendLane:
+        """Begin a lane with this number; in the journal as its topic says, or as it was."""
+        lane = SendLane(
+            (stream.stream_id, RELIABLE_LANE, *instance),
+            self._receivers(stream),
+            spans,
+            number,
+            is_kept=stream.spec.journal if is_kept is None else is_kept,
+            audience=self._demand.audience(stream),
+            rhythm=self._rhythm(stream),
+        )
+        self._lanes[lane.key] = lane
+        return lane
+
+    def restore(self, stream: Stream, kept: KeptLane) -> SendLane:
+        """Go on with a lane of a former life; returns it with its samples, all to be sent."""
+        first = min((number for number, _ in kept.samples), default=kept.next_number)
+        spans = Spans(kept.spans, kept.own)
+        spans.forget_before(first)
+        lane = self.begin(stream, kept.instance, spans, first, is_kept=True)
+        lane.is_former = True
+        for number, each in kept.samples:
+            lane.next_number = number
+            lane.add(stream, each, queued_at=0, expires_at=None).stage = Stage.BEHIND
+        lane.next_number = lane.born = kept.next_number
+        return lane
+
+    def check(self, stream: Stream) -> None:
+        """Refuse a topic that nobody could acknowledge.
+
+        Raises:
+            LocalError: Neither nodes nor subscribers are listed.
+        """
+        assert isinstance(stream.spec, TopicSpec)
+        if stream.spec.subscribers is None and not self._table.nodes:
+            raise LocalError(
+                f"{stream.name}: nobody is listed who could acknowledge",
+                hint="list the nodes, or the subscribers of the stream",
+            )
+
+    def repeating_bytes(self) -> int:
+        """Return how much waits to be repeated, or is being repeated."""
+        return sum(
+            sample.waiting.size_bytes
+            for lane in self
+            for sample in lane.active()
+            if sample.tries and sample.stage in (Stage.QUEUED, Stage.ON_AIR)
+        )
+
+    def _rhythm(self, stream: Stream) -> SendRhythm | None:
+        # Several receivers would ask all at once, and what is urgent is sent in copies.
+        is_urgent = stream.qos.priority is Priority.REAL_TIME
+        alone = len(self._receivers(stream)) == 1
+        return SendRhythm(stream.qos) if alone and not is_urgent else None
+
+    def _receivers(self, stream: Stream) -> tuple[int, ...]:
+        assert isinstance(stream.spec, TopicSpec)
+        listed = stream.spec.subscribers
+        addresses = self._table.nodes if listed is None else listed
+        return tuple(sorted(set(addresses) - {self._address}))

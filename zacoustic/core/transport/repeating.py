@@ -1,0 +1,322 @@
+"""Records that are sent again and again to one node, until an answer makes that needless.
+
+Requests and answers of calls are such records: each has one node that it is for, and somebody who
+stops it. They wait in the transmit queue like everything else; what is kept here is when a record
+is due again. While an answer of a node is awaited nothing else is repeated to it, and what is due
+together goes together, a few frames at most: whoever transmits without end hears nothing.
+
+A record may have a *reminder*: a short one that asks whether the node has it. When the record
+went twice and no answer came, answers were lost rather than the record twice, so from then on the
+reminder is repeated; a node that lacks the record says so, and gets it `again`.
+"""
+
+import enum
+import random
+from collections.abc import Callable, Iterable
+from typing import Final
+
+from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.schedule.copies import aimed_pause, follow
+from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
+
+_WHOLE_TRIES: Final = 2
+"""So often a record goes before its reminder does. After two tries at 30 % loss a node that has not
+answered has it in two cases of three. After one it is fewer than half: what is saved then goes into
+questions, and what is lost arrives a round trip later."""
+
+
+class _Stage(enum.Enum):
+    QUEUED = "queued"
+    ON_AIR = "on_air"
+    SENT = "sent"
+    OVER = "over"
+
+
+class RepeatedRecord(Waiting):
+    """A record that is repeated."""
+
+    __slots__ = ("introduces", "repetition")
+    repetition: "Repetition"
+    introduces: bool
+    """The frame has to be readable also for a node that has forgotten this one."""
+
+
+class Repetition:
+    """One record on its way; made by `Repeater.start`."""
+
+    __slots__ = (
+        "due_at",
+        "is_on_air",
+        "key",
+        "qos",
+        "record",
+        "reminder",
+        "sent_at",
+        "stage",
+        "tries",
+        "until",
+        "whole",
+        "wholes_left",
+    )
+
+    def __init__(
+        self,
+        key: LaneKey,
+        whole: RepeatedRecord,
+        qos: Qos,
+        until: int | None,
+        reminder: RepeatedRecord | None = None,
+    ) -> None:
+        self.key = key
+        self.whole = whole
+        self.reminder = reminder
+        self.record = whole
+        """The one of them that is sent, or was last."""
+        self.wholes_left = _WHOLE_TRIES
+        self.qos = qos
+        self.until = until
+        self.stage = _Stage.QUEUED
+        self.tries = 0
+        self.is_on_air = False
+        """A transmission of it is under way, even if it is over meanwhile."""
+        self.sent_at = 0
+        """End of its last transmission, ns."""
+        self.due_at = 0
+
+    def is_settled(self, now: int, settling_ns: int) -> bool:
+        """Tell whether all that was sent of it has arrived, if at all.
+
+        Args:
+            now: The instant.
+            settling_ns: Time after a transmission within which it arrives, repetitions included.
+        """
+        return not self.is_on_air and (self.tries == 0 or self.sent_at + settling_ns <= now)
+
+
+class Repeater:
+    """Repeats the records of one engine.
+
+    Args:
+        queue: Takes them.
+        rng: Draws the pauses.
+        introduce: Makes the next frame to a node readable there: address, stream id.
+    """
+
+    def __init__(
+        self,
+        queue: TransmitQueue,
+        rng: random.Random,
+        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
+    ) -> None:
+        self._queue = queue
+        self._introduce = introduce
+        self._rng = rng
+        self._times: LinkTimes | None = None
+        self._timings: dict[int, PeerTiming] = {}
+        self._repetitions: dict[Repetition, None] = {}
+        self._on_air: list[Repetition] = []
+
+    def use_link(self, times: LinkTimes, now: int) -> None:
+        """Take the airtimes of a link, from this instant on."""
+        self._times = times
+        # There will be no report of what was under way on the one before.
+        self._landed(now)
+
+    def start(
+        self,
+        key: LaneKey,
+        record: RepeatedRecord,
+        qos: Qos,
+        *,
+        until: int | None,
+        introduces: bool = False,
+        reminder: RepeatedRecord | None = None,
+    ) -> Repetition:
+        """Send a record until it is stopped, or until an instant, ns, if there is one.
+
+        Args:
+            key: Where it waits.
+            record: The record.
+            qos: How it waits.
+            until: End, ns; None: none.
+            introduces: Each frame with it is to be readable for a node that has forgotten us.
+            reminder: A short record that asks for an answer; None: there is none.
+        """
+        peer = record.destination
+        if not any(each.record.destination == peer for each in self._repetitions):
+            # Repetitions may have become rare long ago, and the node be back since.
+            self._timing(peer).begin_anew()
+        repetition = Repetition(key, record, qos, until, reminder)
+        for each in (record, reminder):
+            if each is not None:
+                each.introduces, each.repetition = introduces, repetition
+        self._repetitions[repetition] = None
+        self._push(repetition)
+        return repetition
+
+    def stop(
+        self, repetition: Repetition, now: int, *, answered: bool = False, prompt: bool = True
+    ) -> None:
+        """End a repetition.
+
+        Args:
+            repetition: Which; one that is over stays so.
+            now: The instant.
+            answered: The node has just said that it has the record.
+            prompt: It says so as soon as it can; otherwise it may have worked on it meanwhile.
+        """
+        timing = self._timing(repetition.record.destination)
+        if answered:
+            if repetition.tries == 1 and repetition.stage is _Stage.SENT:
+                assert self._times is not None
+                round_trip_ns = now - repetition.sent_at
+                if prompt or round_trip_ns < 2 * self._times.first_round_trip_ns:
+                    timing.measured(round_trip_ns, self._times)
+            timing.answered(in_crowd=len(self._timings) > 1)
+            timing.quiet_until = 0
+        self._repetitions.pop(repetition, None)
+        self._queue.discard(repetition.key, repetition.record)
+        repetition.stage = _Stage.OVER
+
+    def again(self, repetition: Repetition) -> None:
+        """Repeat at once: the node has shown that it lacks the record."""
+        repetition.wholes_left = max(1, repetition.wholes_left)
+        reminds = repetition.stage is _Stage.QUEUED and repetition.record is repetition.reminder
+        if reminds:
+            self._queue.discard(repetition.key, repetition.record)
+        if reminds or repetition.stage is _Stage.SENT:
+            self._push_again(repetition)
+
+    def resume(self, repetition: Repetition, now: int) -> None:
+        """Go on with what was stopped, unless its end has come."""
+        if repetition.stage is _Stage.OVER and (repetition.until is None or now < repetition.until):
+            self._repetitions[repetition] = None
+            self._push_again(repetition)
+
+    def transmitted(self, records: Iterable[Waiting]) -> None:
+        """Note which records are in the transmission that begins."""
+        for record in records:
+            if isinstance(record, RepeatedRecord):
+                repetition = record.repetition
+                repetition.tries += 1
+                repetition.wholes_left -= record is repetition.whole
+                repetition.stage = _Stage.ON_AIR
+                repetition.is_on_air = True
+                self._on_air.append(repetition)
+
+    def handle_report(self, report: TransmitReport) -> None:
+        """A transmission has ended: from here an answer is awaited."""
+        self._landed(report.finished_at)
+
+    def heard(self, source: int) -> None:
+        """A frame of a node arrived: if repetitions to it had become rare, they are due."""
+        timing = self._timings.get(source)
+        if timing is None or not timing.heard():
+            return
+        timing.quiet_until = 0
+        for repetition in self._repetitions:
+            if repetition.record.destination == source:
+                repetition.due_at = 0
+
+    def link_up(self, now: int) -> None:
+        """The link is up again: everything is due."""
+        self._landed(now)
+        for timing in self._timings.values():
+            timing.quiet_until = 0
+        for repetition in self._repetitions:
+            repetition.due_at = 0
+
+    def expire(self, now: int) -> None:
+        """Repeat what is due; forget what nobody wants any more."""
+        for repetition in list(self._repetitions):
+            if repetition.until is not None and repetition.until <= now:
+                self.stop(repetition, now)
+        if self._times is None:
+            return
+        room: dict[int, int] = {}
+        due = [
+            each
+            for each in self._repetitions
+            if each.stage is _Stage.SENT and self._ready_at(each) <= now
+        ]
+        for repetition in due:
+            peer = repetition.record.destination
+            left_bytes = room.get(peer, self._times.batch_bytes)
+            if left_bytes > 0:
+                room[peer] = left_bytes - repetition.record.size_bytes
+                timing = self._timing(peer)
+                timing.unanswered(now, self._times)
+                pause_ns = timing.pause_ns(self._times, 0, self._rng, repetition.qos.priority)
+                timing.await_answer(now, now + pause_ns)
+                self._push_again(repetition)
+
+    def next_due_at(self) -> int | None:
+        """Return the earliest instant at which something is due or over, ns, or None."""
+        earliest: int | None = None
+        for repetition in self._repetitions:
+            at = repetition.until
+            if repetition.stage is _Stage.SENT:
+                ready_at = self._ready_at(repetition)
+                at = ready_at if at is None else min(at, ready_at)
+            if at is not None and (earliest is None or at < earliest):
+                earliest = at
+        return earliest
+
+    # Below the methods above
+
+    def _landed(self, at: int) -> None:
+        """Nothing is on the air any more."""
+        landed, self._on_air = self._on_air, []
+        for repetition in landed:
+            repetition.is_on_air = False
+            repetition.sent_at = at
+            if repetition.stage is _Stage.ON_AIR:
+                repetition.stage = _Stage.SENT
+                assert self._times is not None
+                priority, times = repetition.qos.priority, self._times
+                if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
+                    self._push_again(repetition)
+                    continue
+                timing = self._timing(repetition.record.destination)
+                pause_ns = timing.pause_ns(times, 0, self._rng, priority)
+                if not timing.is_doubtful(times):
+                    pause_ns = aimed_pause(
+                        pause_ns, priority, repetition.tries, times, at, self._rng
+                    )
+                repetition.due_at = at + pause_ns
+                timing.await_answer(at, repetition.due_at)
+
+    def _timing(self, address: int) -> PeerTiming:
+        timing = self._timings.get(address)
+        if timing is None:
+            timing = self._timings[address] = PeerTiming()
+        return timing
+
+    def _ready_at(self, repetition: Repetition) -> int:
+        if self._times is None:
+            return repetition.due_at
+        timing = self._timing(repetition.record.destination)
+        return max(repetition.due_at, timing.ready_at(self._times, repetition.qos.priority))
+
+    def _push_again(self, repetition: Repetition) -> None:
+        if repetition.wholes_left <= 0 and repetition.reminder is not None:
+            repetition.record = repetition.reminder
+        else:
+            repetition.record = repetition.whole
+        repetition.record.cause = Cause.REPEAT
+        self._push(repetition)
+
+    def _push(self, repetition: Repetition) -> None:
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is not None and repetition.record.size_bytes > largest_bytes:
+            # It was made for a link with larger frames.
+            self._repetitions.pop(repetition, None)
+            repetition.stage = _Stage.OVER
+            return
+        repetition.stage = _Stage.QUEUED
+        if repetition.record.introduces:
+            self._introduce(repetition.record.destination, repetition.record.stream_id)
+        self._queue.push(repetition.key, repetition.record, repetition.qos)

@@ -1,0 +1,232 @@
+"""On-demand topics of one node: what it wants of others, and what others want of it."""
+
+from collections.abc import Callable, Collection, Mapping, Set
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.subscriptions.audiences import Audiences, Changed
+from zacoustic.core.transport.subscriptions.wishes import ANSWER_LANE, LETTER_QOS, Wishes
+from zacoustic.core.wire.subscriptions import (
+    PAGE_STREAMS,
+    SUBSCRIBE_CODE,
+    Subscribe,
+    page_of,
+    streams_of,
+)
+from zacoustic.errors import LocalError
+
+NOBODY: Final = "nobody subscribes"
+"""Why a reliable sample of an on-demand topic has ended."""
+
+
+class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Others subscribe to an on-demand topic of this node than before."""
+
+    stream_id: int
+    """The topic's stream."""
+    subscribers: tuple[int, ...]
+    """Addresses of those who do; none: its samples are not sent."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class Demand:
+    """The on-demand topics of one node.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes answers.
+        repeater: Repeats letters.
+        handshake: Knows in which life, and by which table, others speak.
+        journal: Keeps what others want.
+        changed: Told when the audience of a topic has changed.
+        unsubscribed: Told when this node wants a topic no longer: stream, sources, instant.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        repeater: Repeater,
+        handshake: Handshake,
+        journal: JournalPort,
+        changed: Changed,
+        unsubscribed: Callable[[int, Set[int], int], None],
+        emit: Callable[[SubscribersChanged | DeliveryEnded], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._handshake = handshake
+        self._pass_on = changed
+        self._unsubscribed = unsubscribed
+        self._emit = emit
+        self._wishes = Wishes(repeater, lambda: handshake.settling_ns)
+        self._audiences = Audiences(
+            address,
+            table,
+            handshake=handshake,
+            journal=journal,
+            changed=self._changed,
+            answer=self._answer,
+        )
+
+    # Commands
+
+    def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
+        """Subscribe to an on-demand topic at some of its publishers, and at no others.
+
+        Nothing happens for a topic that crosses the water always.
+
+        Args:
+            stream_id: The topic.
+            now: The instant.
+            sources: Addresses of the publishers; others than those of the topic, and this node,
+                are left out. None: all of them. Empty: unsubscribe.
+
+        Raises:
+            UnknownStreamError: No such topic.
+            LocalError: This node may not listen to it.
+        """
+        stream, spec = self._table.topic(stream_id)
+        if not stream.may_subscribe(self._address):
+            raise LocalError(
+                f"node {self._address} is not a subscriber of {stream.name}; "
+                f"subscribers: {spec.subscribers}"
+            )
+        if stream.is_on_demand:
+            publishers = self.publishers(stream)
+            wanted = publishers if sources is None else publishers & frozenset(sources)
+            before = self._wishes.wanted(stream_id)
+            self._wishes.want(stream_id, wanted, now)
+            if before - wanted:
+                self._unsubscribed(stream_id, before - wanted, now)
+
+    # Getters
+
+    def publishers(self, stream: Stream) -> frozenset[int]:
+        """Return the other nodes that may publish an on-demand topic."""
+        assert isinstance(stream.spec, TopicSpec)
+        listed = stream.spec.publishers
+        return frozenset(self._table.nodes if listed is None else listed) - {self._address}
+
+    def wanted(self, stream_id: int) -> frozenset[int]:
+        """Return the publishers of whom this node wants an on-demand topic."""
+        return self._wishes.wanted(stream_id)
+
+    def audience(self, stream: Stream) -> Set[int] | None:
+        """Return the nodes that have subscribed to an on-demand topic; None for any other.
+
+        The set changes as they do.
+        """
+        return self._audiences.of(stream) if stream.is_on_demand else None
+
+    def destination(self, stream: Stream) -> int:
+        """Return the one node that has subscribed to an on-demand topic, or `BROADCAST`."""
+        audience = self._audiences.of(stream)
+        return next(iter(audience)) if len(audience) == 1 else BROADCAST
+
+    # For the publisher
+
+    def refuse(self, stream: Stream, delivery_id: int, now: int) -> int:
+        """Tell the publisher of a reliable sample that nobody wants it; returns its id."""
+        self._emit(
+            DeliveryEnded(
+                delivery_id=delivery_id,
+                stream_id=stream.stream_id,
+                outcome=DeliveryOutcome.REFUSED,
+                missing=(),
+                ended_at=now,
+                detail=NOBODY,
+            )
+        )
+        return delivery_id
+
+    # For the water
+
+    def receive(self, source: int, epoch: int | None, letter: Subscribe, now: int) -> str | None:
+        """Take a letter, or an answer, that was for this node alone.
+
+        Args:
+            source: Who wrote it.
+            epoch: Of the HELLO or TAG of its frame; None: there is none.
+            letter: What it says.
+            now: The instant.
+
+        Returns:
+            Why it is dropped, or None.
+        """
+        if letter.page > LAST_STREAM_ID // PAGE_STREAMS:
+            return "payload"
+        readable = set()
+        for stream_id in self._named(letter):
+            reason = self._handshake.verdict(source, epoch, stream_id, now)
+            if reason == "unconfirmed":
+                return reason
+            if reason is None:
+                readable.add(stream_id)
+        if letter.is_answer:
+            return self._wishes.answered(source, letter, now)
+        return self._audiences.receive(source, letter, readable, now)
+
+    def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, for this node alone or for others too."""
+        if stream.is_on_demand and source in self.publishers(stream):
+            self._wishes.sample_received(source, stream.stream_id, now, is_alone=is_alone)
+
+    def publisher_restarted(self, source: int, now: int) -> None:
+        """A node has begun a new epoch."""
+        self._wishes.publisher_restarted(source, now)
+
+    # The journal
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left."""
+        self._audiences.recover(stored)
+
+    # Below the methods above
+
+    def _named(self, letter: Subscribe) -> list[int]:
+        """Return the streams by which a letter is judged: those it names, or all of its page."""
+        return list(streams_of(letter.page, letter.streams)) or [
+            stream.stream_id
+            for stream in self._table
+            if stream.is_on_demand and page_of(stream.stream_id) == letter.page
+        ]
+
+    def _changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        audience = self._audiences.of(stream)
+        self._pass_on(stream, newcomers, now)
+        self._emit(
+            SubscribersChanged(
+                stream_id=stream.stream_id, subscribers=tuple(sorted(audience)), changed_at=now
+            )
+        )
+
+    def _answer(self, source: int, letter: Subscribe, now: int) -> None:
+        answer = Subscribe(letter.page, letter.version, letter.streams, is_answer=True)
+        record = Waiting(
+            stream_id=NO_STREAM,
+            code=SUBSCRIBE_CODE,
+            destination=source,
+            payload=answer.body,
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.SUBSCRIBE,
+            queued_at=now,
+        )
+        self._queue.replace((NO_STREAM, ANSWER_LANE, source, letter.page), record, LETTER_QOS)

@@ -1,0 +1,153 @@
+"""What this node wants of the publishers of on-demand topics, and who of them knows it."""
+
+from collections.abc import Callable, Iterable
+
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.transport.repeating import RepeatedRecord, Repeater, Repetition
+from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
+
+LETTER_LANE = 0
+ANSWER_LANE = 1
+LETTER_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
+"""Somebody waits for what a letter asks for."""
+VERSIONS = 256
+
+
+class _Letter:
+    """What is said to one node about one page."""
+
+    __slots__ = (
+        "bits", "known_at", "known_bits", "known_version", "repetition", "said_version", "version",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.bits = 0
+        """What is wanted."""
+        self.version = 0
+        """What `repetition` says is this version."""
+        self.said_version: int | None = None
+        """The last version that the node may have heard of; None: of none."""
+        self.repetition: Repetition | None = None
+        """Says it, until it is answered."""
+        self.known_version: int | None = None
+        """The last version that the node has answered in its present life."""
+        self.known_bits = 0
+        self.known_at = 0
+
+    @property
+    def is_known(self) -> bool:
+        """The node has answered what was said last, and that is what is wanted."""
+        return self.known_version is not None and (self.known_version, self.known_bits) == (
+            self.said_version,
+            self.bits,
+        )
+
+    @property
+    def next_version(self) -> int:
+        """The version for something that has not been said yet."""
+        return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
+
+
+class Wishes:
+    """What one node wants.
+
+    Args:
+        repeater: Repeats letters.
+        settling_ns: Tells within what time what was sent has arrived, ns.
+    """
+
+    def __init__(self, repeater: Repeater, settling_ns: Callable[[], int]) -> None:
+        self._repeater = repeater
+        self._settling_ns = settling_ns
+        self._wanted: dict[int, frozenset[int]] = {}
+        self._letters: dict[tuple[int, int], _Letter] = {}
+
+    def wanted(self, stream_id: int) -> frozenset[int]:
+        """Return the publishers of whom a topic is wanted."""
+        return self._wanted.get(stream_id, frozenset())
+
+    def want(self, stream_id: int, sources: Iterable[int], now: int) -> None:
+        """Want a topic of these publishers, and of no others."""
+        before, after = self.wanted(stream_id), frozenset(sources)
+        self._wanted[stream_id] = after
+        for source in sorted(before ^ after):
+            self._write(source, page_of(stream_id), now)
+
+    def answered(self, source: int, answer: Subscribe, now: int) -> str | None:
+        """Take an answer; returns why it is dropped, or None."""
+        letter = self._letters.get((source, answer.page))
+        if letter is None or letter.repetition is None or not letter.repetition.tries:
+            return "unexpected_ack"  # what was not sent yet is not answered: it is of a former life
+        if (answer.version, answer.streams) != (letter.version, letter.bits):
+            return "unexpected_ack"
+        self._stop(letter, letter.repetition, now, answered=True)
+        letter.known_version, letter.known_bits = answer.version, answer.streams
+        letter.known_at = now
+        return None
+
+    def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, maybe for this node alone: tell if it is not wanted."""
+        if source in self.wanted(stream_id):
+            return
+        key = (source, page_of(stream_id))
+        letter = self._letters.setdefault(key, _Letter())
+        if letter.repetition is not None or (letter.said_version is not None and not is_alone):
+            return
+        if letter.is_known and now < letter.known_at + self._settling_ns():
+            return  # it was sent before the node knew
+        self._say(key, letter, letter.next_version, now)
+
+    def publisher_restarted(self, source: int, now: int) -> None:
+        """A node has begun a new epoch, and may have forgotten what it was told."""
+        for key, letter in self._letters.items():
+            if key[0] == source:
+                letter.known_version = None
+                if letter.repetition is None and letter.bits:
+                    assert letter.said_version is not None
+                    self._say(key, letter, letter.said_version, now)
+
+    # Below the methods above
+
+    def _write(self, source: int, page: int, now: int) -> None:
+        """Make the letter to a node what is wanted of it now."""
+        bits = bits_of(
+            stream_id
+            for stream_id, sources in self._wanted.items()
+            if page_of(stream_id) == page and source in sources
+        )
+        key = (source, page)
+        letter = self._letters.get(key)
+        if letter is None:
+            letter = self._letters[key] = _Letter()
+        elif letter.bits == bits:
+            return
+        if letter.repetition is not None:
+            self._stop(letter, letter.repetition, now)
+        letter.bits = bits
+        if not letter.is_known and (bits or letter.said_version is not None):
+            self._say(key, letter, letter.next_version, now)
+
+    def _say(self, key: tuple[int, int], letter: _Letter, version: int, now: int) -> None:
+        source, page = key
+        letter.version = version
+        record = RepeatedRecord(
+            stream_id=NO_STREAM,
+            code=SUBSCRIBE_CODE,
+            destination=source,
+            payload=Subscribe(page, version, letter.bits).body,
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.SUBSCRIBE,
+            queued_at=now,
+        )
+        lane = (NO_STREAM, LETTER_LANE, source, page)
+        letter.repetition = self._repeater.start(lane, record, LETTER_QOS, until=None)
+
+    def _stop(
+        self, letter: _Letter, repetition: Repetition, now: int, *, answered: bool = False
+    ) -> None:
+        if repetition.tries:
+            letter.said_version = letter.version
+        self._repeater.stop(repetition, now, answered=answered)
+        letter.repetition = None

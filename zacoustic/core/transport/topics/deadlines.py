@@ -1,0 +1,183 @@
+"""Deadlines: a topic promises a sample of each key at least so often, and who misses one is told.
+
+The words are those of ROS 2 and DDS. The publisher of a topic with `deadline_s` promises a sample
+of each key at least every `deadline_s`. Whoever depends on that has to know when it is not kept:
+at sea a value that has stopped looks like one that does not change.
+
+Both ends watch, each for itself. The publishing node looks at when its application publishes; a
+receiving one at when samples are handed on, so that whatever holds them up (loss, silence, a queue)
+counts. The first sample of a key in a node's life starts the watch, each further one starts the
+period anew, and a deleted key is awaited no longer. A missed period is told of once, and then the
+next one begins. No timer is armed for topics without a deadline, nor before the first sample.
+
+What is repeated and asked for follows from the deadline, too:
+`zacoustic.core.transport.reliable.sending.pacing`.
+"""
+
+import enum
+from collections.abc import Callable
+
+import msgspec
+
+from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import SampleReceived
+from zacoustic.core.transport.subscriptions.demand import Demand
+
+_Key = tuple[int, int, Instance]
+"""Source, stream, instance."""
+
+
+class DeadlineSide(enum.Enum):
+    """Who has missed a deadline; the words are those of DDS."""
+
+    OFFERED = "offered"
+    """This node, which has promised samples: nothing was published in time."""
+    REQUESTED = "requested"
+    """This node, to which they are promised: nothing has come in time."""
+
+
+class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
+    """Of a topic with `deadline_s` no sample came in time; once for each period without one."""
+
+    stream_id: int
+    """The topic's stream."""
+    source: int
+    """Address of the node that publishes it; that of this node, where `side` is OFFERED."""
+    instance: Instance
+    """Which of the topic's keys."""
+    key: str
+    """The key."""
+    side: DeadlineSide
+    """Who has missed it."""
+    missed: int
+    """How many periods were missed in all, of this key and node, in this life."""
+    is_first: bool
+    """There was a sample in the period before."""
+    last_at: int
+    """Instant of the last sample, ns."""
+    missed_at: int
+    """End of the period, ns."""
+
+
+class Awaited(msgspec.Struct, kw_only=True):
+    """What is known of a key of a publisher, of which a further sample is awaited."""
+
+    stream_id: int
+    """The topic's stream."""
+    key: str
+    """The key."""
+    source: int
+    """Address of the node that publishes it."""
+    last_at: int
+    """Instant of the last sample, ns."""
+    due_at: int | None
+    """Instant at which the next period is missed, ns; None: nothing is awaited any longer."""
+    is_late: bool = False
+    """A period was missed since the last sample."""
+    missed: int = 0
+    """How many were, in all."""
+
+
+class Deadlines:
+    """The deadlines of one node's topics.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        demand: Knows which on-demand topics this node still wants.
+        stats: Counts.
+        emit: Takes the events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        demand: Demand,
+        stats: EngineStats,
+        emit: Callable[[DeadlineMissed], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._demand = demand
+        self._stats = stats
+        self._emit = emit
+        self._awaited: dict[_Key, Awaited] = {}
+
+    def published(self, stream_id: int, instance: Instance, now: int, *, deleted: bool) -> None:
+        """The application has published a sample."""
+        self._note((self._address, stream_id, instance), now, deleted=deleted)
+
+    def handed_on(self, sample: SampleReceived, now: int) -> None:
+        """A sample of another node is handed on."""
+        key = (sample.source, sample.stream_id, sample.instance)
+        self._note(key, now, deleted=sample.deleted)
+
+    def expire(self, now: int) -> None:
+        """Tell of what has not come in time."""
+        for key, awaited in list(self._awaited.items()):
+            if awaited.due_at is None or awaited.due_at > now:
+                continue
+            stream = self._table.by_id(awaited.stream_id)
+            deadline_ns = stream.qos.deadline_ns
+            if deadline_ns is None or not self._is_wanted(stream, awaited.source):
+                awaited.due_at, awaited.is_late = None, False
+                continue
+            # More than one only when nobody has called for so long: a computer that slept.
+            periods = 1 + (now - awaited.due_at) // deadline_ns
+            missed_at = awaited.due_at + (periods - 1) * deadline_ns
+            is_first, awaited.is_late = not awaited.is_late, True
+            awaited.missed += periods
+            awaited.due_at = missed_at + deadline_ns
+            count(self._stats.deadlines_missed, awaited.stream_id, periods)
+            is_ours = awaited.source == self._address
+            self._emit(
+                DeadlineMissed(
+                    stream_id=awaited.stream_id,
+                    source=awaited.source,
+                    instance=key[2],
+                    key=awaited.key,
+                    side=DeadlineSide.OFFERED if is_ours else DeadlineSide.REQUESTED,
+                    missed=awaited.missed,
+                    is_first=is_first,
+                    last_at=awaited.last_at,
+                    missed_at=missed_at,
+                )
+            )
+
+    def next_deadline_at(self) -> int | None:
+        """Return the earliest instant at which a period is missed, ns, or None."""
+        instants = (each.due_at for each in self._awaited.values())
+        return min((at for at in instants if at is not None), default=None)
+
+    def awaited(self) -> list[Awaited]:
+        """Return what is or was awaited of this node and of others; to be read only."""
+        return list(self._awaited.values())
+
+    # Below the methods above
+
+    def _note(self, key: _Key, now: int, *, deleted: bool) -> None:
+        source, stream_id, instance = key
+        stream = self._table.by_id(stream_id)
+        deadline_ns = stream.qos.deadline_ns
+        if deadline_ns is None:
+            return
+        awaited = self._awaited.get(key)
+        if deleted:
+            if awaited is not None:
+                awaited.due_at, awaited.is_late = None, False
+            return
+        if awaited is None:
+            name = stream.keys.key(source, instance)
+            awaited = Awaited(stream_id=stream_id, key=name, source=source, last_at=now, due_at=now)
+            self._awaited[key] = awaited
+        awaited.last_at, awaited.due_at = now, now + deadline_ns
+        awaited.is_late = False
+
+    def _is_wanted(self, stream: Stream, source: int) -> bool:
+        """Tell whether samples may be expected: what this node has unsubscribed from may end."""
+        if source == self._address or not stream.is_on_demand:
+            return True
+        return source in self._demand.wanted(stream.stream_id)

@@ -1,0 +1,251 @@
+"""Dense streams on the water: which samples share a dense string, and who knows what was said.
+
+How samples become a string, and what it may refer to, is the affair of
+`zacoustic.core.values.dense`; here is who listens:
+
+- A string refers to one that all its listeners hold: the one node of a unicast frame, in a
+  broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
+  So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
+- A link may hand a frame over late, within the settling time behind the longest way. Of strings
+  that count (`zacoustic.core.values.dense.stream.references`) so few are sent in that time that
+  none is mistaken for another one; what is more stands apart.
+- A node tells the newest string that it has of a source in frames that go there anyway, in three
+  bytes (`DenseAck`), and never makes a frame for that.
+- What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
+  While that is in the red, records go: a dense stream costs no more airtime than a packed one.
+- A peer that begins a new life, or asks who we are, holds nothing. A new epoch of this node begins
+  anew as well.
+- A dense string takes the whole table, since one that cannot be read to its end cannot be read at
+  all. Whoever is known to hold another table is sent records; what the two agree on still crosses.
+
+Of a dense stream, deletes and samples in an encoding of their own are records like any other.
+"""
+
+import copy
+from collections import deque
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any, Final
+
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
+from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.savings import Savings
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable
+from zacoustic.core.transport.subscriptions.demand import Demand
+from zacoustic.core.values.age import encode_age
+from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
+from zacoustic.core.values.dense.stream.references import REACH
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.wire.frame import DenseAck
+
+# An acknowledgement is three bytes; it may save about as many in each string that follows. So where
+# the strings themselves are that small, several share one.
+_WORTH_AN_ACK_BYTES: Final = 6
+# A string that comes again though it was acknowledged says that this was lost; it is said again now
+# and then.
+_REPEATED_BYTES: Final = 1
+
+
+class _Heard:
+    """One source, as this node hears it."""
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self.listener = Listener(codec)
+        self.said_mark: int | None = None
+        """What was acknowledged last."""
+        self.unsaid_bytes = 0
+        """Size of the strings since then. A steady stream is one string again and again, and stays
+        so until its source learns that it is held here: each of them counts."""
+
+
+class DenseStreams:
+    """The dense strings of one node, its own and those that it hears.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        handshake: Knows who holds another table.
+        demand: Knows who has subscribed to on-demand topics.
+    """
+
+    def __init__(
+        self, address: int, table: StreamTable, handshake: Handshake, demand: Demand
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._demand = demand
+        self.savings = Savings()
+        """What the strings of this node have saved."""
+        self._speaker: Speaker | None = None
+        self._counted_at: deque[int] = deque(maxlen=REACH)
+        self._heard: dict[int, _Heard] = {}
+
+    # What this node says
+
+    def admits(self, item: Waiting, destination: int) -> bool:
+        """Tell whether a payload that waits can be part of a dense string to `destination`."""
+        return item.dense_value is not None and not any(
+            self._handshake.knows_difference(address)
+            for address in self._audience([item], destination)
+        )
+
+    def encode(
+        self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
+    ) -> Encoded | None:
+        """Write a string of all these payloads; None where they do not fit."""
+        if self._speaker is None:
+            codec = self._codec_of(self._address)
+            assert codec is not None  # whoever has samples of dense streams publishes some
+            self._speaker = Speaker(codec)
+        samples = [self._sample(item, now) for item in items]
+        hearers = {destination} if destination != BROADCAST else self._hearers()
+        apart = len(self._counted_at) == REACH and now < self._counted_at[0] + self._latest_ns
+        encoded = self._speaker.encode(samples, room_bytes, hearers, apart=apart)
+        return encoded if encoded is not None and encoded.taken == len(items) else None
+
+    def sent(self, encoded: Encoded, now: int) -> None:
+        """Note that a string is sent; until then it is a draft."""
+        assert self._speaker is not None
+        if not encoded.is_apart:
+            self._counted_at.append(now)
+        self._speaker.sent(encoded)
+
+    def acknowledged(self, source: int, ack: DenseAck) -> str | None:
+        """Take what a peer says it has; returns why it is dropped, or None."""
+        if ack.address not in (0, self._address):
+            return None  # for another node
+        self.savings.book(-len(ack.encode()))
+        if self._speaker is None or not self._speaker.acknowledged(source, ack.mark):
+            return "unexpected_ack"
+        return None
+
+    # What this node hears
+
+    def concerns_us(self, source: int, destination: int) -> bool:
+        """Tell whether the strings of a source to `destination` refer to what is held here.
+
+        A node that subscribes to nothing of what may be in them is not waited for, and would take
+        one reference for another.
+        """
+        streams = self._streams_of(source)
+        return (
+            destination != BROADCAST
+            or not streams
+            or any(
+                source in self._demand.wanted(stream.stream_id)
+                if stream.is_on_demand
+                else stream.may_subscribe(self._address)
+                for stream in streams
+            )
+        )
+
+    def receive(self, source: int, string: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
+        """Read the string of a source that holds the same table; returns stream ids and values.
+
+        Raises:
+            PayloadError: It is damaged, or refers to what is not held here.
+        """
+        heard = self._heard.get(source)
+        if heard is None:
+            codec = self._codec_of(source)
+            if codec is None:
+                raise PayloadError("a source without dense streams")
+            heard = self._heard[source] = _Heard(codec)
+        # Whoever has acknowledged nothing is not waited for: nothing refers to what it holds.
+        decoded = heard.listener.decode(string, alone=heard.said_mark is None)
+        is_unsaid = heard.listener.mark != heard.said_mark
+        heard.unsaid_bytes += len(string) if is_unsaid else _REPEATED_BYTES
+        # What comes twice is read once, and an application may change what it is given.
+        return copy.deepcopy(decoded.samples)
+
+    def acks(self, destination: int, room_bytes: int) -> bytes:
+        """Take what is to be acknowledged to the hearers of a frame, and fits in it."""
+        taken = b""
+        for source in sorted(self._heard) if destination == BROADCAST else [destination]:
+            heard = self._heard.get(source)
+            if heard is None or heard.listener.mark is None:
+                continue
+            if heard.unsaid_bytes < _WORTH_AN_ACK_BYTES:
+                continue
+            address = source if destination == BROADCAST else 0
+            ack = DenseAck(address, heard.listener.mark).encode()
+            if len(taken) + len(ack) <= room_bytes:
+                taken += ack
+                heard.said_mark, heard.unsaid_bytes = heard.listener.mark, 0
+        return taken
+
+    # What changes
+
+    def peer_restarted(self, address: int) -> None:
+        """A peer begins a new life: it knows nothing of us, and nothing that we know of it."""
+        self._heard.pop(address, None)
+        self.peer_forgot(address)
+
+    def peer_forgot(self, address: int) -> None:
+        """A peer does not know us any more."""
+        if self._speaker is not None:
+            self._speaker.forget(address)
+
+    def epoch_changed(self) -> None:
+        """This node begins a new epoch: all that was said, and heard, was in the old one."""
+        self._speaker = None
+        self._heard.clear()
+
+    # Below the methods above
+
+    @property
+    def _latest_ns(self) -> int:
+        """How long after it began to be sent a string arrives at the latest, ns."""
+        settling_ns = self._handshake.settling_ns
+        return settling_ns + settling_ns // SETTLING_UNITS
+
+    def _streams_of(self, source: int) -> list[Stream]:
+        return [
+            stream
+            for stream in self._table
+            if stream.dense_type is not None and stream.may_publish(source)
+        ]
+
+    def _codec_of(self, source: int) -> DenseCodec | None:
+        types = {
+            stream.stream_id: stream.dense_type
+            for stream in self._streams_of(source)
+            if stream.dense_type is not None
+        }
+        if not types:
+            return None
+        return DenseCodec(types, model=self._table.model, digest=self._table.digest)
+
+    def _sample(self, item: Waiting, now: int) -> DenseSample:
+        assert item.dense_value is not None
+        # In full precision: rounded before, an attitude would be off by more than half a step.
+        value = dict(item.dense_value)
+        if item.stamped:
+            value[AGE_FIELD] = encode_age(now - item.queued_at)
+        return DenseSample(item.stream_id, value, item.tick)
+
+    def _audience(self, items: Iterable[Waiting], destination: int) -> set[int]:
+        """Return who is to know what these payloads say."""
+        if destination != BROADCAST:
+            return {destination}
+        streams = map(self._table.by_id, {item.stream_id for item in items})
+        return self._subscribers(streams)
+
+    def _hearers(self) -> set[int]:
+        """Return who reads the strings that are broadcast, whatever is in them."""
+        subscribers = self._subscribers(self._streams_of(self._address))
+        return {each for each in subscribers if not self._handshake.knows_difference(each)}
+
+    def _subscribers(self, streams: Iterable[Stream]) -> set[int]:
+        found: set[int] = set()
+        for stream in streams:
+            assert isinstance(stream.spec, TopicSpec)
+            listed: Collection[int] | None = self._demand.audience(stream)
+            if listed is None:
+                listed = stream.spec.subscribers
+            if listed is None:
+                listed = tuple(self._table.nodes) or tuple(self._handshake.peers())
+            found.update(listed)
+        return found - {self._address}

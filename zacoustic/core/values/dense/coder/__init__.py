@@ -1,0 +1,1 @@
+"""The arithmetic coder: writer, reader, curves."""

@@ -1,0 +1,1 @@
+"""What is expected of the next sample of a type, field by field, and how it is learnt."""

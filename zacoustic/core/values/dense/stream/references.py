@@ -1,0 +1,262 @@
+"""Which frames may be referred to: a source remembers what it sent, a receiver what it got.
+
+A source may refer to a frame that every listener holds: one that it has acknowledged, or that one
+that it has acknowledged refers to (nobody reads a frame without holding its reference). A listener
+acknowledges the newest frame that it has read, by its `mark`, whenever there is room for a byte in
+what goes anyway; nothing has to be answered at once, and a lost acknowledgement is made up for by
+the next.
+
+Frames may be lost, doubled and late, and nothing is numbered. A receiver holds, of each name, the
+frame that came with it last, unless that `is_outdated_by` the one that it holds. The source makes
+sure that this is the one that is meant, as long as not more than `REACH` of its frames come between
+a frame and a copy of it that is late:
+
+1. a name by which a frame was referred to is given to no other one while the last `REACH` frames
+   include one that says it;
+2. a frame is referred to only if no other one of its name was sent since, or among the `REACH`
+   frames before it, but such as it outdates.
+
+To have names for that, it gives a new frame one that is free, if it has a choice. Names that are
+given in turn are more than `REACH`, so as long as frames and samples go on in step, all is free.
+
+An acknowledgement may be late too: within `REMEMBERED` frames, no two have the same mark.
+
+Where more than `REACH` frames are sent within the time that a late one may need, those beyond
+stand `apart`: each for itself and without a name. Such a frame cannot be taken for another one, nor
+another one because of it, so it does not count.
+
+A stream that stands still may have the same bytes again, against the same reference. That is the
+same frame once more.
+"""
+
+from collections import OrderedDict
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from zacoustic.core.values.dense.model.snapshot import Snapshot
+from zacoustic.core.values.dense.stream.frame import Decoded, DenseCodec, DenseSample, Encoded
+
+REACH: Final = 31
+"""A frame may arrive behind so many of its successors, and still no name is ambiguous."""
+
+KEPT: Final = 2 * REACH
+"""How many frames the source may tell apart. So it refers back by at most `REACH` of them, and
+knows of all that may outdate what it refers to."""
+
+ANSWERS: Final = 4 * REACH
+"""For how many frames after an acknowledgement another one is expected, and names matter."""
+
+# So much a frame with a reference may cost more than one without: it goes on learning. That pays
+# as long as acknowledgements come.
+_INVESTED_BYTES: Final = 1
+_FRESH: Final = 16
+
+REMEMBERED: Final = 256
+"""Of how many frames the source does not use the marks again."""
+
+
+class _Sent:
+    """A frame that was sent, once or several times.
+
+    Attributes:
+        first: When it was sent first, counted in frames.
+        last: When it was sent last.
+        holders: Who is known to hold it.
+    """
+
+    __slots__ = ("first", "holders", "last", "reference", "snapshot")
+
+    def __init__(self, encoded: Encoded, count: int) -> None:
+        self.snapshot = encoded.snapshot
+        self.reference = encoded.reference
+        self.first = self.last = count
+        self.holders: set[int] = set()
+
+
+class Speaker:
+    """The sending end of one source's dense frames.
+
+    Args:
+        codec: The source's.
+    """
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self._codec = codec
+        self._count = 0
+        self._sent: OrderedDict[bytes, _Sent] = OrderedDict()  # by digest; sent last is last
+        self._named: dict[int, list[_Sent]] = {}  # those of each name
+        self._forgotten = -REACH  # when a frame was sent last that is no longer among them
+        self._referred: dict[int, tuple[int, bytes]] = {}  # by name: when last, and to what
+        self._answered = -ANSWERS  # when somebody acknowledged something
+        self._said = -REACH  # when a name was said last
+        self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
+
+    def encode(
+        self,
+        samples: Sequence[DenseSample],
+        room: int,
+        listeners: Iterable[int] = (),
+        *,
+        apart: bool = False,
+    ) -> Encoded | None:
+        """Write a frame; see `DenseCodec.encode`.
+
+        Args:
+            samples: The most important first.
+            room: Greatest size of the frame, bytes.
+            listeners: Addresses of all who must be able to read it; none: it stands for itself.
+            apart: It stands for itself and has no name.
+        """
+        if apart:
+            return self._codec.encode(samples, room, refuses=lambda _: True)
+        reference = self._reference(set(listeners))
+        # As long as nobody acknowledges anything, no name is ever said: all are as good.
+        matters_until = max(self._answered + ANSWERS, self._said + REACH)
+        is_choosy = reference is not None or matters_until > self._count
+        refuses = self._refuses if is_choosy else None
+        spared = _INVESTED_BYTES if self._answered + _FRESH > self._count else 0
+        return self._codec.encode(samples, room, reference, refuses=refuses, invested=spared)
+
+    def sent(self, encoded: Encoded) -> None:
+        """Take note that a frame was handed to the link; until then it was a draft."""
+        if encoded.is_apart:
+            return
+        self._count += 1
+        snapshot, reference = encoded.snapshot, encoded.reference
+        digest = snapshot.digest
+        if reference is not None and reference.name is not None:
+            self._referred[reference.name] = self._count, reference.digest
+            self._said = self._count
+        sent = self._sent.get(digest)
+        if sent is not None:
+            sent.last = self._count
+            self._sent.move_to_end(digest)
+            return
+        sent = self._sent[digest] = _Sent(encoded, self._count)
+        if snapshot.name is not None:
+            self._named.setdefault(snapshot.name, []).append(sent)
+        if len(self._sent) > KEPT:
+            _, oldest = self._sent.popitem(last=False)
+            self._forgotten = oldest.last
+            if oldest.snapshot.name is not None:
+                self._named[oldest.snapshot.name].remove(oldest)
+        is_clear = self._marks.setdefault(snapshot.mark, digest) == digest
+        if not is_clear:  # nobody can say which of them is meant
+            self._marks[snapshot.mark] = b""
+        if len(self._marks) > REMEMBERED:
+            del self._marks[next(iter(self._marks))]
+
+    def acknowledged(self, listener: int, mark: int) -> bool:
+        """Take note that a listener holds a frame.
+
+        Args:
+            listener: Its address.
+            mark: `Snapshot.mark` of the frame.
+
+        Returns:
+            Whether it is known which frame that is.
+        """
+        sent = self._sent.get(self._marks.get(mark, b""))
+        if sent is None or sent.snapshot.name is None:
+            return False
+        self._answered = self._count
+        while sent is not None and listener not in sent.holders:
+            sent.holders.add(listener)
+            sent = self._sent.get(sent.reference.digest) if sent.reference is not None else None
+        return True
+
+    def forget(self, listener: int) -> None:
+        """Take note that a listener holds nothing any more: it has restarted."""
+        for each in self._sent.values():
+            each.holders.discard(listener)
+
+    def _refuses(self, new: Encoded) -> bool:
+        """Whether a frame would be taken for another one, or make another one be taken for it."""
+        snapshot = new.snapshot
+        name, digest = snapshot.name, snapshot.digest
+        assert name is not None
+        if self._marks.get(snapshot.mark, digest) != digest:
+            return True
+        if new.reference is not None and new.reference.name == name:
+            return True
+        last, meant = self._referred.get(name, (0, digest))
+        if meant != digest and last + REACH > self._count:
+            return True
+        same = self._sent.get(digest)
+        for other in self._named.get(name, ()):
+            if same is not None and other is not same and other.last > same.first:
+                return True  # who missed it before would hold it now, and all others the other one
+            if same is None and (
+                snapshot.is_outdated_by(other.snapshot)
+                or (
+                    other.last + REACH > self._count and not other.snapshot.is_outdated_by(snapshot)
+                )
+            ):
+                return True
+        return False
+
+    def _reference(self, listeners: set[int]) -> Snapshot | None:
+        """The newest frame that all hold and that can be named; None: there is none."""
+        if listeners:
+            for each in reversed(self._sent.values()):
+                if each.last + REACH < self._count:
+                    break
+                if (
+                    listeners <= each.holders
+                    and each.first - REACH > self._forgotten
+                    and self._is_clear(each)
+                ):
+                    return each.snapshot
+        return None
+
+    def _is_clear(self, meant: _Sent) -> bool:
+        """Whether every receiver that has got a frame holds it as the one of its name."""
+        snapshot = meant.snapshot
+        assert snapshot.name is not None
+        for other in self._named[snapshot.name]:
+            if other is meant:
+                continue
+            if other.last >= meant.first - REACH:
+                if not other.snapshot.is_outdated_by(snapshot):
+                    return False
+            elif snapshot.is_outdated_by(other.snapshot):
+                return False
+        return True
+
+
+class Listener:
+    """The receiving end of one source's dense frames.
+
+    Args:
+        codec: The source's.
+    """
+
+    def __init__(self, codec: DenseCodec) -> None:
+        self._codec = codec
+        self._held: dict[int, Snapshot] = {}  # by name
+        self.mark: int | None = None
+        """What to acknowledge: the mark of the newest frame; None: none was read."""
+
+    def decode(self, frame: bytes, *, alone: bool = False) -> Decoded:
+        """Read a frame off the water.
+
+        Args:
+            frame: From the marker on, all of it.
+            alone: What refers to another frame is for others.
+
+        Raises:
+            PayloadError: It is damaged, or its reference is not held.
+        """
+        decoded = self._codec.decode(frame, {} if alone else self._held)
+        snapshot = decoded.snapshot
+        if snapshot.name is not None:
+            held = self._held.get(snapshot.name)
+            if held is None or not snapshot.is_outdated_by(held):
+                self._held[snapshot.name] = snapshot
+                self.mark = snapshot.mark
+        return decoded
+
+    def forget(self) -> None:
+        """Take note that the source has restarted."""
+        self._held.clear()
+        self.mark = None

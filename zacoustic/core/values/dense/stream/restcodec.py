@@ -1,0 +1,150 @@
+"""The rest of a sample: what is no integer, as symbols.
+
+Most of it is the same as in the sample before (a name, a list that seldom changes), which costs a
+fraction of a bit to say. New texts and bytes are coded by `text`, given the lines that both ends
+know and what payloads in JSON and CBOR look like. That is a guess: octets that are neither cost
+more that way than plainly, and so does a text in another language; `StreamCodec` then says the
+whole sample plainly. What is long is plain at once, since modelling costs time for every letter.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from zacoustic.core.values.dense.coder.arithmetic import Coder
+from zacoustic.core.values.dense.coder.reader import Reader
+from zacoustic.core.values.dense.coder.writer import Writer
+from zacoustic.core.values.dense.model.layout import Content, Remainder, Row
+from zacoustic.core.values.dense.text.text import RECENT_LINES, TextModel, shipped_model
+from zacoustic.core.values.payload import PayloadError
+from zacoustic.core.values.payload.bits import BitSink, BitSource
+
+_SAME: Final = 1 << 13  # how often the rest of a sample is that of its reference, 2**-16
+_LONG: Final = 1 << 11  # how often a text is too long to be modelled
+
+
+class RestCodec:
+    """How the rest of a stream's samples is written and read.
+
+    Args:
+        remainders: The parts of it.
+        lines: Texts such as the stream carries; none: the shipped ones.
+    """
+
+    def __init__(self, remainders: Sequence[Remainder], lines: Sequence[str] = ()) -> None:
+        self._remainders = remainders
+        self._models: dict[Content, TextModel] = {}
+        if any(remainder.content is not Content.OTHER for remainder in remainders):
+            shipped = shipped_model()
+            fitted = TextModel(line.encode() for line in lines) if lines else shipped
+            self._models = {Content.TEXT: fitted, Content.BYTES: shipped}
+
+    def code(
+        self, coder: Coder, row: Row, rest: list[Any], known: list[Any], *, plainly: bool
+    ) -> list[Any]:
+        """Write or read the rest of a sample.
+
+        Args:
+            coder: Where.
+            row: Of the sample, complete.
+            rest: Of the sample; a reader's is filled in.
+            known: What is known of the one before it; not changed.
+            plainly: Without all models.
+
+        Returns:
+            What the next sample finds.
+
+        Raises:
+            PayloadError: What is read is not of the type.
+        """
+        if not self._remainders:
+            return known
+        known = list(known)
+        for place, remainder in enumerate(self._remainders):
+            guard = remainder.guard
+            if guard is not None and row[guard[0]] != guard[1]:
+                continue
+            value, before = rest[place], known[place] or ()
+            if plainly:
+                value = _code_plainly(coder, remainder, value)
+            elif remainder.content is Content.OTHER:
+                if not before or not coder.flag(_SAME, _is_same(value, before[-1])):
+                    value = _code_plainly(coder, remainder, value)
+                else:
+                    value = before[-1]
+            else:
+                value = self._code_octets(coder, remainder, value, before)
+            rest[place] = value
+            kept = 1 if remainder.content is Content.OTHER else RECENT_LINES
+            known[place] = (*before, _octets(value))[-kept:]
+        return known
+
+    def _code_octets(
+        self,
+        coder: Coder,
+        remainder: Remainder,
+        value: Any,  # noqa: ANN401
+        before: tuple[Any, ...],
+    ) -> Any:  # noqa: ANN401
+        octets = b"" if value is None else _octets(value)
+        if before and coder.flag(_SAME, octets == before[-1]):
+            octets = before[-1]
+        else:
+            model = self._models[remainder.content]
+            if coder.flag(_LONG, not model.takes(octets)):
+                return _code_plainly(coder, remainder, value)
+            octets = model.code(coder, octets, before, remainder.longest)
+        if remainder.content is Content.BYTES:
+            return octets
+        try:
+            return octets.decode()
+        except UnicodeDecodeError:
+            raise PayloadError("a text that is not UTF-8") from None
+
+
+def plain_bits(rest: Sequence[Any]) -> int:
+    """About what texts and bytes cost plainly, bits."""
+    return sum(7 * len(value) for value in rest if isinstance(value, (str, bytes)))
+
+
+def _octets(value: Any) -> Any:  # noqa: ANN401
+    return value.encode() if isinstance(value, str) else value
+
+
+def _code_plainly(coder: Coder, remainder: Remainder, value: Any) -> Any:  # noqa: ANN401
+    """Write or read a part of the rest as `packed` does."""
+    if isinstance(coder, Reader):
+        return remainder.packing.read(_Source(coder))
+    remainder.packing.write(_Sink(coder), value)
+    return value
+
+
+def _is_same(value: Any, old: Any) -> bool:  # noqa: ANN401
+    """Whether both are one payload: zeros differ by their sign, and nan is itself."""
+    return bool(value == old) and repr(value) == repr(old)
+
+
+class _Sink(BitSink):
+    """A writer as what a packing writes its bits to."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+
+    def write(self, number: int, width: int) -> None:
+        self._writer.raw(width, number)
+
+
+class _Source(BitSource):
+    """A reader as what a packing reads its bits from."""
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+
+    @property
+    def bits_left(self) -> int:
+        return self._reader.bits_left
+
+    def read(self, width: int) -> int:
+        return self._reader.raw(width)
+
+    def skip(self, width: int) -> int:
+        return self._reader.raw(width)

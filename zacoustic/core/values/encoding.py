@@ -1,0 +1,252 @@
+"""What payloads look like on the application's side, and what that is called on the water.
+
+Zenoh samples carry an *encoding*, a text like ``application/cbor``. A stream has one, which both
+ends know; only a sample with another says so, in a prefix of one byte, or for a text that has no
+number, of the text itself:
+
+=============  ====================================================
+first byte     then
+=============  ====================================================
+0…254          nothing: an index of `ENCODINGS`; unlisted: refused
+255            one byte, the length 1…255; the text in UTF-8
+=============  ====================================================
+
+`ENCODINGS` is wire format: it only ever grows at its end.
+
+The values of typed streams meet the application as CBOR maps of field names, or as JSON objects
+where the stream asks for that; bytes fields are base64 texts in JSON, and numbers that JSON lacks
+(NaN, the infinities) are null there. Every other encoding is bytes as they are. Reading here uses
+cbor2 and msgspec, with a bound of `LARGEST_VALUE_BYTES`: what comes from the own island is trusted
+to be no attack, not to be well-formed.
+"""
+
+import base64
+import binascii
+import io
+from collections.abc import Callable
+from typing import Any, Final
+
+import cbor2
+import msgspec
+
+from zacoustic.core.values.types import FieldSpec, TypeSpec
+from zacoustic.core.values.types.scalars import shown
+from zacoustic.errors import PayloadInvalidError
+
+OPAQUE: Final = "zenoh/bytes"
+"""Encoding of opaque streams, unless they say another: Zenoh's own default."""
+CBOR: Final = "application/cbor"
+"""Encoding of typed streams, unless they say another."""
+JSON: Final = "application/json"
+
+TYPED_ENCODINGS: Final = (CBOR, JSON, "text/json")
+"""What a typed stream can be on the application's side."""
+
+ENCODINGS: Final = (
+    "zenoh/bytes",
+    "zenoh/string",
+    "zenoh/serialized",
+    "application/octet-stream",
+    "text/plain",
+    "application/json",
+    "text/json",
+    "application/cdr",
+    "application/cbor",
+    "application/yaml",
+    "text/yaml",
+    "text/json5",
+    "application/python-serialized-object",
+    "application/protobuf",
+    "application/xml",
+    "text/xml",
+    "text/csv",
+    "text/markdown",
+    "text/html",
+    "image/png",
+    "image/jpeg",
+    "image/gif",
+    "image/bmp",
+    "image/webp",
+    "audio/aac",
+    "audio/ogg",
+    "audio/vorbis",
+    "video/h264",
+    "video/h265",
+    "video/mp4",
+)
+"""Encodings by their number on the water; append only."""
+
+SPELLED_OUT: Final = 255
+"""The first byte of an encoding that has no number."""
+
+LONGEST_ENCODING_BYTES: Final = 255
+"""Longest text of an encoding, bytes of UTF-8."""
+
+# A value of a type is fields, not files: 1 MiB is an hour of airtime at 2 kbit/s.
+LARGEST_VALUE_BYTES: Final = 1 << 20
+"""Largest CBOR or JSON text of one value that is read."""
+
+_NUMBERS: Final = {encoding: number for number, encoding in enumerate(ENCODINGS)}
+_SCHEMA_MARK: Final = ";"
+
+
+def encode_prefix(encoding: str) -> bytes:
+    """Return what stands for an encoding on the water: one byte, or 255, the length and the text.
+
+    Raises:
+        PayloadInvalidError: The text is empty or longer than `LONGEST_ENCODING_BYTES`.
+    """
+    number = _NUMBERS.get(encoding)
+    if number is not None:
+        return bytes((number,))
+    text = encoding.encode(errors="replace")
+    if not 1 <= len(text) <= LONGEST_ENCODING_BYTES:
+        raise PayloadInvalidError(
+            f"encoding has {len(text)} bytes; allowed: 1..{LONGEST_ENCODING_BYTES}"
+        )
+    return bytes((SPELLED_OUT, len(text))) + text
+
+
+def decode_prefix(buffer: bytes, offset: int) -> tuple[str, int] | None:
+    """Read the encoding at `offset`.
+
+    Returns:
+        The encoding and the offset behind it; None when it is truncated, empty, not UTF-8, or a
+        number that this version does not know.
+    """
+    if offset >= len(buffer):
+        return None
+    number = buffer[offset]
+    if number != SPELLED_OUT:
+        return (ENCODINGS[number], offset + 1) if number < len(ENCODINGS) else None
+    start = offset + 2
+    end = start + buffer[offset + 1] if start < len(buffer) else start
+    text = buffer[start:end]
+    if not text or end > len(buffer):
+        return None
+    try:
+        return text.decode(), end
+    except UnicodeDecodeError:
+        return None
+
+
+def encode_application(value: object, encoding: str = CBOR) -> bytes:
+    """Write a value for the application.
+
+    Args:
+        value: What a `PayloadCodec` decoded: a dict for a typed stream, bytes for an opaque one.
+        encoding: The encoding, with or without a schema behind ``;``.
+
+    Raises:
+        PayloadInvalidError: The encoding cannot carry the value.
+    """
+    kind = encoding.split(_SCHEMA_MARK, 1)[0]
+    try:
+        if kind == CBOR:
+            return cbor2.dumps(value)
+        if kind in TYPED_ENCODINGS:
+            return msgspec.json.encode(value)
+    except (cbor2.CBOREncodeError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise PayloadInvalidError(f"{shown(value)} as {encoding}: {_one_line(error)}") from error
+    if isinstance(value, bytes | bytearray | memoryview):
+        return bytes(value)
+    raise PayloadInvalidError(
+        f"{shown(value)} as {encoding}; allowed: bytes, or one of {', '.join(TYPED_ENCODINGS)}"
+    )
+
+
+def decode_application(
+    payload: bytes, encoding: str = CBOR, *, type_spec: TypeSpec | None = None
+) -> object:
+    """Read what an application published.
+
+    Args:
+        payload: The bytes of the sample, request or reply.
+        encoding: Its encoding, with or without a schema behind ``;``.
+        type_spec: The type, if there is one: tells which texts of a JSON object are bytes.
+
+    Returns:
+        The value, not yet validated; for encodings other than CBOR and JSON the bytes.
+
+    Raises:
+        PayloadInvalidError: The payload is malformed or too large.
+    """
+    kind = encoding.split(_SCHEMA_MARK, 1)[0]
+    if kind not in TYPED_ENCODINGS:
+        return bytes(payload)
+    if len(payload) > LARGEST_VALUE_BYTES:
+        raise PayloadInvalidError(
+            f"{encoding} of {len(payload)} bytes; allowed: at most {LARGEST_VALUE_BYTES} bytes"
+        )
+    if kind == CBOR:
+        return _read_cbor(payload)
+    try:
+        value = msgspec.json.decode(payload)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise PayloadInvalidError(f"no {encoding}: {_one_line(error)}") from error
+    return value if type_spec is None else _without_base64(value, type_spec, type_spec.name)
+
+
+def _read_cbor(payload: bytes) -> object:
+    stream = io.BytesIO(payload)
+    try:
+        # By single bytes: versions differ in where a stream stands after a read ahead.
+        value: object = cbor2.CBORDecoder(stream, read_size=1).decode()
+    except (
+        cbor2.CBORDecodeError,
+        ValueError,
+        TypeError,
+        ArithmeticError,
+        EOFError,
+        LookupError,
+        RecursionError,
+        MemoryError,
+    ) as error:
+        raise PayloadInvalidError(f"no {CBOR}: {_one_line(error)}") from error
+    if stream.tell() != len(payload):
+        raise PayloadInvalidError(
+            f"no {CBOR}: {len(payload) - stream.tell()} bytes behind the value; allowed: one value"
+        )
+    return value
+
+
+def _without_base64(value: object, type_spec: TypeSpec, path: str) -> object:
+    """The value of a JSON text with the base64 texts of bytes fields read."""
+    if not isinstance(value, dict):
+        return value
+    read: dict[Any, Any] = dict(value)
+    for field in type_spec.fields:
+        if (field.type == "bytes" or field.is_nested) and read.get(field.name) is not None:
+            read[field.name] = _read_field(read[field.name], field, type_spec, path)
+    return read
+
+
+def _read_field(value: object, field: FieldSpec, type_spec: TypeSpec, path: str) -> object:
+    where = f"{path}.{field.name}"
+    read: Callable[[object], object]
+    if field.is_nested:
+        nested = type_spec.nested_type(field.type)
+
+        def read(element: object) -> object:
+            return _without_base64(element, nested, where)
+    else:
+
+        def read(element: object) -> object:
+            return _read_base64(element, where)
+
+    if field.is_array and isinstance(value, list):
+        return [read(element) for element in value]
+    return read(value)
+
+
+def _read_base64(value: object, where: str) -> object:
+    if not isinstance(value, str):
+        return value
+    try:
+        return base64.b64decode(value, validate=True)
+    except (binascii.Error, ValueError):
+        raise PayloadInvalidError(f"{where} is {shown(value)}; allowed: base64") from None
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,25 @@
+"""Codecs of the payloads that cross the water.
+
+A stream has one codec, made once from what both ends know of the stream. `OpaqueCodec` carries
+bytes as they are; `CborCodec` carries the values of a type as CBOR by position, `PackedCodec` as
+bits. The frame layer
+needs three facts of a codec: whether a payload says itself where it ends, how small and how large
+it can be.
+
+An application's mistake on the way out is a `PayloadInvalidError` for the application. Damage on
+the way in is a `PayloadError`, internal to the core: it is counted, traced, dropped.
+"""
+
+from zacoustic.core.values.payload.cbor import CborCodec
+from zacoustic.core.values.payload.codec import OpaqueCodec, PayloadCodec, PayloadError
+from zacoustic.core.values.payload.packed import PackedCodec
+from zacoustic.core.values.payload.typed import TypedCodec
+
+__all__ = [
+    "CborCodec",
+    "OpaqueCodec",
+    "PackedCodec",
+    "PayloadCodec",
+    "PayloadError",
+    "TypedCodec",
+]

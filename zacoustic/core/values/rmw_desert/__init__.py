@@ -1,0 +1,1 @@
+"""Values and messages as rmw_desert spells them."""

@@ -1,0 +1,287 @@
+"""`FieldSpec`: what one field of a type is, and what it may be.
+
+The record is checked and normalised when it is made: ranges and steps become `float` in float
+fields and `int` in integer fields, so that ``[-90, 90]`` and ``[-90.0, 90.0]`` are the same field
+and have the same digest.
+"""
+
+import math
+import re
+from difflib import get_close_matches
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.values.types.quantiser import MAX_COUNT, Quantiser
+from zacoustic.errors import ConfigError
+
+INTEGER_LIMITS: Final[dict[str, tuple[int, int]]] = {
+    "int8": (-(1 << 7), (1 << 7) - 1),
+    "int16": (-(1 << 15), (1 << 15) - 1),
+    "int32": (-(1 << 31), (1 << 31) - 1),
+    "int64": (-(1 << 63), (1 << 63) - 1),
+    "uint8": (0, (1 << 8) - 1),
+    "uint16": (0, (1 << 16) - 1),
+    "uint32": (0, (1 << 32) - 1),
+    "uint64": (0, (1 << 64) - 1),
+}
+"""Integer types, and the least and greatest value of each."""
+
+FLOAT_TYPES: Final = ("float32", "float64")
+"""Floating-point types."""
+
+SCALAR_TYPES: Final = ("bool", *INTEGER_LIMITS, *FLOAT_TYPES, "string", "bytes", "enum")
+"""Every type that is not the name of another type."""
+
+FLOAT32_MAX: Final = (2 - 2**-23) * 2.0**127
+"""Greatest finite float32."""
+
+# A list or text longer than this is an object, not a field: it needs a stream of its own.
+MAX_LENGTH: Final = 65535
+"""Greatest `length` and `max_length`."""
+
+OUTSIDE_WORDS: Final = ("reject", "clamp", "escape")
+"""What can become of a number outside of the limits."""
+
+_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+Number = int | float
+Default = bool | int | float | str
+
+
+class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One field of a type.
+
+    Raises:
+        ConfigError: The parts contradict each other; the message starts with the key.
+    """
+
+    name: str
+    """Identifier: letters, digits, underscores."""
+    type: str
+    """One of `SCALAR_TYPES`, or the name of another type."""
+    range: tuple[Number, Number] | None = None
+    """Least and greatest value, both allowed, in `unit`; numeric types only."""
+    step: Number | None = None
+    """Values travel to the nearest multiple of this, in `unit`; numeric types only."""
+    unit: str = ""
+    """Unit, for people: in messages, never on the wire."""
+    wraps: bool = False
+    """The ends of `range` are the same value, as for a heading: values outside are folded in."""
+    values: tuple[str, ...] = ()
+    """The names of an enum; the position is what travels, so append, never reorder."""
+    length: int | None = None
+    """Number of elements of a fixed array; none: not a fixed array."""
+    max_length: int | None = None
+    """Most elements of a bounded array; of a string or bytes, most bytes."""
+    optional: bool = False
+    """Nothing is allowed, and a missing field is nothing."""
+    default: Default | None = None
+    """What a missing field is; scalars only. Not part of the wire: the value travels."""
+    outside: str = "reject"
+    """What becomes of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to
+    the nearer end, or carried in the full width of its type; the last two are counted."""
+
+    def __post_init__(self) -> None:
+        """Check and normalise.
+
+        Raises:
+            ConfigError: The message starts with the key.
+        """
+        if not _NAME.fullmatch(self.name):
+            raise ConfigError(f'name: "{self.name}"; allowed: letters, digits and underscores')
+        if not self.type:
+            raise ConfigError(f'type: ""; allowed: {", ".join(SCALAR_TYPES)}, or a type')
+        if self.is_nested:
+            self._check_nested()
+        self._check_lengths()
+        self._check_values()
+        if self.is_numeric:
+            self._check_numbers()
+        else:
+            for key in ("range", "step"):
+                if getattr(self, key) is not None:
+                    raise ConfigError(f"{key}: not for type {self.type}; allowed: numeric types")
+            if self.wraps:
+                raise ConfigError(f"wraps: not for type {self.type}; allowed: numeric types")
+        self._check_outside()
+        if self.default is not None and (self.is_array or self.is_nested):
+            raise ConfigError("default: not for arrays and nested types; allowed: scalars")
+
+    @property
+    def is_integer(self) -> bool:
+        """Whether the elements are integers."""
+        return self.type in INTEGER_LIMITS
+
+    @property
+    def is_numeric(self) -> bool:
+        """Whether the elements are integers or floats."""
+        return self.type in INTEGER_LIMITS or self.type in FLOAT_TYPES
+
+    @property
+    def is_nested(self) -> bool:
+        """Whether `type` names another type."""
+        return self.type not in SCALAR_TYPES
+
+    @property
+    def is_array(self) -> bool:
+        """Whether the value is a list of elements."""
+        return self.length is not None or self.is_bounded_array
+
+    @property
+    def is_bounded_array(self) -> bool:
+        """Whether the value is a list whose length travels."""
+        return (
+            self.max_length is not None
+            and self.length is None
+            and self.type not in ("string", "bytes")
+        )
+
+    @property
+    def limits(self) -> tuple[Number, Number] | None:
+        """Least and greatest value that the field can hold; None: any float, or not a number."""
+        if self.range is not None:
+            return self.range
+        if self.step is not None and not self.is_integer:
+            return -self.step * MAX_COUNT, self.step * MAX_COUNT
+        return INTEGER_LIMITS.get(self.type)
+
+    @property
+    def escapes(self) -> bool:
+        """Whether numbers outside of `range` are carried too."""
+        return self.outside == "escape"
+
+    @property
+    def quantiser(self) -> Quantiser | None:
+        """How numbers become counts of the step; None without a step."""
+        limits = self.limits
+        if self.step is None or limits is None:
+            return None
+        return Quantiser(self.step, limits, wraps=self.wraps)
+
+    @property
+    def allowed(self) -> str:
+        """What an element may be, in words, with the unit."""
+        unit = f" {self.unit}" if self.unit else ""
+        if self.is_numeric and (self.range is not None or self.is_integer):
+            low, high = self.limits or (0, 0)
+            return f"{_plain(low)}..{_plain(high)}{unit}"
+        if self.type == "enum":
+            return ", ".join(self.values)
+        if self.type in ("string", "bytes") and self.max_length is not None:
+            return f"{self.type} of at most {self.max_length} bytes"
+        if self.is_numeric:
+            return f"a {'finite ' if self.step is not None else ''}number{unit}"
+        return "true, false" if self.type == "bool" else self.type
+
+    def _check_nested(self) -> None:
+        """Refuse what only built-in types have: most likely the name of one is misspelt."""
+        for key in ("range", "step", "wraps", "values"):
+            if getattr(self, key):
+                close = get_close_matches(self.type, SCALAR_TYPES, 1)
+                raise ConfigError(
+                    f'type: "{self.type}" is not built in, and has {key}; '
+                    f"allowed: {', '.join(SCALAR_TYPES)}",
+                    hint=f'did you mean "{close[0]}"?' if close else "",
+                )
+
+    def _check_outside(self) -> None:
+        if self.outside not in OUTSIDE_WORDS:
+            raise ConfigError(f'outside: "{self.outside}"; allowed: {", ".join(OUTSIDE_WORDS)}')
+        if self.outside == "reject":
+            return
+        if self.range is None or self.wraps:
+            what = "wraps" if self.wraps else "without range"
+            raise ConfigError(
+                f'outside: "{self.outside}" {what}; allowed: with a range that does not wrap'
+            )
+
+    def _check_lengths(self) -> None:
+        for key in ("length", "max_length"):
+            value = getattr(self, key)
+            if value is not None and not 1 <= value <= MAX_LENGTH:
+                raise ConfigError(f"{key}: {value}; allowed: 1..{MAX_LENGTH}")
+        both = self.length is not None and self.max_length is not None
+        if both and self.type not in ("string", "bytes"):
+            raise ConfigError(f"max_length: {self.max_length} beside length; allowed: one of them")
+
+    def _check_values(self) -> None:
+        if self.type != "enum":
+            if self.values:
+                raise ConfigError(f"values: not for type {self.type}; allowed: type enum")
+            return
+        if not self.values:
+            raise ConfigError("values: missing; allowed: a list of names, at least one")
+        for index, value in enumerate(self.values):
+            if not value or not value.isprintable():
+                raise ConfigError(f"values[{index}]: {value!r}; allowed: printable names")
+            if value in self.values[:index]:
+                raise ConfigError(f'values[{index}]: "{value}" a second time; allowed: once')
+
+    def _check_numbers(self) -> None:
+        if self.range is not None:
+            low, high = (self._number("range", bound) for bound in self.range)
+            if not low < high:
+                raise ConfigError(f"range: {_written(self.range)}; allowed: low < high")
+            least, greatest = INTEGER_LIMITS.get(self.type, (-math.inf, math.inf))
+            if self.type == "float32":
+                least, greatest = -FLOAT32_MAX, FLOAT32_MAX
+            if low < least or high > greatest:
+                raise ConfigError(
+                    f"range: {_written(self.range)} does not fit {self.type}; "
+                    f"allowed: {least}..{greatest}"
+                )
+            # Converted, not rounded: a frozen record is only ever changed here, while it is being
+            # made.
+            msgspec.structs.force_setattr(self, "range", (low, high))
+        elif self.wraps:
+            raise ConfigError("wraps: true without range; allowed: with a range [low, high]")
+        if self.step is not None:
+            self._check_step()
+
+    def _check_step(self) -> None:
+        assert self.step is not None
+        step = self._number("step", self.step)
+        if step <= 0:
+            raise ConfigError(f"step: {self.step}; allowed: above 0")
+        msgspec.structs.force_setattr(self, "step", step)
+        assert self.limits is not None
+        low, high = self.limits
+        if self.range is not None and step > high - low:
+            raise ConfigError(f"step: {step} is more than the range; allowed: at most {high - low}")
+        if not self.is_integer and max(abs(low), abs(high)) / step > MAX_COUNT:
+            raise ConfigError(
+                f"step: {step} is too small for {self.allowed}; "
+                f"allowed: at least {max(abs(low), abs(high)) / MAX_COUNT:.3g}"
+            )
+        if self.wraps and not Quantiser(step, (low, high), wraps=True).closes:
+            raise ConfigError(
+                f"step: {step} does not divide range {_written((low, high))}, which wraps; "
+                "allowed: low a multiple of step"
+            )
+
+    def _number(self, key: str, value: Number) -> Number:
+        """`value` as a number of the field's own kind."""
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ConfigError(f"{key}: {value!r}; allowed: a number")
+        if self.is_integer:
+            if isinstance(value, float) and not value.is_integer():
+                raise ConfigError(f"{key}: {value} for type {self.type}; allowed: whole numbers")
+            return int(value)
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            raise ConfigError(f"{key}: {value}; allowed: finite numbers")
+        return number + 0.0  # -0.0 becomes 0.0: one canonical form
+
+
+def _plain(number: Number) -> str:
+    """The number without a needless ".0"."""
+    return f"{number:.16g}" if isinstance(number, float) else str(number)
+
+
+def _written(bounds: tuple[Number, Number]) -> str:
+    """The bounds as they stand in a config."""
+    return f"[{bounds[0]}, {bounds[1]}]"

@@ -1,0 +1,87 @@
+"""Numbers outside of their range: moved to its nearer end, or carried in full, and counted.
+
+A pressure sensor that reads -0.2 dbar at the surface must not cost the operator the whole sample.
+Which field forgives what is said by `FieldSpec.outside`; who looks for a sensor that is wrongly
+bounded finds the counts here, under the paths of the fields (``legs[].speed``).
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+from zacoustic.core.values.types.fields import FieldSpec
+from zacoustic.core.values.types.spec import TypeSpec
+
+Bound = Callable[[Any], Any]
+"""Takes a validated value, returns it within bounds; dicts and lists are changed in place."""
+
+
+class OutsideNumbers:
+    """What was outside of its range among the values of one stream.
+
+    Args:
+        type_spec: The type of the values, resolved.
+    """
+
+    def __init__(self, type_spec: TypeSpec) -> None:
+        self.clamped: Counter[str] = Counter()
+        """Numbers that were moved to an end of their range, by path of the field."""
+        self.escaped: Counter[str] = Counter()
+        """Numbers that were carried in full width, by path of the field."""
+        self.bound: Callable[[dict[str, Any]], dict[str, Any]] = (
+            self._of_type(type_spec, "") or _as_it_is
+        )
+        """Clamps and counts the numbers of a value that `TypeSpec.validate` returned."""
+
+    def _of_type(self, type_spec: TypeSpec, path: str) -> Bound | None:
+        bounds = [
+            (field.name, bound)
+            for field in type_spec.fields
+            if (bound := self._of_field(type_spec, field, f"{path}{field.name}")) is not None
+        ]
+        if not bounds:
+            return None
+
+        def apply(value: dict[str, Any]) -> dict[str, Any]:
+            for name, bound in bounds:
+                inner = value[name]
+                if inner is not None:
+                    value[name] = bound(inner)
+            return value
+
+        return apply
+
+    def _of_field(self, type_spec: TypeSpec, field: FieldSpec, path: str) -> Bound | None:
+        path = f"{path}[]" if field.is_array else path
+        bound: Bound | None
+        if field.is_nested:
+            bound = self._of_type(type_spec.nested_type(field.type), f"{path}.")
+        else:
+            bound = self._of_number(field, path)
+        if bound is None or not field.is_array:
+            return bound
+        each = bound
+        return lambda elements: [each(element) for element in elements]
+
+    def _of_number(self, field: FieldSpec, path: str) -> Bound | None:
+        if field.outside == "reject":
+            return None
+        assert field.range is not None
+        low, high = field.range
+        clamps = field.outside == "clamp"
+        counter = self.clamped if clamps else self.escaped
+
+        def bound(number: float) -> float:
+            if low <= number <= high:
+                return number
+            counter[path] += 1
+            if not clamps:
+                return number
+            return low if number < low else high
+
+        return bound
+
+
+def _as_it_is(value: dict[str, Any]) -> dict[str, Any]:
+    """The bound of a type all of whose numbers are within their ranges."""
+    return value

@@ -1,0 +1,182 @@
+"""`TypeSpec`: a named list of fields, with the types nested in it.
+
+A specification that uses other types is written with their names; `TypeTable` gives it the
+specifications themselves in `nested`. Only a *resolved* specification can validate, be described or
+have a codec.
+"""
+
+import json
+import re
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.values.types.fields import SCALAR_TYPES, FieldSpec
+from zacoustic.core.values.types.scalars import Check
+from zacoustic.core.values.types.validation import compile_fields, compile_validator
+from zacoustic.errors import ConfigError, PayloadInvalidError
+
+# ROS messages nest four or five deep (odometry → pose with covariance → pose → point); sixteen is
+# far from the recursion limit of any interpreter.
+MAX_DEPTH: Final = 16
+"""How deep types may nest, the outermost counted."""
+
+_NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*([/.][A-Za-z_][A-Za-z0-9_]*)*")
+
+
+class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
+    """A type: what the values of a stream are.
+
+    Raises:
+        ConfigError: Fields contradict each other; the message starts with the key.
+    """
+
+    name: str
+    """Letters, digits, underscores, in parts joined by ``/`` or ``.``; not the name of a scalar."""
+    fields: tuple[FieldSpec, ...] = ()
+    """The fields in the order in which they travel; none: a type with one value, of no bytes."""
+    nested: "tuple[TypeSpec, ...]" = ()
+    """The resolved types that `fields` names."""
+    is_hidden: bool = False
+    """It has members, and a foreign wire has nothing for any of them: no fields, and no bytes."""
+
+    def __post_init__(self) -> None:
+        """Check names, nested types and defaults.
+
+        Raises:
+            ConfigError: The message starts with the key.
+        """
+        if not _NAME.fullmatch(self.name) or self.name in SCALAR_TYPES:
+            raise ConfigError(f'name: "{self.name}"; allowed: a name that is not a built-in type')
+        known: set[str] = set()
+        for index, field in enumerate(self.fields):
+            key = f"fields[{index}]"
+            if field.name in known:
+                raise ConfigError(f'{key}.name: "{field.name}" a second time; allowed: once')
+            known.add(field.name)
+            if field.is_nested and self.is_resolved:
+                self._check_nested(field, key)
+            if field.default is not None:
+                self._check_default(field, key)
+        if self.is_resolved and self.depth > MAX_DEPTH:
+            raise ConfigError(f"fields: nested {self.depth} deep; allowed: {MAX_DEPTH}")
+
+    @cached_property
+    def is_resolved(self) -> bool:
+        """Whether every type that the fields name is in `nested`."""
+        names = {spec.name for spec in self.nested}
+        return all(field.type in names for field in self.fields if field.is_nested)
+
+    @cached_property
+    def depth(self) -> int:
+        """How many types are inside each other, this one counted."""
+        return 1 + max((spec.depth for spec in self.nested), default=0)
+
+    @cached_property
+    def starts_with_optional(self) -> bool:
+        """Whether the first item of a value can be the one that stands for None."""
+        if not self.fields:
+            return False
+        first = self.fields[0]
+        if first.is_bounded_array:
+            return first.optional
+        return first.optional or (
+            first.is_nested and self.nested_type(first.type).starts_with_optional
+        )
+
+    def nested_type(self, name: str) -> "TypeSpec":
+        """The type of that name that a field uses.
+
+        Raises:
+            ConfigError: It is not resolved.
+        """
+        for spec in self.nested:
+            if spec.name == name:
+                return spec
+        index = next(i for i, field in enumerate(self.fields) if field.type == name)
+        raise ConfigError(
+            f'fields[{index}].type: "{name}" is not known; '
+            f"allowed: {', '.join(SCALAR_TYPES)}, or a type of the table"
+        )
+
+    @cached_property
+    def validate(self) -> Callable[[object], dict[str, Any]]:
+        """Check a value and normalise it.
+
+        Takes a Mapping or a `msgspec.Struct` with the fields as keys; returns a dict with every
+        field in order: floats for integers in float fields, names for enum members, lists for
+        arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that names type,
+        field path, value and what is allowed.
+        """
+        nested = {spec.name: spec.check_fields for spec in self._used_types()}
+        return compile_validator(self.name, self.fields, nested)
+
+    @cached_property
+    def check_fields(self) -> Check:
+        """What `validate` of an enclosing type calls; raises refusals without a path."""
+        nested = {spec.name: spec.check_fields for spec in self._used_types()}
+        return compile_fields(self.fields, nested)
+
+    def canonical(self) -> bytes:
+        """Describe everything that changes decoding, in bytes that are equal for equal types.
+
+        JSON of a list of types, innermost first, each a list of fields; a nested type is the
+        position of its description in the list. Field names and their order, types, ranges, steps,
+        wrapping, enum values, lengths and optionality are in it; units, defaults and the names of
+        types are not: they change no value. Of `outside` only "escape" changes what is read.
+        """
+        descriptions: list[str] = []
+        self._describe(descriptions)
+        return f"[{','.join(descriptions)}]".encode()
+
+    def _describe(self, descriptions: list[str]) -> int:
+        positions = {spec.name: spec._describe(descriptions) for spec in self._used_types()}
+        description = json.dumps(
+            [
+                [
+                    field.name,
+                    positions[field.type] if field.is_nested else field.type,
+                    field.range,
+                    field.step,
+                    field.wraps,
+                    field.values,
+                    field.length,
+                    field.max_length,
+                    field.optional,
+                    *(["escape"] if field.escapes else []),
+                ]
+                for field in self.fields
+            ],
+            separators=(",", ":"),
+        )
+        if description not in descriptions:
+            descriptions.append(description)
+        return descriptions.index(description)
+
+    def _used_types(self) -> "list[TypeSpec]":
+        """The nested types in the order of their first use."""
+        names = dict.fromkeys(field.type for field in self.fields if field.is_nested)
+        return [self.nested_type(name) for name in names]
+
+    def _check_nested(self, field: FieldSpec, key: str) -> None:
+        spec = self.nested_type(field.type)
+        if not spec.is_resolved:
+            raise ConfigError(
+                f'{key}.type: "{field.type}" is not resolved; allowed: resolved types'
+            )
+        if not spec.fields:
+            raise ConfigError(f'{key}.type: "{field.type}" has no fields; allowed: at least one')
+        if field.optional and not field.is_bounded_array and spec.starts_with_optional:
+            raise ConfigError(
+                f'{key}.optional: the first field of "{field.type}" is optional too, '
+                "a missing one cannot be told apart; allowed: one of them"
+            )
+
+    def _check_default(self, field: FieldSpec, key: str) -> None:
+        check = compile_validator(self.name, (field,), {})
+        try:
+            check({field.name: field.default})
+        except PayloadInvalidError as error:
+            raise ConfigError(f"{key}.default: {error}") from None

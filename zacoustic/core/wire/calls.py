@@ -1,0 +1,112 @@
+"""Records of services: behind the stream id one byte, two bits kind and six bits call number.
+
+What the kinds are for, and when a number comes again, is the affair of
+`zacoustic.core.transport.calls.calls`.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+CALL_NUMBERS: Final = 64
+"""Calls of one client to one service that can be distinguished."""
+NAME_BYTES: Final = 1
+"""What a named answer is longer than another one."""
+LONGEST_ERROR_TEXT_BYTES: Final = 48
+"""An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
+
+
+class CallKey(msgspec.Struct, frozen=True):
+    """Identifies a call at its server: who called, in which life, on which stream, which number.
+
+    As a text ``client/epoch/stream/number``. Numbers come again after 64 calls at the earliest.
+    """
+
+    client: int
+    epoch: int
+    stream_id: int
+    number: int
+
+    def __str__(self) -> str:
+        return f"{self.client}/{self.epoch}/{self.stream_id}/{self.number}"
+
+
+class CallFailure(enum.IntEnum):
+    """Why a call has no response; the numbers are on the wire."""
+
+    HANDLER = 1
+    """The handler of the service failed; the text is its own."""
+    NO_SERVER = 2
+    """The server's node has nobody who serves."""
+    BAD_REQUEST = 3
+    """The request could not be decoded by the server's node."""
+    TABLE_MISMATCH = 4
+    """The two nodes hold different definitions of this stream."""
+    BAD_RESPONSE = 5
+    """The response could not be decoded here."""
+    TIMED_OUT = 6
+    """No answer before the deadline. Whether the service ran is unknown."""
+    CANCELLED = 7
+    """Given up by the caller."""
+    UNKNOWN = 8
+    """The server ended without an answer: whether it has done its work is unknown."""
+
+
+class CallKind(enum.IntEnum):
+    """The two upper bits of the call byte."""
+
+    REQUEST = 0
+    RESPONSE = 1
+    ERROR = 2
+    CONFIRM = 3
+    """From the server: it has the request. From the client: it has the answer."""
+
+
+NAMED: Final = CallKind.REQUEST
+"""From the server: a response, an error or a confirm that names the client's life. A byte comes
+before its payload: two bits kind, and the lower six bits of the epoch."""
+
+
+def encode_call_byte(kind: CallKind, number: int) -> int:
+    """Return the byte behind the stream id of a service's record."""
+    return kind << 6 | number
+
+
+def decode_call_byte(byte: int) -> tuple[CallKind, int]:
+    """Return kind and number of a call byte."""
+    return CallKind(byte >> 6), byte & 0x3F
+
+
+def encode_name(kind: CallKind, epoch: int) -> bytes:
+    """Return what a named answer has behind its call byte."""
+    return bytes((kind << 6 | epoch & 0x3F,))
+
+
+def decode_name(content: bytes, epoch: int) -> CallKind | None:
+    """Return the kind of a named answer to the life of this epoch; None: it is for another one.
+
+    Args:
+        content: Begins behind the call byte.
+        epoch: Of this node.
+    """
+    if not content or (content[0] ^ epoch) & 0x3F:
+        return None
+    return CallKind(content[0] >> 6)
+
+
+def encode_error(
+    failure: CallFailure, text: str, longest_bytes: int = LONGEST_ERROR_TEXT_BYTES
+) -> bytes:
+    """Return the payload of an error: its number and its text, cut at a character."""
+    longest_bytes = max(0, min(longest_bytes, LONGEST_ERROR_TEXT_BYTES))
+    cut = text.encode(errors="replace")[:longest_bytes].decode(errors="ignore")
+    return bytes((failure,)) + cut.encode()
+
+
+def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
+    """Return number and text of an error's payload, or None when it is none."""
+    try:
+        return CallFailure(payload[0]), payload[1:].decode()
+    except (IndexError, ValueError):
+        return None

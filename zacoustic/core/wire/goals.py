@@ -1,0 +1,284 @@
+"""Records of actions: behind the stream id one byte, three bits operation and five bits number.
+
+======  ==========================  ===================================  =======================
+number  from the client             from the server                      payload
+======  ==========================  ===================================  =======================
+0       GOAL                        –                                    of the goal's type
+0       –                           SUCCEEDED                            of the result's type
+1       CLAIM: what became of it?   ACCEPTED: it runs                    none
+2       –                           REFUSED: goal or cancel              failure 1, …; no end
+3       CONFIRM: has the result     CONFIRM: has the goal                none
+4       CANCEL                      CANCEL: it will end                  none
+5       CANCEL_AGAIN                –                                    attempt 1
+5       –                           FEEDBACK                             of the feedback's type
+6       –                           RESULT                               status 1, result
+7       FORMER                      FORMER                               epoch 2, operation 1, …
+======  ==========================  ===================================  =======================
+
+Behind the failure of REFUSED stands a text, and between them, where CANCEL_AGAIN is refused, the
+attempt that is. A client counts its attempts to cancel a goal modulo 256: CANCEL is attempt 0, and
+says so in no byte. It makes none before the last one is answered.
+
+The status of a RESULT has its highest bit set where no result follows; `80` alone is UNKNOWN, and
+`81` a reminder: how the goal ended was said before, and whoever has not heard it asks by CLAIM.
+SUCCEEDED is the RESULT of most goals, which needs no status.
+FORMER wraps a record about a goal of another epoch of its client than the present one: the number
+stands in the outer byte, the operation in the upper bits of the inner one, and its payload behind.
+"""
+
+import enum
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.payload import PayloadCodec
+from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES
+
+GOAL_NUMBERS: Final = 32
+"""Goals of one life of a client on one stream that can be distinguished."""
+FORMER_BYTES: Final = 3
+"""What FORMER costs."""
+UNKNOWN_RESULT: Final = b"\x80"
+"""Payload of the RESULT of a goal that ran when its server died."""
+REMINDER: Final = b"\x81"
+"""Payload of the RESULT that asks whether a RESULT has arrived."""
+_NO_RESULT: Final = 0x80
+_ATTEMPTS: Final = 256
+_AGAIN_REFUSED: Final = 10
+"""Failure, besides those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
+
+
+class GoalKey(msgspec.Struct, frozen=True):
+    """Names a goal, at both ends and over restarts."""
+
+    client: int
+    """Address of the node that sent it."""
+    epoch: int
+    """Boot epoch in which it did."""
+    stream_id: int
+    """The action's stream."""
+    number: int
+    """0…31."""
+
+
+class GoalStatus(enum.IntEnum):
+    """How a goal ended; the numbers are those of ROS 2, and on the wire."""
+
+    UNKNOWN = 0
+    """Its server died while it ran, or lost it: what became of it is not known. No result."""
+    SUCCEEDED = 4
+    """It was reached."""
+    CANCELED = 5
+    """It was given up because its client wanted so."""
+    ABORTED = 6
+    """It was given up for another reason."""
+
+
+class GoalFailure(enum.IntEnum):
+    """Why a goal was refused, or has no result; the numbers are on the wire."""
+
+    REJECTED = 1
+    """The server's application does not want it; the text is its own."""
+    NO_SERVER = 2
+    """The server's node has nobody who serves."""
+    BAD_GOAL = 3
+    """The goal could not be decoded by the server's node."""
+    TABLE_MISMATCH = 4
+    """The two nodes hold different definitions of this stream."""
+    BAD_RESULT = 5
+    """The result could not be decoded here."""
+    TIMED_OUT = 6
+    """Not answered in time, or nothing was heard of it for too long: it may run, or have run."""
+    CANCELLED = 7
+    """Cancelled before it was accepted: it does not run."""
+    UNKNOWN = 8
+    """The server died while it ran, or does not know it any more: what became of it is unknown."""
+    CANCEL_REFUSED = 9
+    """Only in an answer to a cancel: the goal goes on."""
+
+
+class Operation(enum.IntEnum):
+    """The three upper bits of the byte."""
+
+    GOAL = 0
+    """The goal."""
+    ACCEPTED = 1
+    """From the server: it runs."""
+    REFUSED = 2
+    """The goal is refused, or its cancelling."""
+    CONFIRM = 3
+    """From the server: it has the goal. From the client: it has the result."""
+    CANCEL = 4
+    """From the client: it is to end, attempt 0. From the server: it will, whatever the attempt."""
+    FEEDBACK = 5
+    """From the server: how far it is."""
+    RESULT = 6
+    """How it has ended."""
+    FORMER = 7
+    """About a goal of another epoch."""
+    CLAIM = 1
+    """From the client: what became of it?"""
+    CANCEL_AGAIN = 5
+    """From the client: it is to end, a later attempt."""
+    SUCCEEDED = 0
+    """From the server: it has ended so, and has a result."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """A record of an action, taken apart."""
+
+    operation: Operation
+    """Neither FORMER nor SUCCEEDED, which is a RESULT here."""
+    number: int
+    """Of the goal."""
+    epoch: int | None
+    """Epoch of the goal; None: the present one of its client."""
+    payload: bytes
+    """What follows."""
+
+
+def encode_head(operation: Operation, number: int, epoch: int | None) -> bytes:
+    """Return what stands between stream id and payload."""
+    if epoch is None:
+        return bytes((operation << 5 | number,))
+    return bytes((Operation.FORMER << 5 | number, *epoch.to_bytes(2, "big"), operation << 5))
+
+
+def decode_message(content: bytes, *, from_client: bool) -> Message | None:
+    """Take a record apart; None when it is none.
+
+    Args:
+        content: What stands behind the stream id.
+        from_client: A client of the action has sent it.
+    """
+    if not content:
+        return None
+    operation, number, epoch = Operation(content[0] >> 5), content[0] & 0x1F, None
+    payload = content[1:]
+    if operation is Operation.FORMER:
+        if len(content) <= FORMER_BYTES or content[FORMER_BYTES] & 0x1F:
+            return None
+        operation = Operation(content[FORMER_BYTES] >> 5)
+        if operation is Operation.FORMER:
+            return None
+        epoch = int.from_bytes(content[1:FORMER_BYTES], "big")
+        payload = content[FORMER_BYTES + 1 :]
+    if operation is Operation.SUCCEEDED and not from_client:
+        operation, payload = Operation.RESULT, encode_result(GoalStatus.SUCCEEDED, payload)
+    return Message(operation, number, epoch, payload)
+
+
+def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: bool) -> int | None:
+    """Find the end of a record; None: it shows none, or it is none.
+
+    Args:
+        stream: The action's stream.
+        buffer: Where it stands.
+        offset: Where it begins, behind the stream id.
+        from_client: A client of the action has sent it.
+    """
+    if offset >= len(buffer):
+        return None
+    operation = Operation(buffer[offset] >> 5)
+    if operation is Operation.FORMER:
+        offset += FORMER_BYTES
+        if offset >= len(buffer):
+            return None
+        operation = Operation(buffer[offset] >> 5)
+    offset += 1
+    codec: PayloadCodec
+    match operation:
+        case Operation.ACCEPTED | Operation.CONFIRM | Operation.CANCEL:
+            return offset
+        case Operation.CANCEL_AGAIN if from_client:
+            return offset + 1
+        case Operation.GOAL:
+            codec = stream.codec if from_client else stream.response_codec
+        case Operation.FEEDBACK:
+            codec = stream.feedback_codec
+        case Operation.RESULT:
+            if offset < len(buffer) and buffer[offset] & _NO_RESULT:
+                return offset + 1
+            codec, offset = stream.response_codec, offset + 1
+        case Operation.REFUSED | Operation.FORMER:
+            return None
+    return codec.measure(buffer, offset) if codec.delimits_itself else None
+
+
+def encode_cancel(attempt: int) -> tuple[Operation, bytes]:
+    """Return what says that a goal is to end, and its payload.
+
+    Args:
+        attempt: How often its client has said so before; counted modulo 256.
+    """
+    attempt %= _ATTEMPTS
+    if not attempt:
+        return Operation.CANCEL, b""
+    return Operation.CANCEL_AGAIN, bytes((attempt,))
+
+
+def decode_cancel(message: Message) -> int | None:
+    """Return the attempt of a CANCEL or CANCEL_AGAIN, 0…255; None: it is none."""
+    if message.operation is Operation.CANCEL:
+        return 0
+    return message.payload[0] if len(message.payload) == 1 else None
+
+
+def is_later(attempt: int, other: int) -> bool:
+    """Tell whether an attempt to cancel is later than another one."""
+    return 0 < (attempt - other) % _ATTEMPTS < _ATTEMPTS // 2
+
+
+class Refusal(msgspec.Struct, frozen=True):
+    """The payload of REFUSED."""
+
+    failure: GoalFailure
+    """Why."""
+    text: str
+    """Why, one line."""
+    attempt: int = 0
+    """Where a cancel is refused, which; counted modulo 256."""
+
+    def is_of(self, attempt: int) -> bool:
+        """Tell whether this attempt to cancel is the one that is refused."""
+        return self.attempt == attempt % _ATTEMPTS
+
+    def encode(self, longest_bytes: int = 2 + LONGEST_ERROR_TEXT_BYTES) -> bytes:
+        """Return the payload, the text cut at a character."""
+        head = bytes((self.failure,))
+        if self.attempt % _ATTEMPTS:
+            head = bytes((_AGAIN_REFUSED, self.attempt % _ATTEMPTS))
+        room_bytes = max(0, min(longest_bytes - len(head), LONGEST_ERROR_TEXT_BYTES))
+        return head + self.text.encode()[:room_bytes].decode(errors="ignore").encode()
+
+
+def decode_refusal(payload: bytes) -> Refusal | None:
+    """Return what REFUSED says, or None when it is none."""
+    try:
+        if payload[0] == _AGAIN_REFUSED:
+            return Refusal(GoalFailure.CANCEL_REFUSED, payload[2:].decode(), payload[1])
+        return Refusal(GoalFailure(payload[0]), payload[1:].decode())
+    except (IndexError, ValueError):
+        return None
+
+
+def encode_result(status: GoalStatus, result: bytes | None) -> bytes:
+    """Return the payload of RESULT; None: there is no result."""
+    return bytes((status | _NO_RESULT,)) if result is None else bytes((status,)) + result
+
+
+def shorten_result(payload: bytes) -> tuple[Operation, bytes]:
+    """Return the operation that says a RESULT in the fewest bytes, and its payload."""
+    if payload[0] == GoalStatus.SUCCEEDED:
+        return Operation.SUCCEEDED, payload[1:]
+    return Operation.RESULT, payload
+
+
+def decode_result(payload: bytes) -> tuple[GoalStatus, bytes | None] | None:
+    """Return status and result of RESULT, or None when it is none."""
+    try:
+        status = GoalStatus(payload[0] & ~_NO_RESULT)
+    except (IndexError, ValueError):
+        return None
+    return status, None if payload[0] & _NO_RESULT else payload[1:]

@@ -1,0 +1,98 @@
+"""Numbers of samples as they stand in records, and the content of an ACK."""
+
+from typing import Final
+
+import msgspec
+
+NUMBERS: Final = 1 << 7
+"""Numbers that one byte of a record tells apart."""
+WINDOW: Final = 32
+"""A sample without SYNC is less than this many numbers ahead of what its receiver waits for, and
+no more than this many are on their way. The other 96 numbers are old: a repetition that comes late
+is never taken for a new sample."""
+PACE: Final = 64
+"""Numbers that come into use within one settling time at most: so a repetition that comes late is
+always among the old ones."""
+NUMBER_BYTES: Final = 1
+IN_RHYTHM: Final = 0x80
+"""Set in that byte of a sample that is in rhythm (`zacoustic.core.transport.reliable.rhythm`)."""
+
+_FLOORS: Final = 1 << 24
+_BITS: Final = 7
+_MORE: Final = 0x80
+
+
+LONGEST_ACK_BYTES: Final = 1 - (1 - WINDOW) // _BITS
+"""Content of an ACK that tells of a whole window."""
+
+
+class Ack(msgspec.Struct, frozen=True):
+    """What a receiver has of one publisher's key."""
+
+    expected: int
+    """The next number that it waits for, modulo `NUMBERS`."""
+    held: int = 0
+    """Bit i: it holds number expected + 1 + i."""
+    knows: bool = True
+    """It knows the lineage; otherwise it asks for SYNC, and the rest says nothing."""
+
+    def encode(self, most_bytes: int = LONGEST_ACK_BYTES) -> bytes:
+        """Return the content behind stream id and wildcards: one byte, and seven bits a byte.
+
+        Args:
+            most_bytes: Room there is, at least 1: of what is held, the last is left out.
+        """
+        held = self.held & (1 << _BITS * (most_bytes - 1)) - 1
+        if self.knows and not held:
+            return bytes((self.expected % NUMBERS,))
+        content = bytearray((_MORE | self.expected % NUMBERS,))
+        held = held if self.knows else 0
+        while held >= 1 << _BITS:
+            content.append(_MORE | held & (_MORE - 1))
+            held >>= _BITS
+        content.append(held)
+        return bytes(content)
+
+
+def measure_ack(buffer: bytes, offset: int) -> int | None:
+    """Find the end of an ACK's content; None where there is none."""
+    end = offset + 1
+    if end > len(buffer):
+        return None
+    if buffer[offset] & _MORE:
+        while end < len(buffer) and end - offset < LONGEST_ACK_BYTES and buffer[end] & _MORE:
+            end += 1
+        end += 1
+    return end if end <= len(buffer) else None
+
+
+def decode_ack(content: bytes) -> Ack | None:
+    """Read the content of an ACK; None: it is none."""
+    if measure_ack(content, 0) != len(content):
+        return None
+    expected = content[0] % NUMBERS
+    if not content[0] & _MORE:
+        return Ack(expected)
+    held = 0
+    for index, byte in enumerate(content[1:]):
+        held |= (byte & (_MORE - 1)) << _BITS * index
+    if held >> (WINDOW - 1):
+        return None
+    return Ack(expected, held, knows=held != 0)
+
+
+def resolve(low: int, expected: int) -> int:
+    """Return the number that has these seven bits, seen from what is expected."""
+    ahead = (low - expected) % NUMBERS
+    return expected + (ahead if ahead < WINDOW else ahead - NUMBERS)
+
+
+def resolve_expected(low: int, known: int) -> int:
+    """Return the number that an ACK expects: of a whole window it may have been told by none."""
+    return resolve(low - 1, known) + 1
+
+
+def resolve_floor(floor: int, expected: int) -> int:
+    """Return the number that a floor modulo 2^24 means, seen from what is expected."""
+    ahead = (floor - expected) % _FLOORS
+    return expected + (ahead if ahead < _FLOORS // 2 else ahead - _FLOORS)
