@@ -1,4 +1,4 @@
-"""`zacoustic emulate desert`: the stand-in as a verb, for who has no DESERT at hand."""
+"""`zacoustic emulate desert`: the stand-in as a verb, for use without DESERT."""
 
 import argparse
 import asyncio
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 FIRST_PORT: Final = 4000
 """Port of the first node in DESERT's sample script."""
 NODES: Final = 2
-"""Nodes where neither a scenario nor the arguments say how many."""
+"""Number of nodes without a scenario or an argument."""
 
 
 class DesertEmulation(Command):
@@ -32,7 +32,7 @@ class DesertEmulation(Command):
     summary = "stand in for DESERT's application sockets, for links desert/HOST:PORT"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare nodes, ports, what DESERT's script would say, and the form of the output."""
+        """Declare nodes, ports, the settings of DESERT's script, and the form of the output."""
         parser.epilog = (
             "example: two nodes, and a gateway on each\n"
             "  zacoustic emulate desert --listen 127.0.0.1:4000\n"
@@ -62,7 +62,7 @@ class DesertEmulation(Command):
         add("--json", action="store_true", help="one JSON object per line")
 
     def run(self, arguments: argparse.Namespace) -> int:
-        """Serve until SIGINT or SIGTERM, or until nobody reads the output.
+        """Serve until SIGINT or SIGTERM, or until the output's reader closes.
 
         Raises:
             ConfigError: The scenario or an argument is wrong.
@@ -83,7 +83,7 @@ async def _serve(arguments: argparse.Namespace) -> None:
     if not is_duration(arguments.start_delay, or_zero=True):
         raise ConfigError(f"--start-delay is {arguments.start_delay:g}; allowed: 0 or more")
     server = StandInServer(standin, host=host, ports=ports, time_scale=arguments.time_scale)
-    # Signals first: whoever reads that we listen may stop us at once.
+    # Signals first: a reader of "listening" may stop us at once.
     with stopped_by_signals(stop):
         await server.open(start_delay_s=arguments.start_delay)
         try:
@@ -112,7 +112,7 @@ def _standin(arguments: argparse.Namespace, reporter: "_Reporter") -> "StandIn":
 
 
 def _water(arguments: argparse.Namespace) -> "tuple[int, Water]":
-    """The seed, and the water: that of a scenario, or that of DESERT's sample."""
+    """The seed, and the channel: a scenario's, or that of DESERT's sample."""
     from zacoustic_desert.water import SampleWater, ScenarioWater
 
     if arguments.scenario is None:

@@ -18,7 +18,7 @@ from zacoustic.core.values.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIM
 from zacoustic.link import LinkConfig
 
 READ_LIMIT_BYTES: Final = 4096
-"""Largest `max_read_length` of DESERT, bytes: beyond it a buffer of its own overflows."""
+"""Largest `max_read_length` of DESERT, bytes: above it one of its buffers overflows."""
 HEADER_BYTES: Final = 4
 """What DESERT adds to a packet on the air, bytes: two of its UDP and two of its IP module."""
 

@@ -6,7 +6,7 @@ addresses, no boundaries, no reports. `pacing` sees to it that a frame becomes a
 
 What can be known about the other side:
 
-- Nobody listens: DESERT is not there, or not yet. The link waits and says so.
+- Nothing listens: DESERT is not there, or not yet. The link waits and says so.
 - The connection ends: DESERT has ended, or was ended (its socket threads can crash it under load in
   both directions). The link connects again, for ever.
 - An attempt to connect times out: more clients than DESERT's backlog holds.
@@ -60,7 +60,7 @@ class DesertLink(Link):
 
     Args:
         address: `HOST:PORT` of the application module.
-        config: What its script says.
+        config: The settings of its script.
         clock: Where instants come from.
 
     Raises:
@@ -132,7 +132,7 @@ class DesertLink(Link):
         self._stream.open(self)
 
     async def close(self) -> None:
-        """Leave DESERT; what has no report yet is reported as ABORTED before."""
+        """Leave DESERT; report a frame without a report as ABORTED before."""
         # Without a receiver first: a report may make it transmit again, which must fail.
         receiver, self._receiver = self._receiver, None
         self._disarm()
@@ -181,7 +181,7 @@ class DesertLink(Link):
         return readings
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """See whether DESERT listens, and for whom; nothing is written. More it does not tell."""
+        """See whether DESERT listens, and for whom; write nothing. DESERT reports no more."""
         others = holders(self._stream.address)
         if others:
             return [
@@ -207,7 +207,7 @@ class DesertLink(Link):
         ]
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """See whether frames come, whole, and answers not much later than the settings say."""
+        """See whether whole frames come, and answers not much later than the settings allow."""
         unheard = health.get("link", {}).get("diagnostics", {}).get("frames_unheard", 0)
         if unheard >= SUSPECT_FRAMES:
             return [self._deaf(unheard)]
@@ -278,7 +278,7 @@ class DesertLink(Link):
         self._change_state(LinkState.UP, self._connected())
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """Pass on what has arrived; called by the stream."""
+        """Pass on arrived bytes; called by the stream."""
         self._is_heard = True
         if self._state is LinkState.UP:
             self._change_state(LinkState.UP, self._connected())
@@ -301,7 +301,7 @@ class DesertLink(Link):
         if begins != ends:
             self._cut_pieces += 1
             if begins:
-                # Pieces may come together: the shortest beginning is what is read at once.
+                # Pieces may come together: the shortest beginning is one read.
                 self._cut_after_bytes = min(self._cut_after_bytes or len(data), len(data))
 
     def stream_lost(self, reason: str) -> None:
@@ -320,7 +320,7 @@ class DesertLink(Link):
         self._pacer.abort(reason, self._clock())
 
     def _service(self) -> None:
-        """Write and report what is due, then arm the timer."""
+        """Make due writes and reports, then arm the timer."""
         self._disarm()
         now = self._clock()
         frame_bytes = self._pacer.poll_write(now) if self._state is LinkState.UP else None
@@ -384,7 +384,7 @@ class DesertLink(Link):
         )
 
     def _arm(self) -> None:
-        """Set the one timer for what is due first; it never fires at once."""
+        """Set the one timer for the next due instant; it never fires at once."""
         self._disarm()
         if self._receiver is None:
             return

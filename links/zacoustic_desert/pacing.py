@@ -1,6 +1,6 @@
 """One frame, one write, one packet: when the next frame may be written to DESERT's socket.
 
-DESERT makes a packet of whatever one of its reads finds. Two frames written within about a
+DESERT makes a packet of the bytes that one of its reads finds. Two frames written within about a
 millisecond may share a packet, or lie across two; then a lost packet costs them both. It also takes
 everything at once and queues it without limit. So the pace is the sender's business::
 
@@ -64,12 +64,12 @@ class Pacer:
         )
 
     def abort(self, reason: str, now: int) -> None:
-        """End what is outstanding."""
+        """End the outstanding transmission."""
         if self._outstanding is not None:
             self._finish(self._outstanding, TransmitOutcome.ABORTED, now, reason)
 
     def poll_write(self, now: int) -> bytes | None:
-        """Return the frame to be written now, if one is due; it counts as written."""
+        """Return the frame to write now, if one is due; it counts as written."""
         outstanding = self._outstanding
         if outstanding is None or outstanding.ends_at is not None or now < self._ready_at:
             return None

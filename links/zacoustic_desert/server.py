@@ -33,7 +33,7 @@ class StandInServer:
     """Serves a stand-in on TCP ports.
 
     Args:
-        standin: What is behind the sockets; nobody else may step it from now on.
+        standin: The stand-in behind the sockets; no other caller may step it from now on.
         host: Address to listen at; the original listens at all of them.
         ports: One for each node, 0 for any that is free; None: any for all.
         time_scale: How many times faster than real, > 0.
@@ -71,7 +71,7 @@ class StandInServer:
         """Bind the ports, and listen after a delay.
 
         Args:
-            start_delay_s: In the time of the stand-in, s; None: `listen` is called by somebody.
+            start_delay_s: In the time of the stand-in, s; None: the caller calls `listen`.
 
         Raises:
             LinkOpenError: A port cannot be bound, such as one in use.
@@ -140,7 +140,7 @@ class StandInServer:
         self._serve()
 
     def _serve(self) -> None:
-        """Write what has arrived, then arm the timer."""
+        """Write arrived bytes, then arm the timer."""
         while (delivery := self.standin.poll_delivery()) is not None:
             self._ports[delivery.node].write(delivery.payload)
         if self._timer is not None:
@@ -254,7 +254,7 @@ class _Client(asyncio.Protocol):
         self._transport.write(payload)
 
     async def end(self) -> None:
-        """End the connection, whatever it still has to write."""
+        """End the connection and drop its unwritten bytes."""
         if self._transport is not None:
             self._transport.abort()
             await self.gone.wait()

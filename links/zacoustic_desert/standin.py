@@ -20,7 +20,7 @@ What it does as the original does:
 - Queues are unbounded there; here a node drops packets beyond `QUEUE_LIMIT_PACKETS`.
 
 Instants are ns and never decrease. After any input poll until dry, then wait until `poll_timeout`;
-what was due before an instant happens at the instant at which it was due. Same seed, same calls,
+events due before an instant happen at their own instants. Same seed, same calls,
 same result.
 """
 
@@ -43,7 +43,7 @@ QUEUE_LIMIT_PACKETS: Final = 100_000
 
 
 class StandInConfig(msgspec.Struct, frozen=True, kw_only=True):
-    """What a script of DESERT sets; the defaults are those of its sample."""
+    """The settings of a DESERT script; the defaults are its sample's."""
 
     max_read_length: int = 64
     """Largest read, bytes, 1…4096; one value for all nodes, as there."""
@@ -116,13 +116,13 @@ class StandIn:
     """DESERT from its application modules down.
 
     Args:
-        water: The water; its nodes are numbered from 0.
+        water: The channel; its nodes are numbered from 0.
         config: What the script sets.
-        rng: Source of all randomness here; the water has its own.
+        rng: Source of all randomness here; the channel has its own.
         observer: Told of all that happens.
 
     Raises:
-        ConfigError: Nodes are to be paired and their number is odd.
+        ConfigError: Paired nodes in odd number.
     """
 
     def __init__(
@@ -154,7 +154,7 @@ class StandIn:
         return len(self._nodes)
 
     def waiting(self, node: int) -> int:
-        """Count the packets of a node that are not in the water yet."""
+        """Count the packets of a node that are not transmitted yet."""
         return len(self._nodes[node].queue) + len(self._nodes[node].access)
 
     def handle_client(self, node: int, now: int) -> None:
@@ -187,7 +187,7 @@ class StandIn:
             self._note("crashed", node)
 
     def handle_timeout(self, now: int) -> None:
-        """Let happen what is due, in the order of time."""
+        """Let due events happen, in order of time."""
         while self._agenda and self._agenda[0][0] <= now:
             at, _, step, arguments = heapq.heappop(self._agenda)
             self._latest_at = max(self._latest_at, at)

@@ -1,6 +1,6 @@
 """What lies between the nodes of the stand-in: who hears a packet, when, and whether at all.
 
-Two kinds of water, for one driver:
+Two kinds of channel, for one driver:
 
 - `SampleWater`, as measured with DESERT's sample script: every node 500 m from every other, modems
   of 48 kbit/s, packets lost at a node that transmits when they begin to arrive, and a share at
@@ -38,7 +38,7 @@ class Landing(msgspec.Struct, frozen=True, kw_only=True):
     starts_at: int
     """Instant at which it begins to arrive, ns."""
     ends_at: int
-    """Instant at which it has arrived, ns; when `Water.finish` is to be called."""
+    """Instant of its arrival, ns; the driver calls `Water.finish` then."""
     arrival: Arrival | None = None
     """What the channel model calls it."""
 
@@ -70,11 +70,11 @@ class Water(Protocol):
     """Number of nodes."""
 
     def transmit(self, source: int, payload_bytes: int, now: int) -> Flight:
-        """Let a node transmit a packet; `now` is not before that of any call before."""
+        """Let a node transmit a packet; `now` never decreases."""
         ...
 
     def finish(self, landing: Landing, payload: bytes) -> Landed:
-        """Return what became of a landing; called once, when it ends, in order of time."""
+        """Return the outcome of a landing; called once, when it ends, in order of time."""
         ...
 
 
@@ -117,7 +117,7 @@ class SampleWater:
         airtime_ns = self._airtime_ns(payload_bytes)
         ends_at = now + airtime_ns
         recent = self._transmits[source]
-        # What is still to be judged has not ended, and began no longer ago than the largest takes.
+        # Landings without an outcome have not ended, and began at most the largest duration ago.
         oldest_at = now - self._longest_ns
         recent[:] = [each for each in recent if each[1] > oldest_at]
         recent.append((now, ends_at))
@@ -146,7 +146,7 @@ class SampleWater:
 
 
 class ScenarioWater:
-    """Water of a scenario; its nodes in their order are those of the stand-in.
+    """The channel of a scenario; its nodes in their order are those of the stand-in.
 
     Args:
         scenario: Who is where, with which modem, and what goes wrong.

@@ -2,11 +2,11 @@
 
 From the bottom up:
 
-- `at`: the grammar. Records of what a host and a modem say, decoders and encoders of both.
+- `at`: the grammar. Records of the messages of host and modem, decoders and encoders of both.
 - `driver`: one modem's dialogue without a port and without a clock: start-up, one command in
-  flight, one frame, what is known and measured.
+  flight, one frame, the modem's state and measurements.
 - `config` and `link` (`EvologicsLink`): the settings of a locator; the port and the timer.
-- `emulator`: modems of our own on simulated water.
+- `emulator`: modems of our own on a simulated channel.
 """
 
 from zacoustic_evologics.at.answers import ReplyCollector, decode_reply, reply_text

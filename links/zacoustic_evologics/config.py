@@ -41,7 +41,7 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     messages is found out anyway; on where a serial line is long, runs beside thrusters or through a
     slip ring, has no handshake at a high baud rate, or `unrecognised` grows in `diagnostics`."""
     set_address: bool = False
-    """Give the modem the address of this node; otherwise another one is an error."""
+    """Give the modem the address of this node; else another address is an error."""
     highest_address: int | None = None
     """Highest address of the network, `AT!AM`, equal in all modems: 2, 6, 14, 30, 62, 126, 254."""
     source_level: int | None = None
@@ -58,11 +58,11 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     """Have the modem say when sounds begin and end, `AT@ZX1`. Without it, it is asked by `AT?DI`
     whether a message has left, and `senses_carrier` is not there."""
     usbl: bool = True
-    """Have a modem with an ultra-short baseline head say where others are, `AT@ZU1`."""
+    """Let a modem with an ultra-short baseline head report positions of others, `AT@ZU1`."""
     propagation_s: float = 1.0
-    """Longest propagation delay to reckon with, one way, s, above 0: 1 s is 1500 m."""
+    """Longest propagation delay, one way, s, above 0: 1 s is 1500 m."""
     busy_s: float = 10.0
-    """How long a frame may wait while the modem says BUSY, or for an occasion, s, ≥ 0."""
+    """How long a frame may wait while the modem answers BUSY, or for an opportunity, s, ≥ 0."""
     reply_s: float = 1.0
     """How long an answer may take, s, above 0, besides the time on a serial port."""
     wait_s: float = 15.0

@@ -128,7 +128,7 @@ class Examination:
         return isinstance(reply, ModeReply)
 
     async def _next(self, due_at: int) -> Message | None:
-        """Return what the modem says next; None: the time is over, or the connection is."""
+        """Return the modem's next message; None: the time is over, or the connection is."""
         left_s = max(0.0, (due_at - time.monotonic_ns()) / NS_PER_S)
         try:
             async with asyncio.timeout(left_s):
@@ -148,7 +148,7 @@ class Examination:
         self._heard.put_nowait(None)
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """The modem says something."""
+        """Bytes of the modem."""
         self.bytes_heard += len(data)
         for message in self._decoder.feed(data):
             self._heard.put_nowait(message)
@@ -189,7 +189,7 @@ async def examine(
 
 
 def assess(health: Mapping[str, Any], config: EvologicsConfig) -> list[Finding]:
-    """Judge what the modem has told a gateway that runs.
+    """Judge the modem's values in a running gateway's health report.
 
     Args:
         health: Documents of the gateway, by name.

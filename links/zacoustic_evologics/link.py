@@ -143,7 +143,7 @@ class EvologicsLink(Link):
         return await examine(self._stream.address, self._config, self._node_address, patience_s)
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """Judge what the modem has told a gateway that runs."""
+        """Judge the modem's values in a running gateway's health report."""
         return assess(health, self._config)
 
     @classmethod
@@ -159,7 +159,7 @@ class EvologicsLink(Link):
         self._service()
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
-        """The modem says something."""
+        """Bytes of the modem."""
         self._now = max(self._now, received_at)
         self._dialogue.handle_bytes(data, self._now)
         self._service()
@@ -172,7 +172,7 @@ class EvologicsLink(Link):
     # The contract of the dialogue
 
     def _service(self) -> None:
-        """Write, tell, arm the timer."""
+        """Write, report, arm the timer."""
         self._service_pending = False
         if self._is_servicing or self._receiver is None:
             return

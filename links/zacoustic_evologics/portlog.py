@@ -1,4 +1,4 @@
-"""The frames in a log of what went over the port of a modem, both ways, whoever has kept it.
+"""The frames in a log of a modem's port, both ways, from any logger.
 
 A terminal program that logs, `socat -r -R`, or TCP's stream saved by a network analyser: bytes as
 they were on the port, perhaps with times and prompts in between. So the log is not read from its
@@ -28,7 +28,7 @@ def read_port_log(log: bytes) -> Iterator[LoggedFrame]:
         log: The whole of it.
     """
     found = list(_records(log))
-    # Who keeps a log does not say who he is; whom others send to by name does.
+    # A log does not name its own node; the destination of others' messages does.
     own = next((to for is_sent, _, to, _ in found if not is_sent and to != BROADCAST), 0)
     for is_sent, source, destination, payload in found:
         yield LoggedFrame(
@@ -40,7 +40,7 @@ def read_port_log(log: bytes) -> Iterator[LoggedFrame]:
 
 
 def _records(log: bytes) -> Iterator[tuple[bool, int, int, bytes]]:
-    """Give of each record whether it was sent, from whom to whom, and its payload."""
+    """Give of each record direction, source, destination and payload."""
     at = 0
     while (word := _WORD.search(log, at)) is not None:
         at = word.end()

@@ -1,4 +1,4 @@
-"""The simulator as a link: water in this process or in another, and modems in it."""
+"""The simulator as a link: a channel in this process or in another, with its modems."""
 
 from zacoustic_sim.link import SimConfig, SimLink
 

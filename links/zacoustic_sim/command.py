@@ -1,4 +1,4 @@
-"""The verb `zacoustic medium`: simulated water that gateways in other processes share."""
+"""The verb `zacoustic medium`: a simulated channel that gateways in other processes share."""
 
 import argparse
 import asyncio
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class MediumCommand(Command):
-    """Serves the water of a scenario until it is interrupted."""
+    """Serves the channel of a scenario until it is interrupted."""
 
     name = "medium"
     summary = "serve simulated water, for links sim/HOST:PORT"
@@ -54,7 +54,7 @@ class MediumCommand(Command):
         scenario = _read_scenario(arguments.scenario, arguments.seed)
         host, port = parse_place(arguments.listen)
         stop = asyncio.Event()
-        # Signals first: whoever reads that we listen may stop us at once.
+        # Signals first: a reader of "listening" may stop us at once.
         with stopped_by_signals(stop), LineWriter(self.name, stop) as writer:
             reporter = _Reporter(writer, as_json=arguments.json)
             medium = SimMedium(scenario, time_scale=arguments.time_scale, observer=reporter.observe)

@@ -16,14 +16,14 @@ from zacoustic_sim.messages import (
 )
 
 START_HINT: Final = "start it: zacoustic medium SCENARIO --listen {address}"
-"""What to do when nobody listens at `address`."""
+"""What to do when nothing listens at `address`."""
 
 
 class ConnectionReceiver(Protocol):
     """Who hears from a connection; called on the loop only, never from within a call to it."""
 
     def message_received(self, message: ServerMessage, received_at: int) -> None:
-        """The medium says something; `received_at` is when it was read, ns."""
+        """A message of the medium; `received_at` is when it was read, ns."""
         ...
 
     def connection_lost(self, reason: str) -> None:
@@ -32,7 +32,7 @@ class ConnectionReceiver(Protocol):
 
 
 class Connection(Protocol):
-    """A way to the medium that says `Hello` by itself, and again after each loss."""
+    """A connection to the medium that sends `Hello` by itself, and again after each loss."""
 
     address: str
     """Where the medium is, for messages to people."""
@@ -44,7 +44,7 @@ class Connection(Protocol):
         ...
 
     def send(self, message: Transmit) -> bool:
-        """Say something; returns whether it could be said."""
+        """Send a message; return whether it could be sent."""
         ...
 
     async def close(self) -> None:

@@ -1,6 +1,6 @@
 """The simulated modem: the link contract over a medium in this process or, by TCP, in another.
 
-The modem is as good as its profile says. Settings take qualities away from it, so that what the
+The modem is as good as its profile. Settings remove features from it, so that what the
 core does for poorer modems can be tried: addresses, check, frame boundaries, carrier sense. They
 are taken away truthfully: an unaddressed modem hears what is meant for others, an unchecked one
 delivers damaged frames, an unframed one delivers pieces.
@@ -51,7 +51,7 @@ class SimConfig(LinkConfig, frozen=True, kw_only=True):
     framed: bool = True
     """Frames arrive as frames, not as pieces of a byte stream."""
     senses_carrier: bool = True
-    """Says when somebody else is audible."""
+    """Reports when another node is audible."""
     acknowledges: bool = False
     """Acknowledges frames that ask for it, and measures the range by the answer."""
     wait_s: float = WAIT_S
@@ -68,7 +68,7 @@ class SimConfig(LinkConfig, frozen=True, kw_only=True):
 
 
 class SimLink(Link):
-    """A modem in simulated water; the locator is sim/HOST:PORT of a medium server.
+    """A modem on a simulated channel; the locator is sim/HOST:PORT of a medium server.
 
     Args:
         connection: The way to the medium.
@@ -117,7 +117,7 @@ class SimLink(Link):
         return cls(connection, config, node_address=node_address)
 
     async def open(self, receiver: LinkReceiver) -> None:
-        """Take the place in the water; waits up to `wait_s` for the medium.
+        """Take the place on the channel; wait up to `wait_s` for the medium.
 
         Raises:
             LinkOpenError: The medium does not answer in time, or refuses the address.
@@ -150,7 +150,7 @@ class SimLink(Link):
             self._welcomed = None
 
     async def close(self) -> None:
-        """Leave the water; what is still on the air is reported as ABORTED before."""
+        """Leave the channel; report a frame still on the air as ABORTED before."""
         # Without a receiver first: a report may make it transmit again, which must fail.
         receiver, self._receiver = self._receiver, None
         for transmission_id in tuple(self._pending):
@@ -160,7 +160,7 @@ class SimLink(Link):
         await self._connection.close()
 
     def transmit(self, transmission: Transmission) -> None:
-        """Send a frame into the water.
+        """Transmit a frame.
 
         Raises:
             LinkClosedError: Not open.
@@ -187,7 +187,7 @@ class SimLink(Link):
         return {**self._counts, "state": self._state.value, "detail": self._detail}
 
     def message_received(self, message: ServerMessage, received_at: int) -> None:
-        """Take in what the medium says; called by the connection."""
+        """Take a message of the medium; called by the connection."""
         match message:
             case Heard():
                 self._hear(message, received_at - message.ago_ns)
@@ -289,7 +289,7 @@ class SimLink(Link):
         )
 
     def _measure(self, message: Answered, at: int) -> None:
-        """Pass on what was measured on an acknowledgement."""
+        """Pass on the measurements of an acknowledgement."""
         if self._receiver is not None:
             self._receiver.measured(
                 PeerMeasured(address=message.source, measured_at=at, metrics=message.metrics)
@@ -303,7 +303,7 @@ class SimLink(Link):
             self._receiver.carrier_changed(busy)
 
     def _objection(self, transmission: Transmission) -> str:
-        """Why a modem in order would not take this transmission; empty if it would."""
+        """Why a working modem would refuse this transmission; empty if it would not."""
         size, limit = len(transmission.frame_bytes), self.capabilities.mtu_bytes
         if not 1 <= size <= limit:
             return f"frame of {size} bytes; allowed: 1..{limit}"

@@ -49,7 +49,7 @@ METRICS: Final = frozenset(
 
 
 class Attached(msgspec.Struct, frozen=True):
-    """A modem has taken its place in the water."""
+    """A modem has taken its place on the channel."""
 
     address: int
     """Of the node."""
@@ -67,10 +67,10 @@ Observation: TypeAlias = Attached | Detached | Emission | Reception
 
 
 class SimMedium:
-    """The water of a scenario, driven by the running loop.
+    """The channel of a scenario, driven by the running loop.
 
     Args:
-        scenario: The water and who is in it.
+        scenario: The channel and its nodes.
         time_scale: How many times faster than real, > 0.
         clock: Where instants come from.
         observer: Told, with the instant of the channel in ns, of all that happens.
@@ -115,7 +115,7 @@ class SimMedium:
 
         Args:
             address: Of the node.
-            tell: Takes what the medium says from now on, on the loop.
+            tell: Takes the medium's messages from now on, on the loop.
 
         Raises:
             LinkOpenError: The scenario has no such node, or another modem has the place.
@@ -134,7 +134,7 @@ class SimMedium:
         return Welcome(self._capabilities(node), node.profile.name, self.time_scale)
 
     def detach(self, address: int) -> None:
-        """Take a modem out of the water; sound that it has sent goes on. May be repeated."""
+        """Remove a modem from the channel; its sound goes on. May be repeated."""
         node = self._nodes[address]
         if node.tell is not None:
             node.tell = None
@@ -340,7 +340,7 @@ class SimMedium:
         heapq.heappush(self._heap, (at, next(self._order), handler, arguments))
 
     def _advance(self, until: int) -> None:
-        """Let happen what is due, in the order of time."""
+        """Let due events happen, in order of time."""
         self._latest_at = max(self._latest_at, until)
         while self._heap and self._heap[0][0] <= until:
             at, _, handler, arguments = heapq.heappop(self._heap)

@@ -1,4 +1,4 @@
-"""What a simulated modem and the medium say to each other, in one process or over TCP.
+"""Messages between a simulated modem and the medium, in one process or over TCP.
 
 A conversation: the modem says `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
 Then the modem says `Transmit`, and the medium `Finished` for each of those, `Heard` for what
@@ -30,7 +30,7 @@ _HEAD_BYTES: Final = len(_MARK) + 2
 
 
 class Hello(msgspec.Struct, frozen=True, tag="hello"):
-    """A modem asks for its place in the water."""
+    """A modem asks for its place on the channel."""
 
     version: int
     """Of the conversation."""
@@ -59,7 +59,7 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome"):
     profile: str
     """Name of the modem's profile."""
     time_scale: float
-    """How many times faster than real the water is."""
+    """How many times faster than real the channel is."""
 
 
 class Refused(msgspec.Struct, frozen=True, tag="refused"):
@@ -105,7 +105,7 @@ class Carrier(msgspec.Struct, frozen=True, tag="carrier"):
     """Somebody else became audible, or the last one fell silent."""
 
     busy: bool
-    """Whether somebody is audible."""
+    """Whether another node is audible."""
 
 
 class Answered(msgspec.Struct, frozen=True, tag="answered"):
@@ -120,15 +120,15 @@ class Answered(msgspec.Struct, frozen=True, tag="answered"):
 
 
 ClientMessage: TypeAlias = Hello | Transmit
-"""What a modem says."""
+"""Messages of a modem."""
 ServerMessage: TypeAlias = Welcome | Refused | Finished | Heard | Carrier | Answered
-"""What the medium says."""
+"""Messages of the medium."""
 
 MessageT = TypeVar("MessageT")
 
 
 class MalformedMessageError(Exception):
-    """Not a message of this conversation; whoever reads it hangs up."""
+    """Not a message of this conversation; the reader hangs up."""
 
 
 class MessageDecoder(Generic[MessageT]):

@@ -1,4 +1,4 @@
-"""One place in the water, and what its modem is busy with; `medium` moves it."""
+"""One place on the channel, and what its modem is busy with; `medium` moves it."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -12,7 +12,7 @@ Tell: TypeAlias = Callable[[ServerMessage], None]
 
 
 class Place:
-    """One place in the water.
+    """One place on the channel.
 
     Args:
         address: Of its node.

@@ -29,9 +29,9 @@ from zacoustic_sim.messages import (
 BACKLOG_LIMIT_BYTES: Final = 1_048_576
 """What may wait for a client, bytes: hours of sound of any modem."""
 STRANGERS_LIMIT: Final = 32
-"""Connections that have not said `Hello`."""
+"""Connections that have not sent `Hello`."""
 HELLO_LIMIT_S: Final = 5.0
-"""How long a connection may take to say it, s."""
+"""How long a connection may take to send it, s."""
 
 _logger = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class MediumServer:
     """Serves a medium on a TCP port.
 
     Args:
-        medium: The water; closed with the server.
+        medium: The medium; closed with the server.
         host: Address to listen at.
         port: Port, 0 for any that is free.
     """
@@ -74,7 +74,7 @@ class MediumServer:
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def close(self) -> None:
-        """Hang up on all modems and stop the water; may be repeated."""
+        """Hang up on all modems and stop the medium; may be repeated."""
         server, self._server = self._server, None
         if server is not None:
             server.close()

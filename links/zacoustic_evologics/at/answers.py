@@ -50,7 +50,7 @@ _SHOWN: Final = re.compile(r"(\[\*\])?([^:\r\n]+): *(-?[0-9]{1,19}) *")
 
 
 def decode_reply(command: Command, text: str) -> CommandReply:
-    """Read an answer by its command; what is unexpected becomes `TextReply`.
+    """Read an answer by its command; an unexpected one becomes `TextReply`.
 
     Args:
         command: The command that is answered.

@@ -2,15 +2,15 @@
 
 What a modem's reader does, and this one too:
 
-- A line command ends with CR, LF or CR LF, whatever the port; empty lines before a command are
+- A line command ends with CR, LF or CR LF on any port; empty lines before a command are
   nothing, so a LF behind the CR of the command before does no harm.
 - Behind the header of a payload command exactly the announced bytes are taken, then one line end.
   A payload longer than announced is one mistake, and what follows up to the line end belongs to it.
-  A payload shorter than announced swallows what the host says next, until it has its bytes.
+  A payload shorter than announced swallows the host's next bytes, until it has its own.
 - In data mode a command begins with `+++AT`, wherever that stands; everything else is data. What
   may become `+++AT` is kept until the next byte decides.
 - `+++` alone leaves data mode, if a second of silence is before and after it. There is no clock
-  here: who has one calls `silence`.
+  here: the owner of one calls `silence`.
 - `ATC` and `ATO` change how the very next byte is read, so the decoder follows them by itself.
 """
 
@@ -90,7 +90,7 @@ _COMMAND_NAME: Final = re.compile(r"[?@&!*%]?[A-Z]{0,12}")
 
 
 class CommandDecoder:
-    """Reads what a host says on one port.
+    """Reads the commands of a host on one port.
 
     Args:
         interpreter: Who reads on that port. With NET the framing is always LINES.
@@ -148,7 +148,7 @@ class CommandDecoder:
         return [RawData(held)]
 
     def _prepare(self) -> bool:
-        """Drop what belongs to nothing; tell whether something is left."""
+        """Drop bytes that belong to nothing; tell whether something is left."""
         if self._skipping and self._buffer:
             end = _LINE_END.search(self._buffer)
             if end is None:
@@ -327,4 +327,4 @@ def _decode_setting(form: str, name: str, number: str) -> Command | None:
 
 
 _FORMS: Final = frozenset("?!@*%")
-"""First characters that say which form a command has, whatever its name."""
+"""First characters that tell the form of a command, with any name."""

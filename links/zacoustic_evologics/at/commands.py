@@ -1,4 +1,4 @@
-"""What a host says to a modem, one record for each form of command.
+"""The commands of a host to a modem, one record for each form.
 
 Queries and settings are open: `Query("XY")` exists whether a modem knows it or not, since their
 number grows with each firmware; which are known, with their limits, is in `settings`. Values out of
@@ -28,7 +28,7 @@ class SendIm(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SendIms(msgspec.Struct, frozen=True, kw_only=True):
-    """`AT*SENDIMS`: an instant message at an instant; nobody acknowledges it."""
+    """`AT*SENDIMS`: an instant message at an instant; never acknowledged."""
 
     payload: bytes
     """1…64 bytes."""
@@ -68,7 +68,7 @@ class SendProbe(msgspec.Struct, frozen=True, kw_only=True):
     bit: int
     """What it carries."""
     follow: int
-    """As the modem takes it; no source says what it means."""
+    """As the modem takes it; no source explains it."""
     start_us: int | None = None
     """Modem's clock at which it begins; None: at once."""
 
@@ -90,7 +90,7 @@ class Set(msgspec.Struct, frozen=True):
 
 
 class SetOption(msgspec.Struct, frozen=True):
-    """`AT@NAME[<n>]`: change an option of this port, or do what has no other form."""
+    """`AT@NAME[<n>]`: change an option of this port, or an action without another form."""
 
     name: str
     """Capital letters."""
@@ -167,7 +167,7 @@ LineCommand: TypeAlias = (
 )
 """Commands that do not."""
 Command: TypeAlias = PayloadCommand | LineCommand
-"""What can be said to a modem."""
+"""All commands."""
 
 
 class Mistake(enum.Enum):
@@ -180,11 +180,11 @@ class Mistake(enum.Enum):
 
 
 class InvalidCommand(msgspec.Struct, frozen=True):
-    """Something that a host said and that is no command."""
+    """Bytes of a host that are no command."""
 
     raw: bytes
     """What came, without line end; shortened where it is long."""
     mistake: Mistake
     """Why."""
     name: str = ""
-    """Name of the command that it seems to be, for the header of the answer in data mode."""
+    """Name of the presumed command, for the header of the answer in data mode."""

@@ -10,10 +10,10 @@ Three rules keep the stream readable:
   no longer than `LINE_LIMIT_BYTES`.
 
 A length that was damaged on its way makes the decoder wait for bytes which may not come. It has no
-clock; who has one calls `flush` when the port has been silent while `held_bytes` is not 0.
+clock; its owner calls `flush` when the port has been silent while `held_bytes` is not 0.
 
 While the connection is in LINES, packets are read too, wherever they begin: a modem with the NET
-interpreter never says one, so a packet tells at start-up that this modem is in data mode.
+interpreter never sends one, so a packet shows at start-up that this modem is in data mode.
 """
 
 from typing import Final
@@ -43,7 +43,7 @@ _PAYLOAD_STARTS: Final = tuple(
 
 
 class AtDecoder:
-    """Reads what one port of a modem says.
+    """Reads the messages of one port of a modem.
 
     Args:
         framing: How the connection is divided; may be set anew at any time, and holds for the bytes
@@ -72,7 +72,7 @@ class AtDecoder:
         return messages
 
     def flush(self) -> list[Message]:
-        """Give up what is incomplete, and return all that is held as messages.
+        """Give up incomplete messages, and return all held bytes as messages.
 
         To be called when the port has been silent too long, or was closed.
         """

@@ -50,7 +50,7 @@ BROADCAST: Final = 255
 """Address of everybody."""
 
 Speakable: TypeAlias = Notification | Reply | Noise | RawData
-"""What a modem can say."""
+"""All messages of a modem."""
 
 _NAME: Final = re.compile("[A-Z]{1,12}")
 _TEXT: Final = re.compile(r"[ -~]*")
@@ -64,7 +64,7 @@ def encode_command(
     """Write a command.
 
     Args:
-        command: What to say.
+        command: The command.
         framing: Of the connection; in PACKETS the command gets its `+++`.
         line_end: `TCP_LINE_END` or `SERIAL_LINE_END`, by the port.
 
@@ -107,7 +107,7 @@ def command_name(command: Command) -> str:
 
 
 def encode_message(message: Speakable, framing: Framing = Framing.LINES) -> bytes:
-    """Write what a modem says.
+    """Write a modem's message.
 
     Args:
         message: The record. A `Reply` in PACKETS needs its `command`, in LINES it must have none.

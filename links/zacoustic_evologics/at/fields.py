@@ -2,13 +2,13 @@
 
 The same field reads and writes, so that a value which cannot be written is not read either: a
 number outside its limits makes the record unrecognised. Limits are the widest that a source shows,
-or that the width of the number allows; only what is said to be fixed (addresses, flags) is narrow.
+or that the width of the number allows; only documented ranges (addresses, flags) are narrow.
 
 A float always gets its decimal point, since a parser of the vendor refuses one without it. Times
 in seconds become integers of microseconds: six decimals of a Unix time fit a float, sums of them
 do not.
 
-All methods here raise `ValueError` for what is not allowed; the decoders turn that into data.
+All methods here raise `ValueError` for other values; the decoders turn that into data.
 """
 
 import enum
@@ -173,7 +173,7 @@ DURATION_US: Final = Integer(0, 2**32 - 1)
 COUNT: Final = Integer(0, 2**32 - 1)
 """A count of packets or bytes."""
 BIT_RATE_BPS: Final = Integer(0, 10_000_000)
-"""Bits per second on the water; the fastest modem known makes 62 500."""
+"""Acoustic bit rate, bit/s; the fastest modem known makes 62 500."""
 RSSI_DB: Final = Level(-1000, 1000)
 """Received level, dB re 1 V; seen are -20…-85."""
 INTEGRITY: Final = Level(-100_000, 100_000)
@@ -189,6 +189,6 @@ ACCURACY: Final = Decimal(4, 1_000_000.0)
 SECONDS: Final = Seconds()
 """Time of the modem's system clock: since it started, or Unix time."""
 SIGNED: Final = Integer(-(2**63) + 1, 2**63 - 1)
-"""A number of which no limits are known."""
+"""A number without known limits."""
 WORD: Final = Word()
-"""A word of which no list is known."""
+"""A word without a known list."""

@@ -4,7 +4,7 @@ A modem has two interpreters, and one of them two modes:
 
 - NET: lines, always.
 - AT, in command mode: lines.
-- AT, in data mode (after power-up and reset): every byte is data for the water, or from it, except
+- AT, in data mode (after power-up and reset): every byte is acoustic data, out or in, except
   commands that begin with `+++AT`, and their answers, which come as packets
   ``+++AT<name>:<length>:<body>CRLF``. Vendor word: TIES, time-independent escape sequence.
 
@@ -21,7 +21,7 @@ import msgspec
 PACKET_START: Final = b"+++AT"
 """Begins a command in data mode, and every packet."""
 CRLF: Final = b"\r\n"
-"""Ends all that a modem says, on every kind of port."""
+"""Ends all messages of a modem, on every kind of port."""
 TCP_LINE_END: Final = b"\n"
 """Ends a command on a TCP port."""
 SERIAL_LINE_END: Final = b"\r"
@@ -94,7 +94,7 @@ def read_packet(buffer: bytes | bytearray, start: int = 0) -> Packet | Gap:
     """Read the packet whose `+++AT` is at `start`.
 
     Returns:
-        The packet; MALFORMED if this is no packet, or CR LF is not where the length says.
+        The packet; MALFORMED if this is no packet, or CR LF is not at the end of its length.
     """
     head = bytes(buffer[start : start + _PACKET_HEADER_LIMIT])
     match = _PACKET_HEADER.match(head)

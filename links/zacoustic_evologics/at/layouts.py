@@ -1,4 +1,4 @@
-"""Which fields stand in which order in what a modem says: the tables, and their one reader.
+"""Fields of a modem's messages in their order: the tables, and their one reader.
 
 A payload has exactly the length that its record announces, then CR LF; nothing in it is escaped. A
 firmware 1.6 has other fields in two records. The two layouts are told apart at the field that is
@@ -258,7 +258,7 @@ def decode_line(line: str) -> Record | Gap | None:
     # No answer begins like this, so a kind of a later firmware is not taken for one.
     if layout is None and token.startswith(("RECV", "SEND", "USBL")):
         return Gap.MALFORMED
-    # `FAILED` alone answers AT?DI: what has fields is a notification only with its comma.
+    # `FAILED` alone answers AT?DI: a notification with fields has a comma.
     if layout is None or (layout.columns and not texts):
         return None
     try:

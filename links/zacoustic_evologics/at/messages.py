@@ -37,7 +37,7 @@ class Noise(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RawData(msgspec.Struct, frozen=True):
-    """Data mode: bytes outside packets, from or for the water. Cut anywhere."""
+    """Data mode: bytes outside packets, received or to transmit. Cut anywhere."""
 
     content: bytes
     """One byte or more."""

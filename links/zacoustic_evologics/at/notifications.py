@@ -1,4 +1,4 @@
-"""What a modem says unasked, one record for each kind.
+"""Unsolicited messages of a modem, one record for each kind.
 
 Names follow the words on the wire, since that is what one looks up; units are in the names of the
 fields. Decibels are relative to 1 V at the receiver: the vendor's own scale, useful from about -85
@@ -121,9 +121,9 @@ class RecvSrv(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     """The vendor's word: `im`, `ack`, …"""
     decoded: int
-    """As the modem says it; seen are 0 and 1."""
+    """As the modem sends it; seen are 0 and 1."""
     transmitted: int
-    """As the modem says it; seen is 1."""
+    """As the modem sends it; seen is 1."""
     rssi_db: int
     """Received level, dB re 1 V."""
     integrity: int
@@ -315,7 +315,7 @@ class AsyncError(msgspec.Struct, frozen=True):
 
 
 class Extension(msgspec.Struct, frozen=True):
-    """`%KEY` with whatever follows it: from the vendor's own middleware, not from a modem."""
+    """`%KEY` with the rest of its line: from the vendor's own middleware, not from a modem."""
 
     key: str
     """Behind the percent sign."""
@@ -355,4 +355,4 @@ Notification: TypeAlias = (
     | AsyncError
     | Extension
 )
-"""What a modem says unasked."""
+"""All unsolicited messages."""

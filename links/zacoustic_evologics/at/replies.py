@@ -42,7 +42,7 @@ class Number(msgspec.Struct, frozen=True):
     """A setting, or a measurement that is a whole number."""
 
     value: int
-    """In the unit of what was asked."""
+    """In the unit of the queried setting."""
     starred: bool = False
     """It came with `[*]`."""
 
@@ -62,7 +62,7 @@ class ModeReply(msgspec.Struct, frozen=True):
 
 
 class DeliveryState(enum.Enum):
-    """What `AT?DI` says of the last instant message; the value is the word."""
+    """`AT?DI`'s states of the last instant message; the value is the word."""
 
     EMPTY = "EMPTY"
     """There is none, or it needs no more."""
@@ -104,7 +104,7 @@ class NetStatus(msgspec.Struct, frozen=True, kw_only=True):
     pool: str
     """The vendor's words on the transmit buffer; no source has them exactly."""
     promiscuous: bool
-    """Whether it reports what is for others."""
+    """Whether it reports messages for others."""
 
 
 class ShownSetting(msgspec.Struct, frozen=True):

@@ -4,8 +4,8 @@ Where sources disagree the wider range stands here; the rest is answered `ERROR 
 setting that is not in the table may exist; it is not checked.
 
 `prefix` is how the setting is written: `!` changes the modem (until the power goes, `AT&W` keeps
-it), `@` an option of the port on which it is said. Only one port of a modem may change the modem
-itself: the one that said `AT@CTRL`, with protocol id 0.
+it), `@` an option of the port that gets it. Only one port of a modem may change the modem
+itself: the one that sent `AT@CTRL`, with protocol id 0.
 """
 
 from typing import Final
@@ -26,7 +26,7 @@ class Setting(msgspec.Struct, frozen=True):
     high: int
     """Highest value."""
     default: int
-    """Of a new modem, where a source tells; else a value that does no harm."""
+    """Of a new modem, where a source has it; else a harmless value."""
     label: str = ""
     """How `AT&V` calls it, empty where it does not show it."""
     prefix: str = "!"
@@ -39,7 +39,7 @@ class Setting(msgspec.Struct, frozen=True):
         return self.low <= value <= self.high and (not self.choices or value in self.choices)
 
 
-# In the order in which `AT&V` shows those that it shows.
+# In the order of `AT&V`, for those that it shows.
 _TABLE: Final = (
     Setting("L", 0, 3, 3, "Source Level"),  # 0 loudest, then -6, -12, -20 dB: the only one in air
     Setting("LC", 0, 1, 0, "Source Level Control"),  # the other side may change it
@@ -53,13 +53,13 @@ _TABLE: Final = (
     Setting("RT", 500, 12_000, 1500, "Retry Timeout"),  # ms
     Setting("DA", 0, 3600, 12, "Wake Up Active Time"),  # s
     Setting("DT", 0, 3600, 12, "Wake Up Period"),  # s
-    Setting("RP", 0, 1, 0, "Promiscuous Mode"),  # report what is for others
+    Setting("RP", 0, 1, 0, "Promiscuous Mode"),  # report messages for others
     Setting("CA", 1300, 1700, 1500, "Sound Speed"),  # m/s
     Setting("RI", 0, 255, 1, "IM Retry Count"),  # 255 for ever
     Setting("ZL", 8096, 2_097_152, 16_384, "Pool Size", prefix="@"),  # bytes
     Setting("ZH", 0, 3600, 0, "Hold Timeout"),  # s
     Setting("ZI", 0, 3600, 120, "Idle Timeout"),  # s, 0 never
-    Setting("AR", 0, 254, 0),  # remote address of raw bursts, 0 whoever comes
+    Setting("AR", 0, 254, 0),  # remote address of raw bursts, 0 any
     Setting("KO", 0, 255, 0),  # keep-online count
     Setting("DW", 0, 255, 0),  # bits; one source sets 0
     Setting("DR", 0, 255, 0),  # bits

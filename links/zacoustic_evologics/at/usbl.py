@@ -1,4 +1,4 @@
-"""Where other modems are: what a modem with an ultra-short baseline head says unasked.
+"""Positions of other modems: unsolicited messages of a modem with an ultra-short baseline head.
 
 Switched on for each port by `AT@ZU1`. The head's frame is x, y, z; with its attitude (roll, pitch,
 yaw) turned to east, north, up. The system clock counts from the start of the modem, or is Unix time
@@ -110,4 +110,4 @@ class UsblPhyP(msgspec.Struct, frozen=True, kw_only=True):
 
 
 UsblNotification: TypeAlias = UsblLong | UsblAngles | UsblPhyD | UsblPhyP
-"""What a head says."""
+"""All messages of a head."""

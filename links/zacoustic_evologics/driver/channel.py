@@ -1,4 +1,4 @@
-"""One command in flight, and its answer told from all other answers.
+"""One command in flight, and its answer distinguished from all other answers.
 
 Without packets an answer carries no name; that it belongs to the command which was sent last is
 known by order alone. So an answer that did not come in time is a danger: it may still come, and be
@@ -59,7 +59,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
     reply: CommandReply | None
     """The answer; None when none came in time."""
     late: bool = False
-    """It came after None had been told."""
+    """It came after None had been returned."""
 
 
 class _Pending(msgspec.Struct):
@@ -84,7 +84,7 @@ class CommandChannel:
         self.framing = Framing.LINES
         self.line_end = b"\n"
         self.stray_replies = 0
-        """Answers that nobody waits for."""
+        """Answers without a pending command."""
         self.missed_replies = 0
         """Commands that were not answered in time."""
         self._reply_ns = reply_ns
@@ -97,11 +97,11 @@ class CommandChannel:
 
     @property
     def due_at(self) -> int | None:
-        """When `handle_timeout` is to be called, ns; None while nothing is in flight."""
+        """When to call `handle_timeout`, ns; None while nothing is in flight."""
         return self._pending.due_at if self._pending else None
 
     def reset(self) -> None:
-        """Forget everything: the connection is another one."""
+        """Forget everything: the connection is new."""
         self.interpreter = Interpreter.NET
         self.framing = Framing.LINES
         self._waiting.clear()
@@ -131,7 +131,7 @@ class CommandChannel:
         self._output.append(raw)
 
     def poll_output(self) -> bytes | None:
-        """Return what is to be written next."""
+        """Return the bytes to write next."""
         return self._output.popleft() if self._output else None
 
     def handle_reply(self, reply: Reply, now: int) -> Answer | None:
@@ -184,7 +184,7 @@ class CommandChannel:
 
     def _be_late(self, reply: Reply) -> Answer | None:
         if not reply.text:
-            return None  # one firmware says an empty line behind some answers
+            return None  # one firmware sends an empty line after some answers
         self.stray_replies += 1
         if self._doubted is None or not _is_named_for(reply, self._doubted[1]):
             return None

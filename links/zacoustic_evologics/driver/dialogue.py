@@ -52,7 +52,7 @@ SETTLING_S: Final = 0.5
 HELD_LIMIT_S: Final = 1.0
 """After so much silence the rest of a record will not come any more, s."""
 HOPELESS_PAUSE_S: Final = 10.0
-"""Before a modem that cannot serve this node is looked at again, s: somebody must change it."""
+"""Pause before the next look at an unsuitable modem, s: somebody must change it."""
 
 
 class AtDialogue:
@@ -81,7 +81,7 @@ class AtDialogue:
 
     @property
     def detail(self) -> str:
-        """Which modem it is, or what is waited for."""
+        """The modem, or what the link waits for."""
         return self._outbox.detail
 
     @property
@@ -116,7 +116,7 @@ class AtDialogue:
         self._fall(Input.GONE, reason, now)
 
     def handle_bytes(self, received: bytes, now: int) -> None:
-        """The modem says something."""
+        """Bytes of the modem."""
         if self.state is State.SETTLING:
             self._session.count("settling_bytes", len(received))
             return
@@ -172,7 +172,7 @@ class AtDialogue:
     # Outputs
 
     def poll_output(self) -> bytes | None:
-        """Return what is to be written to the modem next."""
+        """Return the bytes to write to the modem next."""
         return self._channel.poll_output()
 
     def poll_event(self) -> Event | None:
@@ -180,12 +180,12 @@ class AtDialogue:
         return self._outbox.poll()
 
     def poll_timeout(self) -> int | None:
-        """Return when `handle_timeout` is to be called, ns; None: not before another input."""
+        """Return when to call `handle_timeout`, ns; None: not before another input."""
         instants = [self._due_at, self._channel.due_at, self._reception.due_at, self._flush_at()]
         instants += [each.due_at for each in (self._startup, self._sending) if each is not None]
         return min((instant for instant in instants if instant is not None), default=None)
 
-    # What the modem says
+    # Messages of the modem
 
     def _take(self, messages: list[Message], now: int) -> None:
         for message in messages:
@@ -312,7 +312,7 @@ class AtDialogue:
         self._errands.read_battery(now)
 
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
-        """Give up the connection; it is made anew at once, or later where that changes nothing."""
+        """Give up the connection; reopen it at once, or later where that changes nothing."""
         self._session.count("restarts")
         self._fall(Input.GIVEN_UP, f"{reason} ({hint})" if hint else reason, now)
         if is_hopeless:
@@ -322,7 +322,7 @@ class AtDialogue:
             self._outbox.put([ConnectionUseless(reason)])
 
     def _fall(self, event: Input, reason: str, now: int) -> None:
-        """Leave whatever state for one without a modem: first DOWN, then the report."""
+        """Leave any state for one without a modem: first DOWN, then the report."""
         self._step(event)
         sending = self._sending
         self._clear(now)
@@ -346,13 +346,13 @@ class AtDialogue:
         self._outbox.report(sending.report)
 
     def _flush_at(self) -> int | None:
-        """When what is held incomplete will not be completed any more."""
+        """When incomplete bytes will not be completed any more."""
         if not self._decoder.held_bytes:
             return None
         return self._session.heard_at + seconds_to_ns(HELD_LIMIT_S)
 
     def _is_held_too_long(self, now: int) -> bool:
-        """Also when an answer is missing: it may be in what is held behind a damaged length."""
+        """Also when an answer is missing: it may be in bytes held behind a damaged length."""
         flush_at = self._flush_at()
         if flush_at is None:
             return False

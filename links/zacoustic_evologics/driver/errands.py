@@ -1,4 +1,4 @@
-"""Single questions that belong to no state: nobody waits for their answers.
+"""Single questions that belong to no state: no caller waits for their answers.
 
 - After an exchange: how long the sound took (`AT?T`). The answer is about the last exchange, so it
   is not taken if the modem has received a message meanwhile, nor if it does not fit into the time
@@ -38,8 +38,8 @@ class Errands:
 
     Args:
         channel: Where commands go.
-        session: Where what is read goes.
-        tell: Takes what is to be told.
+        session: Takes the values read.
+        tell: Takes the events.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Errands:
         self._checked_at: int | None = None
 
     def forget(self) -> None:
-        """The connection is another one."""
+        """The connection is new."""
         self._sent.clear()
         self._checked_at = self._battery_at = None
 
@@ -73,7 +73,7 @@ class Errands:
         Args:
             address: The other modem.
             report: Of our frame.
-            answer: The sound of its acknowledgement, where the modem has told of it.
+            answer: The sound of its acknowledgement, if the modem has reported it.
             now: The instant.
         """
         messages = self._messages
@@ -116,7 +116,7 @@ class Errands:
         self._send(Query("ZX") if is_told else FENCE, _see_options, now)
 
     def silence(self, now: int) -> None:
-        """Set the source level back to what is allowed in air."""
+        """Set the source level back to that for air."""
 
         def see(reply: CommandReply | None, at: int) -> str:
             if not isinstance(reply, Accepted):
@@ -128,7 +128,7 @@ class Errands:
         self._send(Set("L", IN_AIR_SOURCE_LEVEL), see, now)
 
     def handle_answer(self, answer: Answer, now: int) -> str:
-        """Take an answer; returns why the modem is not to be trusted any more, or nothing."""
+        """Take an answer; return why the modem cannot be trusted any more, or nothing."""
         see = self._sent.pop(answer.ticket, None)
         return see(answer.reply, now) if see is not None else ""
 

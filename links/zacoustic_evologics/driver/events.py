@@ -1,4 +1,4 @@
-"""What the dialogue tells its shell: `AtDialogue.poll_event`."""
+"""Events of the dialogue for its shell: `AtDialogue.poll_event`."""
 
 from typing import TypeAlias
 
@@ -33,7 +33,7 @@ class LinkChanged(msgspec.Struct, frozen=True):
     state: LinkState
     """What it is."""
     detail: str
-    """Which modem, or what is waited for."""
+    """The modem, or what the link waits for."""
     capabilities: LinkCapabilities | None = None
     """With UP: what the link can do."""
 
@@ -46,14 +46,14 @@ class CarrierChanged(msgspec.Struct, frozen=True):
 
 
 class Measured(msgspec.Struct, frozen=True):
-    """The modem has measured something of another one, or says something of itself."""
+    """The modem has measured another one, or reports values of itself."""
 
     measurement: Measurement
     """What."""
 
 
 class ConnectionUseless(msgspec.Struct, frozen=True):
-    """The connection is to be given up and made anew."""
+    """Give up the connection and reopen it."""
 
     reason: str
     """Why."""

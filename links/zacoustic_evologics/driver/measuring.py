@@ -1,4 +1,4 @@
-"""From what a modem tells of another one, or of itself, to measurements of the link contract.
+"""From a modem's reports on others and on itself to measurements of the link contract.
 
 - A fix whose uncertainty is about as large as the distance is none: so says a modem that has heard
   its answer and not where it came from. Its delay is good all the same.
@@ -29,9 +29,9 @@ def measured_delay(
     Args:
         session: What is known of the modem.
         address: The other one.
-        delay_us: What the modem says, µs; 0 and less is none.
+        delay_us: The modem's value, µs; 0 and less is none.
         at: When the exchange had ended, ns.
-        answer: The sound of the acknowledgement, where the modem has told of it.
+        answer: The sound of the acknowledgement, if the modem has reported it.
     """
     if delay_us <= 0:
         return None
@@ -46,7 +46,7 @@ def measured_delay(
 
 
 def measured_position(session: ModemSession, fix: UsblLong, now: int) -> PeerMeasured:
-    """Return what a fix says, without the place if it knows none."""
+    """Return the values of a fix, without the position if it has none."""
     propagation_s = fix.propagation_us / 1e6 if fix.propagation_us > 0 else None
     distance_m = math.hypot(fix.east_m, fix.north_m, fix.up_m)
     has_place = 0 <= fix.accuracy_m < NO_FIX_SHARE * distance_m
@@ -80,7 +80,7 @@ def measured_direction(angles: UsblAngles, now: int) -> PeerMeasured | None:
 
 
 def modem_read(session: ModemSession, now: int) -> ModemRead:
-    """Return what the modem has said of itself."""
+    """Return the modem's values of itself."""
     level = session.source_level
     return ModemRead(
         read_at=now,
@@ -91,6 +91,6 @@ def modem_read(session: ModemSession, now: int) -> ModemRead:
 
 
 def _heard_at(clock_us: int, measured_us: int, now: int) -> int:
-    """When the sound was heard that was told of now, ns."""
+    """When the sound of this report was heard, ns."""
     ago_ns = (clock_us - measured_us) * 1000
     return now - (ago_ns if 0 < ago_ns < CLOCK_TRUST_NS else 0)

@@ -1,4 +1,4 @@
-"""What the dialogue has to tell its shell, in the order in which it happened."""
+"""Events of the dialogue for its shell, in order."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -23,7 +23,7 @@ class Outbox:
 
     def __init__(self, session: ModemSession) -> None:
         self.detail = ""
-        """Which modem it is, or what is waited for."""
+        """The modem, or what the link waits for."""
         self.has_been_up = False
         """Since the link was opened; before that a link without a modem opens, and is not down."""
         self._session = session

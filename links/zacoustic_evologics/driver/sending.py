@@ -69,7 +69,7 @@ class Sending:
     """One frame on its way.
 
     Args:
-        transmission: What is to be sent.
+        transmission: The frame to send.
         carriage: By which service.
         channel: Where commands go.
         session: What is known of the modem.
@@ -86,15 +86,15 @@ class Sending:
     ) -> None:
         self.phase = Phase.CHECKING if carriage.service is Service.BURST else Phase.PREPARING
         self.carriage = carriage
-        """How it goes; another one, if the modem gives it back."""
+        """Its service; another one, if the modem gives it back."""
         self.ticket: int | None = None
         """Of the command whose answer is waited for."""
         self.due_at: int | None = None
-        """When `handle_timeout` is to be called, ns."""
+        """When to call `handle_timeout`, ns."""
         self.report: TransmitReport | None = None
         """There in the phase OVER."""
         self.suspicion = ""
-        """Why the modem is not to be trusted any more; empty if it is."""
+        """Why the modem cannot be trusted any more; empty if it can."""
         self._transmission = transmission
         self._channel = channel
         self._session = session
@@ -114,7 +114,7 @@ class Sending:
 
     @property
     def answer(self) -> RecvEnd | None:
-        """The sound of the acknowledgement, where the modem has told of it."""
+        """The sound of the acknowledgement, if the modem has reported it."""
         return self._evidence.answer
 
     def start(self, now: int) -> None:
@@ -161,7 +161,7 @@ class Sending:
         return bool(self._doubted) and (is_burst or self._evidence.is_too_soon(now))
 
     def handle_notification(self, record: Notification, now: int) -> None:
-        """Take what the modem says; most of it is about something else."""
+        """Take a message of the modem; most are about something else."""
         if isinstance(record, _STIRRING):
             self._step(Word.STIRRED, now)
         if self.phase not in HAS_FRAME:
@@ -202,7 +202,7 @@ class Sending:
             self._enter(now)
 
     def _use(self, carriage: Carriage) -> None:
-        """Begin again, in this way; nothing said before counts."""
+        """Begin again with this service; no earlier message counts."""
         self.carriage = carriage
         self._times = Timetable(carriage, self._session, self._called_at)
         self._evidence = Evidence(carriage, self._session, self._times.airtime_ns)
@@ -261,7 +261,7 @@ class Sending:
         if is_message and self._session.must_set_retries(now):
             preparations.append(Set("RI", self._session.config.retries))
         if self._is_piggyback and self._session.has_piggyback:
-            preparations.append(DROP_MESSAGES)  # else its end would be taken for that of this one
+            preparations.append(DROP_MESSAGES)  # else its end would be taken for this one's
         if self.carriage.service is Service.BURST:
             preparations.append(Query("PC"))
         return preparations
@@ -304,7 +304,7 @@ class Sending:
         )
 
     def _judge(self, before: Phase, word: Word) -> tuple[TransmitOutcome, str]:
-        """Return what is to be reported, and the modem's words."""
+        """Return the outcome, and the modem's words."""
         evidence = self._evidence
         if evidence.outcome is not None and evidence.is_certain and word is not Word.REFUSED:
             return evidence.outcome, evidence.words
@@ -341,7 +341,7 @@ class Sending:
         return encode_command(self.carriage.state_query(), Framing.LINES, b"").decode("ascii")
 
     def _is_silence_suspect(self) -> bool:
-        """The modem has said nothing, and should have; or its silence is to prove something."""
+        """The modem has sent nothing and should have; or its silence proves something."""
         if self._is_piggyback:
             return True
         return self._session.has_extended_notifications and self._evidence.outcome is None
@@ -357,7 +357,7 @@ class Sending:
         elif rumour is not None:
             outcome = rumour
         elif self._is_piggyback:
-            outcome = TransmitOutcome.ABORTED  # it has not said that anything went there
+            outcome = TransmitOutcome.ABORTED  # it has not reported that anything went there
         # Without either: also a firmware that does not know AT?DI has taken the message, and the
         # time is over.
         asked = f"{self._question}: {self._asked}"

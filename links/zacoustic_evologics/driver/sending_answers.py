@@ -35,7 +35,7 @@ def said(reply: CommandReply) -> str:
 
 
 def has_time(reply: CommandReply | None) -> bool:
-    """Tell whether an answer to `AT?S` says that the modem listens, or is connected."""
+    """Tell whether an answer to `AT?S` means that the modem listens, or is connected."""
     match reply:
         case LinkStatus() | NetStatus():
             state = reply.state

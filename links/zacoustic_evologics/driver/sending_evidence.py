@@ -1,4 +1,4 @@
-"""What a modem has said about the end of one frame, and how far that can be believed.
+"""A modem's messages about the end of one frame, and how far to believe them.
 
 Words about instant messages name a destination, but no message; a word about an earlier one may
 come late. So they are *certain* or a *rumour*, and after a rumour the modem is asked:
@@ -31,7 +31,7 @@ from zacoustic_evologics.driver.session import ModemSession
 
 
 class Evidence:
-    """What is said about one frame.
+    """The messages about one frame.
 
     Args:
         carriage: How it goes.
@@ -41,7 +41,7 @@ class Evidence:
 
     def __init__(self, carriage: Carriage, session: ModemSession, airtime_ns: int) -> None:
         self.outcome: TransmitOutcome | None = None
-        """What is said; None while nothing is."""
+        """The outcome; None while unknown."""
         self.is_certain = False
         """It needs no question."""
         self.words = ""
@@ -49,18 +49,18 @@ class Evidence:
         self.given_at = self.started_at = 0
         """When the frame was given, and when its sound began, ns."""
         self.ends_at: int | None = None
-        """When its sound ends, ns, if the modem has said so."""
+        """When its sound ends, ns, if the modem has reported it."""
         self.answer: RecvEnd | None = None
         """The last sound that was heard behind it: of a message, its acknowledgement."""
         self._carriage = carriage
         self._session = session
         self._airtime_ns = airtime_ns
         self.is_accepted = False
-        """The modem has said that it takes the frame."""
+        """The modem has accepted the frame."""
         self._has_left = self._has_heard = self._has_begun = False
 
     def begin(self, now: int) -> None:
-        """The frame is given: nothing said before is about it."""
+        """The frame is given: no earlier message is about it."""
         self.given_at = self.started_at = now
         self.ends_at = None
         self.answer = None
@@ -69,14 +69,14 @@ class Evidence:
         self.forget()
 
     def forget(self) -> None:
-        """What was said was not about this frame."""
+        """The messages were not about this frame."""
         self.outcome, self.is_certain, self.words = None, False, ""
 
     def handle(self, record: Notification, counter: int | None, now: int) -> Word | None:
         """Take a notification.
 
         Args:
-            record: What the modem says.
+            record: A message of the modem.
             counter: The number of a burst.
             now: The instant, ns.
 
@@ -111,7 +111,7 @@ class Evidence:
         return is_message and 2 * (now - self.given_at) < self._airtime_ns
 
     def _take_end(self, record: SendEnd, now: int) -> bool:
-        """Take the end of a sound; returns whether it can be that of the frame."""
+        """Take the end of a sound; return whether it can be the frame's."""
         session, carriage = self._session, self._carriage
         is_like_it = carriage.is_sound(record.kind, record.destination)
         if not is_like_it or session.was_before(record.clock_us, self.given_at, now):

@@ -73,7 +73,7 @@ class Service(enum.Enum):
     PIGGYBACK = "pbm"
     """Piggyback message; the sound has the name of what it goes with."""
     BURST = "burst"
-    """Burst data; no source says what SENDSTART calls it."""
+    """Burst data; no source has SENDSTART's word for it."""
 
 
 class Remedy(enum.Enum):
@@ -88,7 +88,7 @@ class Remedy(enum.Enum):
     NONE = "none"
     """It will be refused again."""
     ASK = "ask"
-    """Words that nobody knows, or damaged ones: the modem is asked whether it has the frame."""
+    """Unknown or damaged words: the modem is asked whether it has the frame."""
 
 
 class Carriage(msgspec.Struct, frozen=True, kw_only=True):
@@ -143,7 +143,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         """Return what a notification proves about the frame, if it is about it.
 
         Args:
-            record: What the modem says.
+            record: A message of the modem.
             counter: What `AT?PC` answered before a burst.
         """
         if getattr(record, "destination", None) != self.destination:

@@ -11,22 +11,22 @@ class Phase(enum.Enum):
     CHECKING = "checking"
     # A burst: `AT?PC` is asked, the number of the next one. On deck, `AT!L3` is said.
     PREPARING = "preparing"
-    # The modem has been given the frame and has not said whether it takes it.
+    # The modem has the frame and has not accepted it yet.
     GIVING = "giving"
-    # It did not say so in time; it is asked whether it has the frame.
+    # It did not accept it in time; it is asked whether it has the frame.
     DOUBTING = "doubting"
     # It cannot take the frame now. Waits for a pause, or for something to end.
     PAUSING = "pausing"
     # `ATZ4` or `ATA` is to make it take the frame.
     MENDING = "mending"
-    # It has taken the frame and will say what became of it.
+    # It has accepted the frame and will report the outcome.
     FLYING = "flying"
     # It should have said so by now, or may have meant another frame; it is asked. A piggyback
     # message: it is told to forget it, and says so if it still could.
     POLLING = "polling"
     # It knows nothing of a frame any more; it is asked whether it was restarted.
     VERIFYING = "verifying"
-    # The frame has taken too long; the modem is told to forget it.
+    # The frame has taken too long; the modem must drop it.
     DROPPING = "dropping"
     # The report is there.
     OVER = "over"
@@ -56,13 +56,13 @@ class Word(enum.Enum):
     DONE = "done"
     """A command that need not say more was answered."""
     RESTARTED = "restarted"
-    """The modem has forgotten what was set."""
+    """The modem has lost its settings."""
     UNANSWERED = "unanswered"
     """No answer came in time."""
     PROVEN = "proven"
-    """A notification says how it ended."""
+    """A notification reports its outcome."""
     RUMOUR = "rumour"
-    """A notification may say how it ended, or be about an earlier one."""
+    """A notification may report its outcome, or an earlier one's."""
     RETURNED = "returned"
     """The modem has given it back unsent, and there is another way or another chance."""
     STIRRED = "stirred"

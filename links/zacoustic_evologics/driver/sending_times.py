@@ -1,4 +1,4 @@
-"""How long a frame takes, and when it is time to ask what has become of it."""
+"""How long a frame takes, and when to ask for its outcome."""
 
 from typing import Final
 
@@ -12,11 +12,11 @@ another one: nodes that all heard the same sound would go on sending at the same
 LEAVING_MARGIN_S: Final = 0.02
 """Published airtimes are 14 ms off the straight line at most, s."""
 LEAVING_POLL_S: Final = 0.05
-"""Between two questions whether a message has left, s, where the modem does not say it."""
+"""Between two questions whether a message has left, s, if the modem does not report it."""
 FLYING_POLL_S: Final = 0.5
-"""Between two questions what has become of a message that should be over, s."""
+"""Between two questions for the outcome of a message that should be over, s."""
 BURST_POLL_S: Final = 5.0
-"""The same of a burst, s: its end is always told, so this finds only a restarted modem."""
+"""The same of a burst, s: its end is always reported, so this finds only a restarted modem."""
 MARGIN_S: Final = 0.6
 """For what a modem does between receiving and answering (0.25 s), and for the cable."""
 IM_LIMIT_S: Final = 15.0
@@ -66,7 +66,7 @@ class Timetable:
 
         Args:
             given_at: When the frame was given to the modem.
-            ends_at: When its sound ends, if the modem has said so.
+            ends_at: When its sound ends, if the modem has reported it.
         """
         margin_ns = seconds_to_ns(MARGIN_S)
         if self._carriage.service is Service.BURST:

@@ -1,4 +1,4 @@
-"""What is known of the modem and of others, and what has been counted; nothing here acts.
+"""State of the modem and of others, and counters; nothing here acts.
 
 Readings of other modems are of the last exchange with each.
 """
@@ -28,7 +28,7 @@ CLOCK_ERROR_NS: Final = 3 * NS_PER_S // 10
 CLOCK_DRIFT: Final = 10_000
 """It may drift by the passed time over this: 100 ppm."""
 CLOCK_TRUST_NS: Final = 30 * NS_PER_S
-"""Nothing is said so much too late."""
+"""No message is so late."""
 
 OWED_S: Final = 0.11
 """From the end of a message to the acknowledgement with which the modem answers it, s."""
@@ -79,7 +79,7 @@ class ModemSession:
         self.clock_us: int | None = None
         self.clock_read_at = 0
         self.heard_at = 0
-        """When the modem last said something, ns."""
+        """When the modem last sent something, ns."""
         self.may_repeat = True
         """It may have been restarted since `retries` was read or set, and repeat as it likes."""
         self.has_extended_notifications = False
@@ -89,9 +89,9 @@ class ModemSession:
         self.needs_clearing = False
         """A filler was sent, which in data mode waits in the buffer."""
         self.answer_owed: tuple[int, int] | None = None
-        """To whom the modem owes an acknowledgement, and until when it will not have begun, ns."""
+        """Nodes to which the modem owes an acknowledgement; until when it will not begin, ns."""
         self.tells_answers = False
-        """The modem has told of the sound of an acknowledgement of its own."""
+        """The modem has reported the sound of its own acknowledgement."""
         self.has_piggyback = False
         """A piggyback message may be with the modem."""
         self.may_fill = True
@@ -115,12 +115,12 @@ class ModemSession:
         return self.config.service not in ("ims", "pbm") and repeats_as_told
 
     def hear(self, now: int) -> None:
-        """Note that the modem says something, after a silence that may have been a restart."""
+        """Note that the modem sends something, after a silence that may have been a restart."""
         self.may_repeat |= self._has_been_silent(now)
         self.heard_at = now
 
     def must_set_retries(self, now: int) -> bool:
-        """Tell whether it must be told again before a message that is to be acknowledged."""
+        """Tell whether it must be set again before a message with acknowledgement."""
         return self.retries is not None and (self.may_repeat or self._has_been_silent(now))
 
     def capabilities(self) -> LinkCapabilities:
@@ -161,7 +161,7 @@ class ModemSession:
         return to == address and now < until
 
     def _measures(self) -> frozenset[str]:
-        """What the modem may tell of another one besides frames."""
+        """What the modem may report of another one besides frames."""
         told = RANGE_METRICS if self.acknowledges else frozenset()
         return told | USBL_METRICS if self.has_usbl else told
 
@@ -245,7 +245,7 @@ class ModemSession:
         }
 
     def diagnostics(self) -> dict[str, int | float | str]:
-        """Counters and readings; those of another modem are called `peer_<address>_…`."""
+        """Counters and readings; another modem's are called `peer_<address>_…`."""
         known = {
             "firmware": self.firmware,
             "interpreter": self.interpreter.value,

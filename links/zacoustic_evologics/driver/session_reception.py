@@ -41,7 +41,7 @@ from zacoustic_evologics.driver.measuring import measured_direction, measured_po
 from zacoustic_evologics.driver.session import ModemSession
 
 CARRIER_LIMIT_S: Final = 3.0
-"""Longer than any instant message with its delay; a burst says when it begins again."""
+"""Longer than any instant message with its delay; a burst reports when it begins again."""
 LEAST_REPEAT_S: Final = 0.1
 """No message follows an equal one sooner, whatever it says it lasted: the preamble is longer."""
 
@@ -49,7 +49,7 @@ Received = RecvIm | RecvIms | RecvPbm | Recv
 
 
 class Reception:
-    """Takes what is heard.
+    """Takes received messages.
 
     Args:
         session: Where readings and counts go.
@@ -59,17 +59,17 @@ class Reception:
         self.is_busy = False
         """A sound that is not ours is heard."""
         self.due_at: int | None = None
-        """When `handle_timeout` is to be called, ns."""
+        """When to call `handle_timeout`, ns."""
         self._session = session
         self._last: dict[int, tuple[Received, int, int]] = {}
-        # Sounds that were told so far, and so many of them before the last message.
+        # Sounds that were reported so far, and so many of them before the last message.
         self._sounds = self._sounds_before = 0
 
     def handle(self, record: Notification, *, is_sending: bool, now: int) -> list[Event]:
         """Take a notification.
 
         Args:
-            record: What the modem says.
+            record: A message of the modem.
             is_sending: What it sends now was given by us.
             now: The instant, ns.
         """
@@ -114,7 +114,7 @@ class Reception:
         return []
 
     def handle_timeout(self, now: int) -> list[Event]:
-        """The end of a sound has not been told in time."""
+        """The end of a sound was not reported in time."""
         if self.due_at is None or now < self.due_at:
             return []
         return self._sense(False, now)
@@ -150,7 +150,7 @@ class Reception:
 
     def _is_repetition(self, record: Received, now: int) -> bool:
         last, last_at, last_sounds = self._last.get(record.source, (None, 0, -1))
-        # A firmware that does not tell of a sound before each message proves nothing by silence.
+        # A firmware that does not report a sound before each message proves nothing by silence.
         is_told = self._sounds > self._sounds_before
         self._sounds_before = self._sounds
         if last is None or type(last) is not type(record) or last.payload != record.payload:

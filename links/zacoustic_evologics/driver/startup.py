@@ -1,4 +1,4 @@
-"""From a connection to a modem that is ready: what is asked and set, in order.
+"""From a connection to a modem that is ready: queries and settings, in order.
 
 Written as generators, since it is a list of questions with a few branches: each yields a `Command`
 and is sent its answer (None: none came in time), or a `Pause`, or a `Reached` when a stage is done.
@@ -129,7 +129,7 @@ def _confirm(channel: CommandChannel) -> Stages:
 
 
 def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
-    """Leave command mode, deafness, and what is under way."""
+    """Leave command mode and deafness, and end a message under way."""
     if channel.interpreter is Interpreter.AT and channel.framing is Framing.LINES:
         channel.tell(Act(Action.DATA_MODE))
         channel.framing = Framing.PACKETS
@@ -152,7 +152,7 @@ def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
 
 
 def _await_landing() -> Stages:
-    """Wait until no message of before is under way: its words would be taken for those of ours."""
+    """Wait until no earlier message is under way: its words would be taken for those of ours."""
     for _ in range(FLIGHT_POLLS):
         reply = yield from _ask(Query("DI"))
         if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
@@ -173,7 +173,7 @@ def _ask_state() -> Generator[Step, CommandReply | None, str]:
 
 
 def _read(session: ModemSession) -> Stages:
-    """Read what is to be known. What a firmware does not know stays unknown."""
+    """Read the modem's values. What a firmware does not have stays unknown."""
     firmware = yield from _ask(Act(Action.INFORMATION, 0))
     session.firmware = firmware.text if isinstance(firmware, TextReply) else ""
     address = yield from _ask_number("AL")
@@ -267,7 +267,7 @@ def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
         want("AL", session.address, session.node_address)
     want("L", session.source_level, IN_AIR_SOURCE_LEVEL if config.deck else config.source_level)
     if config.deck and session.source_level_control is not None:
-        want("LC", session.source_level_control, 0)  # nobody else may make it louder
+        want("LC", session.source_level_control, 0)  # no other modem may make it louder
     want("G", session.gain, config.gain)
     if session.retries is not None:
         want("RI", session.retries, config.retries)

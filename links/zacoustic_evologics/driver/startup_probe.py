@@ -1,6 +1,6 @@
-r"""Finding a modem that may be in any condition: who reads, in which mode, with which line end.
+r"""Finding a modem in any state: interpreter, mode, line end.
 
-The question is `+++AT?MODE`, asked again and again in another way:
+The question is `+++AT?MODE`, repeated in different forms:
 
 - A modem in data mode answers with a packet.
 - One that reads lines (NET interpreter, or AT interpreter in command mode) answers with an error,
@@ -52,7 +52,7 @@ class Probe:
         self.has_filled = False
         """The filler was sent."""
         self.due_at: int | None = None
-        """When `handle_timeout` is to be called, ns."""
+        """When to call `handle_timeout`, ns."""
         self._reply_ns = reply_ns
         self._byte_ns = byte_ns
         self._attempts = [(usual, b""), (other, b"")]
@@ -64,7 +64,7 @@ class Probe:
         return self._ask(now) or b""
 
     def handle_message(self, message: Message) -> bool:
-        """Take what the modem says; True when it was the sign."""
+        """Take a message of the modem; True when it was the sign."""
         if not isinstance(message, Reply):
             return False
         if message.command is not None:

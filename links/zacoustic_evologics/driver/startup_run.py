@@ -18,7 +18,7 @@ class StartupRun:
 
     Args:
         channel: Where commands go.
-        session: Where what is read goes.
+        session: Takes the values read.
         probe: Not started yet.
     """
 
@@ -33,7 +33,7 @@ class StartupRun:
 
     @property
     def due_at(self) -> int | None:
-        """When `handle_timeout` is to be called, ns."""
+        """When to call `handle_timeout`, ns."""
         return self._resume_at if self._probe is None else self._probe.due_at
 
     @property
@@ -47,7 +47,7 @@ class StartupRun:
             self._channel.write(self._probe.start(now))
 
     def handle_message(self, message: Message, now: int) -> list[Input]:
-        """Take what the modem says while it is probed."""
+        """Take a message of the modem while it is probed."""
         probe = self._probe
         if probe is None or not probe.handle_message(message) or probe.framing is None:
             return []

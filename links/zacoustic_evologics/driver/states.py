@@ -22,7 +22,7 @@ class State(enum.Enum):
 
     # No connection has been made yet, or the link was closed.
     CLOSED = "closed"
-    # Connected just now: what comes may be of somebody else's dialogue, and is dropped.
+    # Connected just now: bytes may belong to another program's dialogue, and are dropped.
     SETTLING = "settling"
     # Asks in every way until the modem answers: interpreter, mode and line end.
     PROBING = "probing"
@@ -30,7 +30,7 @@ class State(enum.Enum):
     LEAVING = "leaving"
     # Reads address, firmware, settings.
     READING = "reading"
-    # Sets what is configured to be otherwise.
+    # Sets what the configuration changes.
     CONFIGURING = "configuring"
     # The link is UP and idle.
     READY = "ready"
@@ -58,11 +58,11 @@ class Input(enum.Enum):
     LEFT = "left"
     """It is where it must be."""
     READ = "read"
-    """What is to be known is known."""
+    """All values are read."""
     CONFIGURED = "configured"
     """All is set."""
     TRANSMIT = "transmit"
-    """A frame is to be sent."""
+    """A frame was given."""
     ENDED = "ended"
     """It has been reported."""
 

@@ -1,4 +1,4 @@
-"""Emulated S2C modems: what a host says is read and answered, what they send sounds in one water.
+"""Emulated S2C modems: they answer a host's commands and transmit on one simulated channel.
 
 From the bottom up:
 

@@ -1,4 +1,4 @@
-"""What is to be done later, in the order of time; and in the order of asking where instants agree.
+"""Later actions in order of time, and in order of requests at equal instants.
 
 The clock is the caller's: `run` does what is due, each at its own instant, also when it is called
 late. What was cancelled is dropped when its turn comes, or when it outnumbers the rest.
@@ -64,7 +64,7 @@ class Agenda:
             action(task.at)
 
     def run(self, until: int) -> None:
-        """Do what is due at an instant, what becomes due meanwhile included."""
+        """Do the actions due at an instant, also those that become due meanwhile."""
         while (due_at := self.next_at()) is not None and due_at <= until:
             self.run_next()
 

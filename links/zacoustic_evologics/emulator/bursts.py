@@ -109,7 +109,7 @@ class Bursts:
         self.look(now)
 
     def connect(self, destination: int, now: int) -> None:
-        """`ATD`: set a connection up; it is closed again if nothing is to be sent."""
+        """`ATD`: set a connection up; it closes again if there is nothing to send."""
         self._wanted = destination
         self.look(now)
 
@@ -118,7 +118,7 @@ class Bursts:
         return next(rate for least_db, rate in BIT_RATES_BPS if snr_db >= least_db)
 
     def look(self, now: int) -> None:
-        """Go on, if something for which the service waits has happened."""
+        """Go on, if an awaited event has happened."""
         if self._exchange is not None:
             self._exchange.look(now)
             return
@@ -175,7 +175,7 @@ class Bursts:
             )
 
     def drop(self) -> None:
-        """`ATZ1`, `ATH`: drop what is queued, which fails, and close the connection."""
+        """`ATZ1`, `ATH`: drop the queue, which fails, and close the connection."""
         exchange, self._exchange = self._exchange, None
         if exchange is not None:
             exchange.cancel()
@@ -184,7 +184,7 @@ class Bursts:
         self._close()
 
     def restart(self) -> None:
-        """Forget everything but what was delivered."""
+        """Forget everything but the delivered packets."""
         self.pool = TransmitPool(lambda: self._chassis.store["ZL"])
         self._exchange = None
         self._peer = self._wanted = None

@@ -51,7 +51,7 @@ class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     while_receiving: Literal["busy", "wait"] = "busy"
     """An instant message while a signal comes in: BUSY, or it is sent afterwards."""
     strict_control: bool = False
-    """Settings need `AT@CTRL` before; otherwise only if another port has said it."""
+    """Settings need `AT@CTRL` before; otherwise only if another port has sent it."""
     restart_s: float = 4.0
     """How long a modem is away after `ATZ0`, s."""
     reach_s: float = 3500.0 / 1500.0
@@ -70,7 +70,7 @@ class Origin(msgspec.Struct, frozen=True):
 
 
 Spoken: TypeAlias = Notification | CommandReply | Noise | RawData
-"""What a modem says; a reply still without form."""
+"""A modem's message; a reply still without form."""
 
 
 class Said(msgspec.Struct, frozen=True):

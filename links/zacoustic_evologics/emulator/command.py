@@ -1,10 +1,10 @@
 """The verb `zacoustic emulate evologics`: modems on TCP ports and pseudo-terminals.
 
-What it tells with `--json`, an object in a line. First where each modem is, before anything else::
+With `--json` it prints an object a line. First where each modem is, before anything else::
 
     listening   address locator                   again for each further port of a modem
 
-then what is in the water, which no modem knows. The names are those of `zacoustic medium --json`::
+then what happens on the channel, which no modem knows. Names as in `zacoustic medium --json`::
 
     emission    at_s source sequence service      a signal begins; `source` is the modem's address
                 destination frame_bytes airtime_s in the scenario, `sequence` counts its signals
@@ -117,7 +117,7 @@ class EvologicsEmulation(Command):
         fleet = _create_fleet(arguments, reporter.observe)
         addresses = fleet.addresses
         listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
-        # Signals first: whoever reads that we listen may stop us at once.
+        # Signals first: a reader of "listening" may stop us at once.
         with stopped_by_signals(stop), writer:
             running = RunningFleet(fleet, time_scale=arguments.time_scale)
             server = FleetServer(running)
@@ -162,7 +162,7 @@ class _Reporter:
         )
 
     def observe(self, observation: "Observation") -> None:
-        """Say what happens in the water."""
+        """Print what happens on the channel."""
         from zacoustic_evologics.emulator.observation import SignalEmitted
 
         signal = observation.signal

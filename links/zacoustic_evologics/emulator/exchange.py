@@ -33,7 +33,7 @@ class ExchangeState(enum.Enum):
     SENDING = "sending"
     """It goes out."""
     AWAITING = "awaiting"
-    """It has gone out, and nobody has answered."""
+    """It has gone out without an answer."""
     ENDED = "ended"
     """Nothing happens any more."""
 
@@ -91,7 +91,7 @@ class Exchange:
         return self._answer is not None
 
     def look(self, now: int) -> None:
-        """Go on, if something for which it waits has happened."""
+        """Go on, if an awaited event has happened."""
         if self.state is ExchangeState.WAITING and self._is_free(now):
             self._begin(now)
         elif self._is_late and not self._transducer.is_receiving:

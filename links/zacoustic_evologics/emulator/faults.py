@@ -35,17 +35,17 @@ class FaultKind(enum.Enum):
     BUSY = "busy"
     """A command that sends is answered BUSY, and not executed."""
     LOST_REPLY = "lost_reply"
-    """A reply is not said."""
+    """A reply is omitted."""
     STARRED = "starred"
-    """An `OK` is said as `[*]OK`."""
+    """An `OK` becomes `[*]OK`."""
     EFAULT = "efault"
-    """`ERROR EFAULT` is said before a reply."""
+    """`ERROR EFAULT` comes before a reply."""
     LATE = "late"
-    """A notification is said later by `late_s` at most, behind what follows it."""
+    """A notification comes later by at most `late_s`, behind those that follow it."""
     DUPLICATE = "duplicate"
-    """A received instant message is said twice."""
+    """A received instant message is reported twice."""
     LOST_ACK = "lost_ack"
-    """An acknowledgement that comes through the water is not decoded."""
+    """A received acknowledgement is not decoded."""
     GARBAGE = "garbage"
     """Noise on the line before a message."""
     HALF_LINE = "half_line"
@@ -59,9 +59,9 @@ class FaultKind(enum.Enum):
     STALE = "stale"
     """A new connection begins with the end of something older."""
     DROP_CONNECTION = "drop_connection"
-    """A TCP connection is closed, when the host has said something."""
+    """A TCP connection is closed, when the host has sent something."""
     RESET = "reset"
-    """The modem restarts, when the host has said something."""
+    """The modem restarts, when the host has sent something."""
 
 
 class ScriptedFault(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -107,7 +107,7 @@ class FaultPlan(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     spares_payloads: bool = False
     """Nothing is damaged in records that carry a payload."""
     script: tuple[ScriptedFault, ...] = ()
-    """What happens besides."""
+    """Scripted faults."""
 
     def __post_init__(self) -> None:
         """Check the ranges.

@@ -1,8 +1,8 @@
 """What differs between the firmwares of the modem, as far as drivers have met it.
 
 ========  ==========================================================================================
-up to 1.6 RECVIM and RECVPBM tell bit rate and propagation delay instead of the duration
-up to 1.7 no `AT@CTRL`: whoever comes changes the modem; `AT&V` misspells one label
+up to 1.6 RECVIM and RECVPBM have bit rate and propagation delay instead of the duration
+up to 1.7 no `AT@CTRL`: any port changes the modem; `AT&V` misspells one label
 up to 1.8 no external clock, `AT@ZA`
 ========  ==========================================================================================
 """

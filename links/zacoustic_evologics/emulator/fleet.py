@@ -1,4 +1,4 @@
-r"""N emulated modems in one water, in virtual time: no clock, no socket, `now` is an argument.
+r"""N emulated modems on one channel, in virtual time: no clock, no socket, `now` is an argument.
 
 ::
 
@@ -46,7 +46,7 @@ DEPTH_M: Final = 10.0
 
 
 def scenario_of(modems: int, *, spacing_m: float = 500.0, seed: int = 1) -> Scenario:
-    """Return a scenario of modems in a line eastwards, in water that loses nothing at random.
+    """Return a scenario of modems in a line eastwards, on a channel without random losses.
 
     Args:
         modems: How many; their addresses are 1, 2, …
@@ -69,14 +69,14 @@ class EmulatedFleet:
     """All modems of a scenario.
 
     Args:
-        scenario: The water and who is in it; its addresses become those of the modems. A profile
+        scenario: The channel and its nodes; their addresses become those of the modems. A profile
             decides about levels and errors, not about durations: those are the S2C's.
         interpreter: Who reads on the ports.
         faults: What goes wrong between modems and hosts.
         settings: Settings of all modems, and options of their ports, that differ from the usual
             ones, by name: `{"RI": 0, "ZX": 1}`.
         behaviour: What sources disagree about.
-        observer: Told what is sent and what becomes of it; no modem knows.
+        observer: Gets every transmission with its outcome; no modem knows it.
 
     Raises:
         ConfigError: A setting that does not exist or cannot have that value.
@@ -135,7 +135,7 @@ class EmulatedFleet:
 
     @property
     def remembered(self) -> int:
-        """How much is kept of the past and for the future; bounded by what is under way."""
+        """Number of kept past and future items; bounded by what is under way."""
         return self._water.remembered + len(self._agenda) + len(self._outputs)
 
     def is_up(self, address: int) -> bool:
@@ -184,7 +184,7 @@ class EmulatedFleet:
             station.close_port(port_id)
 
     def handle_bytes(self, port_id: int, content: bytes, now: int) -> None:
-        """Take bytes of a host; what it says to a closed port is lost."""
+        """Take bytes of a host; those for a closed port are lost."""
         self._advance(now)
         station = self._station_of_port.get(port_id)
         if station is not None and port_id in station.ports:
@@ -192,7 +192,7 @@ class EmulatedFleet:
             self._settle(station, now)
 
     def handle_timeout(self, now: int) -> None:
-        """Do what is due."""
+        """Do the due actions."""
         self._advance(now)
 
     def poll_timeout(self) -> int | None:
@@ -215,7 +215,7 @@ class EmulatedFleet:
         self.now = now
 
     def _settle(self, station: Station, now: int) -> None:
-        """Take what a station has to say, and let sound what it sends."""
+        """Take the output of a station, and transmit its signals."""
         self.now = now
         while station.outputs:
             output = station.outputs.popleft()

@@ -140,12 +140,12 @@ class InstantMessages:
         return self._exchange is not None and self._exchange.handle_answer(hearing, now)
 
     def look(self, now: int) -> None:
-        """Go on, if something for which a message waits has happened."""
+        """Go on, if an awaited event has happened."""
         if self._exchange is not None:
             self._exchange.look(now)
 
     def drop(self) -> None:
-        """`ATZ3`: drop what is under way or waits, and say so."""
+        """`ATZ3`: drop messages under way or waiting, and report it."""
         self._cancel_im()
         self._drop_scheduled()
         for destination in tuple(self._piggybacks):

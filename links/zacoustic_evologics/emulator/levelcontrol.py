@@ -1,4 +1,4 @@
-"""`AT!LC1`: how loud a modem speaks follows from how loud it is heard.
+"""`AT!LC1`: the source level follows from the received level at the other modem.
 
 Sources tell that the source level changes then and that `SRCLEVEL` says so, not by which rule. Here
 the answer of another modem tells how loud this one was heard there: the way is as long in both
@@ -14,9 +14,9 @@ from zacoustic_evologics.emulator.signals import Hearing
 from zacoustic_evologics.emulator.water import SOURCE_LEVELS_DB
 
 TOO_LOUD_DB: Final = -25
-"""Heard louder, a modem speaks one step quieter; dB re 1 V."""
+"""Above it, a modem goes one step quieter; dB re 1 V."""
 TOO_QUIET_DB: Final = -85
-"""Heard quieter, it speaks one step louder."""
+"""Below it, a modem goes one step louder."""
 
 
 class LevelControl:

@@ -135,7 +135,7 @@ class Listener:
         )
 
     def _timing(self, signal: Signal) -> dict[str, int]:
-        """What a firmware tells of the time: a delay is that of the last exchange, 0 for none."""
+        """A firmware's timing fields: a delay is that of the last exchange, 0 for none."""
         if tells_delays(self._chassis.behaviour.firmware):
             delay_us = self._chassis.measured.propagation_us
             return {"bit_rate_bps": IM_BIT_RATE_BPS, "propagation_us": delay_us}

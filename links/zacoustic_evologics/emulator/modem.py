@@ -1,4 +1,4 @@
-"""One emulated modem, without ports, sockets or a clock of its own.
+"""One emulated modem, without ports, sockets or clock.
 
 It is told commands (`handle_command`), raw data (`handle_raw`), what sounds (`handle_sound`,
 `handle_hearing`) and the time (`handle_timeout`). After any of these the caller takes what it says
@@ -133,7 +133,7 @@ class EmulatedModem:
             self._bursts.send_raw(origin, content, now)
 
     def handle_sound(self, sound: int, now: int) -> None:
-        """Take note that a signal begins which is strong enough to be noticed."""
+        """Note the beginning of a signal that is strong enough to be detected."""
         if self.is_up:
             self._transducer.hear_begin(sound, now)
 
@@ -146,7 +146,7 @@ class EmulatedModem:
         self._look(now)
 
     def handle_timeout(self, now: int) -> None:
-        """Do what is due."""
+        """Do the due actions."""
         self._chassis.agenda.run(now)
         if self.is_up:
             self._look(now)
@@ -156,7 +156,7 @@ class EmulatedModem:
         return self._chassis.agenda.next_at()
 
     def poll_output(self) -> Output | None:
-        """Return the next thing that the modem says, or None."""
+        """Return the next message of the modem, or None."""
         return self._chassis.outputs.popleft() if self._chassis.outputs else None
 
     def poll_signal(self) -> Signal | None:
@@ -164,7 +164,7 @@ class EmulatedModem:
         return self._chassis.signals.popleft() if self._chassis.signals else None
 
     def restart(self, now: int) -> None:
-        """Restart, as by `ATZ0` or by power: all is forgotten but what was stored."""
+        """Restart, as by `ATZ0` or by power: only stored settings survive."""
         self.is_up = False
         self._chassis.restart(now)
         self._instant.restart()

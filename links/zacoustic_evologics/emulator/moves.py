@@ -2,7 +2,7 @@
 
 A thread reads, so that nothing waits and any operating system will do; the loop moves. It reads
 without a buffer: an interpreter that ends would wait for the lock of one. What is no such line is
-told on standard error, and passed over. When the input ends the modems stay where they are.
+reported on standard error and skipped. When the input ends the modems stay where they are.
 """
 
 import asyncio
@@ -49,7 +49,7 @@ def unbuffered_input() -> Source:
 
 
 def follow_moves(source: Source, running: Movable) -> threading.Thread:
-    """Move modems as lines say, on the running loop; returns the thread that reads them."""
+    """Move modems by lines of input, on the running loop; return the thread that reads them."""
     loop = asyncio.get_running_loop()
 
     def move(line: bytes) -> None:

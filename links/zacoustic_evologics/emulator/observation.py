@@ -1,4 +1,4 @@
-"""What happens in the water between emulated modems, for who watches all of them.
+"""What happens on the channel between emulated modems, for an observer of all of them.
 
 No modem knows this: what becomes of a signal is known where it arrives, and there nobody is told of
 what was lost. An observer is told as it happens; it must not call the fleet.
@@ -40,7 +40,7 @@ class SignalArrived(msgspec.Struct, frozen=True, kw_only=True):
     signal: Signal
     """What was sent."""
     outcome: Outcome
-    """What the water has made of it."""
+    """Its outcome on the channel."""
     snr_db: float
     """Level over noise, dB."""
     propagation_s: float
@@ -48,7 +48,7 @@ class SignalArrived(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Observation: TypeAlias = SignalEmitted | SignalArrived
-"""What an observer is told."""
+"""All observations."""
 Observer: TypeAlias = Callable[[Observation], None]
 """Takes each of them."""
 

@@ -1,4 +1,4 @@
-"""The transmit buffer of the burst service: what is queued for whom, and under which counter."""
+"""The transmit buffer of the burst service: queued data with receiver and counter."""
 
 from collections import deque
 from collections.abc import Callable
@@ -23,9 +23,9 @@ class Queued(msgspec.Struct, frozen=True):
     packet: BurstPacket
     """What."""
     destination: int
-    """For whom."""
+    """Its receiver."""
     counter: int
-    """What its report will say; 0 for raw data, which has no report."""
+    """Counter of its report; 0 for raw data, which has no report."""
     port_id: int
     """Who gave it."""
 

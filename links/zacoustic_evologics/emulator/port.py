@@ -157,7 +157,7 @@ class Port:
         return min(due_at, default=None)
 
     def handle_timeout(self, now: int) -> list[CommandMessage]:
-        """Do what is due; the result is as that of `feed`."""
+        """Do the due actions; the result is as that of `feed`."""
         if self._is_silent or not self.held_bytes or now < self._read_at + GUARD_NS:
             return []
         self._is_silent = True
@@ -213,7 +213,7 @@ class Port:
             if message.pid > 7:
                 return Refused(RefusalKind.ERROR, "PROTOCOL ID")
             if not self._options["ZF"]:
-                # A host that says a protocol ID looks for one in what it hears, in vain.
+                # A host that sends a protocol ID looks for one in received messages, in vain.
                 return WRONG_FORMAT
         return message
 

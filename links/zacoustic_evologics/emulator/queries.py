@@ -1,4 +1,4 @@
-"""What a modem answers when it is asked something, or told a setting."""
+"""A modem's answers to queries and settings."""
 
 import math
 from collections.abc import Callable
@@ -60,7 +60,7 @@ class Answers:
         instant: InstantMessages,
         bursts: Bursts,
     ) -> None:
-        # The port that may change the modem; None: whoever comes.
+        # The port that may change the modem; None: any.
         self.controller: int | None = None
         self._chassis = chassis
         self._transducer = transducer

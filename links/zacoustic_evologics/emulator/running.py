@@ -21,7 +21,7 @@ class PortHost(Protocol):
     """Who is at the other end of a port."""
 
     def bytes_said(self, content: bytes) -> None:
-        """Take what the modem says."""
+        """Take a message of the modem."""
         ...
 
     def port_closed(self) -> None:
@@ -111,7 +111,7 @@ class RunningFleet:
         return max(self.fleet.now, self._clock.now())
 
     def _service(self) -> None:
-        """Hand over what the fleet says, then set the one timer."""
+        """Hand over the fleet's messages, then set the one timer."""
         while not self._is_closed and (output := self.fleet.poll_output()) is not None:
             match output:
                 case PortBytes(port_id, content):

@@ -5,7 +5,7 @@ restarts nobody listens there. A pseudo-terminal is one serial line, and is sile
 baud rate is whatever the client sets, unless one is given, and does not slow it.
 
 A client that does not read loses its TCP connection at `BACKLOG_LIMIT_BYTES`; on a line without
-handshake what nobody reads is lost.
+handshake unread bytes are lost.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Place(msgspec.Struct, frozen=True):
-    """Where a modem is to be found."""
+    """The place of a modem."""
 
     address: int
     """Of the modem."""

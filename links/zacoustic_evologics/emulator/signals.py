@@ -1,4 +1,4 @@
-"""What goes through the water between emulated modems, and what a modem makes of what it hears."""
+"""Signals between emulated modems, and what a modem decodes of them."""
 
 import enum
 from typing import Final

@@ -148,7 +148,7 @@ class Station:
         return min((at for at in instants if at is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """Do what is due."""
+        """Do the due actions."""
         self._late.run(now)
         self.modem.handle_timeout(now)
         for port_id, port in tuple(self.ports.items()):
@@ -177,7 +177,7 @@ class Station:
             self._collect(now)
 
     def _collect(self, now: int) -> None:
-        """Give what the modem says to its ports."""
+        """Give the modem's messages to its ports."""
         while (output := self.modem.poll_output()) is not None:
             match output:
                 case Said(message, None):

@@ -1,4 +1,4 @@
-"""The settings of a modem: those in force, those that a restart brings back, those of the factory.
+"""The settings of a modem: in force, stored, and of the factory.
 
 Options of a port (`AT@Z…`, protocol id) are not here but in `port`.
 """
@@ -47,11 +47,11 @@ class SettingsStore:
         return is_allowed
 
     def keep(self) -> None:
-        """`AT&W`: what is in force outlives a restart."""
+        """`AT&W`: settings in force survive a restart."""
         self._stored = dict(self._values)
 
     def restart(self) -> None:
-        """Bring back what was kept."""
+        """Restore the stored settings."""
         self._values = dict(self._stored)
 
     def restore(self) -> None:

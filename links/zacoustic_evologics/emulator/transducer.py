@@ -1,4 +1,4 @@
-"""The acoustic end of a modem: one signal out at a time, and what is heard meanwhile.
+"""The acoustic end of a modem: one outgoing signal at a time, and the received ones.
 
 Half-duplex: who transmits hears nothing, and who begins to transmit loses what was coming in. The
 medium decides what that costs; here it is only known whether something sounds.
@@ -14,7 +14,7 @@ from zacoustic_evologics.emulator.signals import Hearing, Signal
 
 
 class PhyState(enum.Enum):
-    """What the physical layer does; the value is what `AT?S` says."""
+    """States of the physical layer; the value is `AT?S`'s word."""
 
     LISTEN = "INITIATION LISTEN"
     """All it can."""
@@ -127,7 +127,7 @@ class Transducer:
         return False
 
     def restart(self) -> None:
-        """Forget what is heard; a signal that goes out still does."""
+        """Forget received signals; an outgoing one still goes out."""
         self.state = PhyState.LISTEN
         self.owed = 0
         self.backoff_until = 0

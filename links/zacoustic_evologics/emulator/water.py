@@ -1,8 +1,8 @@
-"""The water between emulated modems: the medium of a scenario, with signals of any length.
+"""The channel between emulated modems: the medium of a scenario, with signals of any length.
 
 The medium knows one kind of frame, whose length follows from its bytes. A modem has signals of
 several kinds, so their duration is given here, and the bytes only decide how vulnerable they are.
-The source level of the modem lowers what is heard everywhere.
+The modem's source level lowers the received level everywhere.
 """
 
 import math
@@ -45,11 +45,11 @@ class Sound(msgspec.Struct, frozen=True, gc=False):
 
 
 class Water(Medium):
-    """The shared water of one scenario.
+    """The shared channel of one scenario.
 
     Args:
         scenario: Who is where, with which modem, and what goes wrong.
-        observer: Told what is sent and what becomes of it.
+        observer: Gets every transmission with its outcome.
     """
 
     def __init__(self, scenario: Scenario, observer: Observer = ignore) -> None:
@@ -68,7 +68,7 @@ class Water(Medium):
         Args:
             node: The sender's place in the scenario, which need not be its network address.
             signal: What it sends.
-            now: Instant of the first sound, ns, not before that of any call before.
+            now: Instant of the first sound, ns, not before that of any earlier call.
         """
         site = self._site(node)
         sequence = site.sequence
@@ -93,7 +93,7 @@ class Water(Medium):
         return tuple(sounds)
 
     def hear(self, sound: Sound) -> Hearing:
-        """Return what becomes of a sound at its modem; to be called once, when it ends."""
+        """Return the outcome of a sound at its modem; call it once, when the sound ends."""
         arrival = sound.arrival
         reception = self.finish(arrival)
         self._observe(
@@ -133,7 +133,7 @@ class Water(Medium):
 
 
 def sound_id(arrival: Arrival) -> int:
-    """Return a number for a sound, unlike that of any other at the same modem."""
+    """Return a number for a sound, unique at its modem."""
     return arrival.sequence << 8 | arrival.source
 
 
