@@ -1,6 +1,6 @@
 """Publish and subscribe with modems and nothing else: no Zenoh, no configuration file.
 
-Both nodes in simulated water:   python examples/01_pub_sub.py
+Both nodes on a simulated channel:   python examples/01_pub_sub.py
 One on a modem, with its role:   python examples/01_pub_sub.py vehicle --link sim/127.0.0.1:7000
 """
 
@@ -17,7 +17,7 @@ from zacoustic.link import Link
 from zacoustic_sim.medium import SimMedium
 
 ADDRESSES = {"shore": 1, "vehicle": 2}
-NAV_ID = 10  # on the water a topic is one byte, the same on all nodes
+NAV_ID = 10  # on the channel a topic is one byte, the same on all nodes
 
 
 class Nav(msgspec.Struct):
@@ -29,7 +29,7 @@ class Nav(msgspec.Struct):
     mode: Literal["idle", "survey", "abort"] = "survey"
 
 
-# The newest sample only, and one byte that tells how old it is when it is sent.
+# The newest sample only, and one byte with its age when it is sent.
 LATEST = Qos(depth=1, stamp=Stamp.AGE)
 
 

@@ -1,6 +1,6 @@
-"""Call a service through water; what the handler raises reaches the caller.
+"""Call a remote service; an error of the handler reaches the caller.
 
-Both nodes in simulated water:   python examples/02_service.py
+Both nodes on a simulated channel:   python examples/02_service.py
 One on a modem, with its name:   python examples/02_service.py auv1 --link sim/127.0.0.1:7000
 """
 

@@ -1,4 +1,4 @@
-"""Two Zenoh islands joined by sound: gateways from one file, plain Zenoh clients on both sides.
+"""Two Zenoh networks joined by sound: gateways from one file, plain Zenoh clients on both sides.
 
 Run it: python examples/04_two_gateways.py
 Without Python: zacoustic medium examples/04_water.json5 --listen HOST:PORT, and on each computer
@@ -36,7 +36,7 @@ async def main() -> None:
 def gateway(address: int, port: int, water: SimMedium) -> Gateway:
     config = read_config(HERE / "04_fleet.json5", address=address)
     assert config.zenoh_config is not None
-    # Two islands on one computer cannot both have the port of the file.
+    # Two networks on one computer cannot both have the port of the file.
     config.zenoh_config.insert_json5("listen/endpoints", f'["tcp/127.0.0.1:{port}"]')
     return Gateway(config, link=water.link(address), notify=print)
 

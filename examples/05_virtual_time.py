@@ -19,7 +19,7 @@ HOURS = 24
 
 
 class Status(msgspec.Struct):
-    """What a vehicle says of itself; the steps are what crosses the water."""
+    """A vehicle's report; the steps are what crosses the channel."""
 
     depth: Annotated[float, Bounds(0, 1000, step=0.1, unit="m")]
     battery: Annotated[int, Bounds(0, 100, unit="%")]

@@ -45,7 +45,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         receiver.state_changed(lt.LinkState.UP)
 
     async def close(self) -> None:
-        """Close it; what is on the air is reported as ABORTED."""
+        """Close it; report the frame on the air as ABORTED."""
         if self.receiver is not None:
             self.finish(lt.TransmitOutcome.ABORTED)
             await asyncio.sleep(0)  # reports that wait for the next turn of the loop go first
@@ -87,7 +87,7 @@ class UdpLink(Link, asyncio.DatagramProtocol):
         self.receiver.transmit_finished(report)
 
     def datagram_received(self, data: bytes, addr: object) -> None:
-        """Take a frame in; what is none is ignored."""
+        """Take a frame; ignore anything else."""
         is_ours = len(data) > 3 and data[:1] == b"~" and data[2] in (self.address, lt.BROADCAST)
         if self.receiver is not None and is_ours:
             frame = lt.ReceivedFrame(

@@ -1,6 +1,6 @@
-"""Publish reliably through water that loses a third of all frames, and learn what became of it.
+"""Publish reliably over a channel that loses a third of all frames, and learn the outcomes.
 
-Both nodes in simulated water:   python examples/07_reliable.py
+Both nodes on a simulated channel:   python examples/07_reliable.py
 One on a modem, with its name:   python examples/07_reliable.py auv1 --link sim/127.0.0.1:7000
 """
 
@@ -12,7 +12,7 @@ from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.link import Link
 from zacoustic_sim.medium import SimMedium
 
-FLEET = __file__.replace(".py", ".json5")  # what is reliable, and how deep, is there
+FLEET = __file__.replace(".py", ".json5")  # has reliability and depth
 WATER = {
     "channel": "none",
     "loss": {"frame": 0.33},

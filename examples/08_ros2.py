@@ -1,4 +1,4 @@
-"""ROS 2 across the water: a command and a service of nodes on rmw_zenoh, without ROS here.
+"""ROS 2 across the channel: a command and a service of nodes on rmw_zenoh, without ROS here.
 
 Run it: python examples/08_ros2.py
 
@@ -44,7 +44,7 @@ def gateway(address: int, port: int, water: SimMedium) -> Gateway:
 
 
 def nodes(shore_port: int, auv1_port: int) -> None:
-    """What two nodes say; keys, CDR and attachments are those of rmw_zenoh."""
+    """Two nodes with the keys, CDR and attachments of rmw_zenoh."""
     assert CONFIG.ros is not None
     cmd_vel, arm = CONFIG.ros.streams[11], CONFIG.ros.streams[20]
     assert isinstance(cmd_vel, RosTopic)

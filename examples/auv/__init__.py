@@ -1,4 +1,4 @@
-"""A vehicle steered through the water: the experiment of the paper, as an example.
+"""A vehicle steered through an acoustic channel: the experiment of the paper, as an example.
 
 A vehicle with the paper's masses and Fossen's hydrodynamics, a console on the shore, and 1500 m of
 water between two S2C modems. Everything that decides something is a function of its inputs and of

@@ -1,4 +1,4 @@
-"""Whether everything that the shore has ordered has ended: delivered, or said not to be.
+"""Whether every command of the shore has an outcome, delivered or not.
 
 The gateway counts under `@acoustic/1/streams` how each reliable sample ended. A sample that it
 lost without a word, or that it counted twice, would show here.
@@ -14,12 +14,12 @@ from zacoustic.core.engine.events import DeliveryOutcome
 def unaccounted(
     published: Mapping[str, int], answers: Iterable[Answer], document: Mapping[str, Any] | None
 ) -> list[str]:
-    """Say what has not ended, a line each; nothing: all has.
+    """Return what has no outcome, a line each; nothing: all have one.
 
     Args:
         published: How many samples the shore has put, by stream.
         answers: Of its calls and goals.
-        document: What the gateway tells of its streams; None: nothing yet.
+        document: The gateway's health document of its streams; None: nothing yet.
     """
     lines = []
     streams = {} if document is None else {each["name"]: each for each in document["streams"]}

@@ -74,7 +74,7 @@ def run_console(*, port: int, loss: float, ros: bool = False) -> int:
 async def attend(desk: Desk, carrier: ZenohShore, running: Expedition) -> None:
     """Carry words between the desk and Zenoh, until it is cancelled.
 
-    Also when a process has died: what the page says of the others is to stay true.
+    Also when a process has died: the page must stay true about the others.
     """
     desk.carrier, desk.cancel = carrier, carrier.cancel_goal
     desk.watch.answered_at_s = desk.now_s
@@ -105,4 +105,4 @@ def _why_not(port: int) -> str | None:
 
 
 def _ignore(name: str, said: dict[str, Any]) -> None:
-    """The page shows what Zenoh tells."""
+    """The page shows what Zenoh delivers."""

@@ -1,4 +1,4 @@
-"""The vehicle as a whole: body, instruments, autopilot, and what it does with what it is told.
+"""The vehicle as a whole: body, instruments, autopilot, and its reactions to commands.
 
 A function of its inputs and of the time that it is told: no clock, no thread, no network. Whoever
 carries its words, Zenoh (`vehicle`) or engines in virtual time (`virtual`), tells `advance` the
@@ -42,7 +42,7 @@ from examples.auv.sensors import Readings, Sensors
 from examples.auv.world import TRIAL, World
 
 REACHED_M: Final = 3.0
-"""A way-point this near, by the vehicle's own reckoning, is reached."""
+"""A way-point this near, by the vehicle's own navigation, is reached."""
 DEPTH_REACHED_M: Final = 0.3
 LEAST_ALTITUDE_M: Final = 4.0
 MOST_DEPTH_M: Final = 70.0
@@ -94,7 +94,7 @@ class Craft:
         self.controls = Controls()
         """What the joints do now."""
         self.ignored = 0
-        """Set-points of joints that came while they were not to be steered by hand."""
+        """Set-points of joints that came while the vehicle was not steered by hand."""
         self._readings = self._measure(start)
 
     @property
@@ -167,7 +167,7 @@ class Craft:
         self._give_up("cancelled")
 
     def take_photo(self) -> bytes:
-        """Return a picture of what is below."""
+        """Return a picture of the sea bed below."""
         self._photos += 1
         return photo_of(self._world, self.motion.north_m, self.motion.east_m, self._camera)
 
@@ -187,7 +187,7 @@ class Craft:
                 speed_m_s=0.0,
             )
 
-    # What it tells
+    # Reports
 
     def poll_goal(self) -> GoalEnded | None:
         """Return the next end of a goal."""
@@ -201,7 +201,7 @@ class Craft:
         return Progress(self._distance(self._waypoint))
 
     def nav(self) -> Nav:
-        """Report where it believes to be."""
+        """Report its estimated position."""
         readings, navigator = self._readings, self._navigator
         return Nav(
             north=navigator.north_m,

@@ -1,6 +1,6 @@
-"""The operator's desk: what was ordered and what became of it, without a page.
+"""The operator's desk: commands and their outcomes, without a page.
 
-Whoever shows it calls `tick` a few times a second; what is to be read is in `readout`.
+A page calls `tick` a few times a second; `readout` has the values to show.
 """
 
 import time
@@ -35,12 +35,12 @@ CONFIRMED: Final = "done: the vehicle reports that it has stopped"
 
 
 class Order(msgspec.Struct):
-    """Something that was ordered."""
+    """A command."""
 
     text: str
     at_s: float
     answer: Answer | None = None
-    """None: a sample, of which only the gateway tells what became of it."""
+    """None: a sample, whose outcome only the gateway reports."""
     fate: Fate | None = None
     """Of a sample."""
     is_confirmed: bool = False
@@ -71,9 +71,9 @@ class Desk:
     ) -> None:
         self.shore = shore
         self.watch = LinkWatch()
-        """What the gateway tells."""
+        """The gateway's health."""
         self.carrier: Carrier | None = None
-        """Takes the orders, as soon as everything runs."""
+        """Takes the commands, as soon as everything runs."""
         self.cancel: Callable[[], Answer | None] = lambda: None
         """Gives the way-point up that was sent last."""
         self.setpoints = Setpoints()
@@ -82,9 +82,9 @@ class Desk:
         self.wanted_depth: float | None = None
         """Where the autopilot was sent to, m; None: nowhere."""
         self.photo_asked_at_s: float | None = None
-        """When the newest photo was asked for; None: it cannot be told which order it is of."""
+        """When the newest photo was asked for; None: its command is unknown."""
         self.gateway_gone_at_s: float | None = None
-        """Since when the gateway has not answered; None: it does, or nobody asks it."""
+        """Since when the gateway has not answered; None: it does, or it is not asked."""
         self.trouble = ""
         """What has gone wrong with the processes."""
         self._clock = clock
@@ -105,7 +105,7 @@ class Desk:
         return self._unix_clock() if told is None else told
 
     def tick(self) -> None:
-        """Tell the vehicle the set-points that are due, and see what became of the orders."""
+        """Send the vehicle the due set-points, and update the outcomes of the commands."""
         self.watch.fates.tick(self.now_s)
         self._watch_gateway()
         self._follow_stops()
@@ -155,7 +155,7 @@ class Desk:
             self._photos_awaited.append(order)
 
     def stop(self) -> None:
-        """Stop everything; what nobody can carry is noted as not sent."""
+        """Stop everything; note as not sent what cannot be sent."""
         self._take_hands_off()
         fate = Fate.NOT_SENT
         if self.carrier is not None:
@@ -185,13 +185,13 @@ class Desk:
         return order
 
     def _watch_gateway(self) -> None:
-        """See whether it answers; here, behind all that has come, and not when somebody looks."""
+        """See whether it answers; here, after all that has come, and not when a page looks."""
         answered_at_s = self.watch.answered_at_s
         is_gone = answered_at_s is not None and self.now_s - answered_at_s > GATEWAY_LIMIT_S
         self.gateway_gone_at_s = answered_at_s if is_gone else None
 
     def _follow_stops(self) -> None:
-        """Of several the newest is followed: the others are the same order."""
+        """Of several the newest is followed: the others are the same command."""
         nav = self.shore.nav
         for order in self.orders:
             if order.answer is None and not order.is_confirmed:
@@ -200,7 +200,7 @@ class Desk:
                 order.fate = self.watch.fates.of(STOP) or order.fate
 
     def _follow_photos(self) -> None:
-        """Find out which order a photo is of, if there is one that it can be."""
+        """Find the command of a photo, if there is one."""
         self._photos_awaited = [
             each
             for each in self._photos_awaited

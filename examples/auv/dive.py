@@ -1,6 +1,6 @@
 """The scripted dive: arm, set-points, autopilot, a photo, three way-points, stop; and its verdict.
 
-A generator that says what it waits for and for how long; `Dive.poke` tells it that something may
+A generator that yields what it waits for and for how long; `Dive.poke` tells it that something may
 have changed. So the same script runs between processes and in virtual time.
 """
 
@@ -55,8 +55,8 @@ class Dive:
 
     Args:
         shore: What is known of the vehicle.
-        carrier: Takes the orders.
-        note: Takes what is worth telling, a line each.
+        carrier: Takes the commands.
+        note: Takes notable events, a line each.
         waypoints: Where to go.
         with_photo: Take one.
     """
@@ -83,7 +83,7 @@ class Dive:
         """What has gone wrong; empty: nothing."""
 
     def poke(self, now_s: float) -> None:
-        """Go on as far as possible; to be called when something has changed, and now and then."""
+        """Go on as far as possible; call it after changes, and now and then."""
         while not self.is_over:
             if self._until is not None:
                 if self._until.holds():

@@ -1,6 +1,6 @@
 """Map, depth profile and attitude as SVG: functions of what the shore knows, nothing loaded.
 
-What was reported is drawn in one colour, what is predicted in another, and dashed.
+Reported values have one colour; predicted ones have another and are dashed.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The processes of a dive: two emulated S2C modems, a gateway on each island, the vehicle.
+"""The processes of a dive: two emulated S2C modems, a gateway on each side, the vehicle.
 
 The children are started and stopped as those of `zacoustic demo`; whoever steers sits in this
 process, as a client of the shore's router. Where the vehicle says that it truly is, its modem is.
@@ -46,7 +46,7 @@ def fleet_text(address: int, endpoint: str, *, ros: bool) -> str:
     Args:
         address: Its acoustic address.
         endpoint: Where its router listens.
-        ros: The vehicle is a node of ROS 2; the island of the shore is plain Zenoh all the same.
+        ros: The vehicle is a node of ROS 2; the shore's network stays plain Zenoh.
     """
     file = FLEET if ros else _HERE / "fleet.json5"
     if not ros:
@@ -68,9 +68,9 @@ async def expedition(
 
     Args:
         folder: For files.
-        told: Takes what the processes tell: name, and an object.
+        told: Takes the objects of the processes: name, and an object.
         loss: Share of the frames that is lost, each way.
-        ros: The vehicle is a node of ROS 2, and its gateway speaks with one.
+        ros: The vehicle is a node of ROS 2, and its gateway serves ROS.
 
     Raises:
         ZacousticError: A process does not start in time.

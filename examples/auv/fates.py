@@ -1,4 +1,4 @@
-"""What became of the samples that nobody answers: set-points and the stop.
+"""Outcomes of the samples without an answer: set-points and the stop.
 
 A service says what it has done; a sample says nothing. But the gateway counts what becomes of the
 samples of a reliable topic (``@acoustic/1/streams``), so the operator can be told whether the
@@ -12,7 +12,7 @@ _FAILURES: Final = ("expired", "refused", "cancelled")
 
 
 TAKEN_WITHIN_S: Final = 3.0
-"""A gateway that lives has counted a sample within this; it tells its counts once a second."""
+"""A running gateway has counted a sample within this; it publishes counts once a second."""
 
 
 class Fate(enum.Enum):
@@ -23,7 +23,7 @@ class Fate(enum.Enum):
     NOT_SENT = "NOT SENT: the gateway has not taken it"
     """For too long already; it may take it still."""
     UNDER_WAY = "on its way"
-    """It waits for its frame, is in the water, or is not acknowledged yet."""
+    """It waits for its frame, is under way, or is not acknowledged yet."""
     THERE = "the vehicle has it"
     LOST = "not delivered"
     """The gateway has given up; it may have arrived nevertheless."""
@@ -70,7 +70,7 @@ class Fates:
             if fate is None or fate.is_over or "delivering" not in counts:
                 continue
             if counts["published"] < self._published[topic]:
-                self._fates[topic] = Fate.LOST  # another life of the gateway
+                self._fates[topic] = Fate.LOST  # another start of the gateway
             elif counts["delivering"]:
                 is_counted = counts["published"] > self._published[topic]
                 self._fates[topic] = Fate.UNDER_WAY if is_counted else fate

@@ -1,4 +1,4 @@
-"""The scripted dive between processes, in real time: tells what happens, and whether it held."""
+"""The scripted dive between processes, in real time, with its events and its verdict."""
 
 import asyncio
 import math
@@ -20,7 +20,7 @@ from zacoustic.text.safetext import one_line
 
 _PAUSE_S = 0.2
 ACCOUNT_LIMIT_S: Final = 150.0
-"""Longer than any order of the dive lives, s: by then each has ended, in whatever way."""
+"""Longer than any command of the dive, s: by then each has an outcome."""
 _SHOWN = ("event", "lost", "status", "text", "service", "accepted", "reason")
 
 

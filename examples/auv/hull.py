@@ -19,7 +19,7 @@ class Part(msgspec.Struct, frozen=True):
     x_m: float
     """Place of its centre along the hull, m; behind the middle is negative."""
     box_m: tuple[float, float, float]
-    """What displaces water: length, width, height."""
+    """A part that displaces water: length, width, height."""
 
     @property
     def volume_m3(self) -> float:

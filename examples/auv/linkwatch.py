@@ -1,4 +1,4 @@
-"""What the shore's gateway tells of link and water, kept for a while to see how it changes.
+"""The shore gateway's health of link and channel, kept for a while to see changes.
 
 The documents are those under ``@acoustic/1/``: JSON, put when they have changed. Their instants are
 those of the gateway's clock of people, which stands on the same island.
@@ -16,14 +16,14 @@ from examples.auv.shore import SOUND_S
 from examples.auv.start import VEHICLE
 
 WINDOW_S: Final = 60.0
-"""Over which airtime and speed of a photo are reckoned, s."""
+"""Window for airtime and speed of a photo, s."""
 FRAMES_S: Final = 45.0
-"""How long a frame is kept for the picture of the water, s."""
+"""How long a frame is kept for the picture of the channel, s."""
 _FRAMES_MOST: Final = 128
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """A frame in the water, or that was in it lately."""
+    """A frame that is or was lately on the channel."""
 
     way: str
     """``out`` or ``in``, seen from the shore."""
@@ -46,7 +46,7 @@ class Waiting(msgspec.Struct, frozen=True):
     queued: int
     """Wait for a frame."""
     unacknowledged: int
-    """Not confirmed by the vehicle: waiting, in the water, or lost and to be repeated."""
+    """Not confirmed by the vehicle: waiting, under way, or lost and repeated later."""
 
 
 class Arriving(msgspec.Struct, frozen=True):
@@ -67,7 +67,7 @@ class LinkWatch:
         """The newest of each, by the end of its key."""
         self.fates = Fates()
         self.answered_at_s: float | None = None
-        """When the gateway has answered last that it lives; None: it was not asked."""
+        """When the gateway has answered last; None: it was not asked."""
         self._ahead_s: float | None = None
         self.down_at_s: float | None = None
         """Since when the link is not up, as far as it was seen; None: it is."""
@@ -76,7 +76,7 @@ class LinkWatch:
         self._progress: dict[tuple[int, int], deque[tuple[float, int]]] = {}
 
     def answered(self, text: str, now_s: float) -> None:
-        """The gateway lives, and has said what time it is there."""
+        """The gateway runs, and has sent its time."""
         self.answered_at_s = now_s
         with contextlib.suppress(ValueError, LookupError, TypeError):
             self._ahead_s = float(json.loads(text)["now_unix_s"]) - now_s
@@ -90,7 +90,7 @@ class LinkWatch:
 
         Args:
             name: The end of its key.
-            document: What it says.
+            document: Its contents.
             now_s: The instant.
         """
         self.documents[name] = document
@@ -120,7 +120,7 @@ class LinkWatch:
 
     @property
     def heard_at_unix_s(self) -> float | None:
-        """When the vehicle's modem was heard last, whatever it said."""
+        """When the vehicle's modem was heard last."""
         found: float | None = self._peer.get("heard_at_unix_s")
         return found
 
@@ -132,7 +132,7 @@ class LinkWatch:
 
     @property
     def propagation_s(self) -> float:
-        """How long sound takes, as measured; else what the link reckons with."""
+        """The propagation delay, as measured; else the link's."""
         measured = self.metrics.get("propagation_s")
         if measured is not None:
             return measured
@@ -141,7 +141,7 @@ class LinkWatch:
 
     @property
     def way_s(self) -> float:
-        """How much older a report is than its stamp says: airtime of half a frame, and the way."""
+        """How much older a report is than its stamp: airtime of half a frame, and the delay."""
         capabilities = self._capabilities
         if capabilities is None:
             return SOUND_S
@@ -165,7 +165,7 @@ class LinkWatch:
         lost = self.documents.get(f"peer/{VEHICLE}/lost") or {}
         return lost["since_unix_s"] if lost.get("lost") else None
 
-    # Queue and water
+    # Queue and channel
 
     def waiting(self) -> list[Waiting]:
         """Return what has not arrived, as far as the gateway knows."""

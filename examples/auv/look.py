@@ -79,7 +79,7 @@ def lines_table(lines: Iterable[Line], nothing: str) -> str:
 
 
 def orders_table(orders: Iterable[OrderLine]) -> str:
-    """Return the orders and what became of them, newest first."""
+    """Return the commands and their outcomes, newest first."""
     rows = [
         f'<tr><td class="age">{_age(each.age_s)}</td><td>{html_text(each.text)}'
         f'<br><span class="is-{each.state}">{html_text(each.outcome)}</span></td></tr>'

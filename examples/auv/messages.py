@@ -1,4 +1,4 @@
-"""What vehicle and shore say to each other: the types of `fleet.json5` as classes.
+"""The messages between vehicle and shore: the types of `fleet.json5` as classes.
 
 Lengths are metres from where the dive begins, angles degrees, as people say them; joints have the
 units and signs of Gazebo, and its field name.
@@ -38,7 +38,7 @@ class Mode(enum.Enum):
     GOTO = "goto"
     """The autopilot, towards a way-point; around it, when that is reached."""
     STOPPED = "stopped"
-    """Nobody, and it has to be armed anew."""
+    """Nobody, and it must be armed again."""
     SURFACING = "surfacing"
     """The autopilot: the shore is not heard any more."""
 
@@ -77,7 +77,7 @@ class TakePhoto(msgspec.Struct, frozen=True):
 
 
 class Done(msgspec.Struct, frozen=True):
-    """Whether a service has done what was asked."""
+    """Whether a service was done."""
 
     accepted: bool
     reason: str = ""
@@ -106,7 +106,7 @@ class Reached(msgspec.Struct, frozen=True):
 
 
 class Nav(msgspec.Struct, frozen=True):
-    """Where the vehicle believes to be, and how it moves."""
+    """The vehicle's estimated position and motion."""
 
     north: float
     east: float

@@ -1,4 +1,4 @@
-"""Where the vehicle believes to be: its Doppler log, corrected by acoustic fixes.
+"""The vehicle's estimated position: its Doppler log, corrected by acoustic fixes.
 
 A Kalman filter of one number for both coordinates: the log makes the variance grow, a fix makes it
 small. The depth of the gauge is smoothed over half a second.
@@ -34,7 +34,7 @@ class Navigator:
         return float(self._variance_m2**0.5)
 
     def take(self, readings: Readings, step_s: float) -> None:
-        """Take what was measured a step later."""
+        """Take the measurements of a step later."""
         north_m_s, east_m_s = readings.ground_m_s
         self.north_m += north_m_s * step_s
         self.east_m += east_m_s * step_s

@@ -8,13 +8,13 @@ from examples.auv.craft import Craft
 from examples.auv.messages import ARM, HOLD, JOINTS, STOP, TAKE_PHOTO, Arm, Done, Hold, Setpoint
 
 TOPICS: Final = (STOP, *JOINTS)
-"""Orders that nobody answers."""
+"""Commands without an answer."""
 SERVICES: Final = (ARM, HOLD, TAKE_PHOTO)
 """Orders that are answered at once."""
 
 
 def obey(craft: Craft, topic: str, said: dict[str, Any]) -> None:
-    """Do what a sample of one of `TOPICS` says."""
+    """Execute a sample of one of `TOPICS`."""
     if topic == STOP:
         craft.stop()
     elif topic in JOINTS:

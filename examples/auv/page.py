@@ -35,7 +35,7 @@ _CLOSE_ENOUGH: Final = 1e-6
 
 
 class Joint(msgspec.Struct, frozen=True):
-    """A slider: what it is called here, and what the joint is told."""
+    """A slider: its name here, and the joint's value."""
 
     name: str
     topic: str
@@ -44,7 +44,7 @@ class Joint(msgspec.Struct, frozen=True):
     """Either way, in that unit."""
     step: float
     factor: float
-    """What the joint is told for one unit; its signs are Gazebo's, forward is positive here."""
+    """The joint's value for one unit; its signs are Gazebo's, forward is positive here."""
     ends: tuple[str, str]
 
 
@@ -97,7 +97,7 @@ class Page:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is known now."""
+        """Show the present state."""
         desk = self._desk
         now_s, shore = desk.now_s, desk.shore
         estimate = shore.estimate(now_s)
@@ -266,7 +266,7 @@ class Page:
         self._notice.set_text(readout.why_disabled(desk) if is_starting else "")
 
     def _show_why(self) -> None:
-        """Take the hands off what would do nothing, and say why."""
+        """Disable buttons without effect, with the reason."""
         why = readout.why_disabled(self._desk)
         self._why.set_text(f"disabled: {why}" if why else "")
         self._stop_button.classes(add="dead" if why else "", remove="" if why else "dead")
@@ -303,7 +303,7 @@ class Page:
     def _moved(self, joint: Joint, value: float) -> None:
         told = value * joint.factor
         setpoints = self._desk.setpoints
-        # A slider that follows what others have done has nothing to say.
+        # A slider that follows other pages sends nothing.
         if (
             self._banner.is_current()
             and abs(told - setpoints.wanted.get(joint.topic, 0.0)) > _CLOSE_ENOUGH
@@ -324,7 +324,7 @@ class Page:
             slider.value = max(-joint.most, min(joint.most, slider.value + by))
 
     def _stop(self, event: GenericEventArguments) -> None:
-        """Stop; the number that the page has given the press tells it that it was taken."""
+        """Stop; the page's number of the press comes back when it was accepted."""
         self._desk.stop()
         if isinstance(event.args, int):
             self._orders_taken = event.args

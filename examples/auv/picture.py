@@ -15,7 +15,7 @@ from examples.auv.world import World
 WIDTH: Final = 128
 HEIGHT: Final = 128
 FIELD_M: Final = 60.0
-"""Edge of what is seen, m."""
+"""Edge of the visible square, m."""
 LEAST_BYTES: Final = 10 * 1024
 
 

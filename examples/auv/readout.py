@@ -1,4 +1,4 @@
-"""What is to be read at the desk: every value with its age, reported or predicted.
+"""The values at the desk: each with its age, reported or predicted.
 
 Functions of the desk that return lines and tables as text; how they look is the page's business.
 An age is that at the source: how long ago the vehicle had the value, not how long it has been here.
@@ -45,7 +45,7 @@ class Line(msgspec.Struct, frozen=True):
 
 
 class OrderLine(msgspec.Struct, frozen=True):
-    """An order, and what became of it."""
+    """A command and its outcome."""
 
     text: str
     age_s: float
@@ -65,7 +65,7 @@ def ago(seconds: float) -> str:
 
 
 def short(stream: str) -> str:
-    """Return the name of a stream as people at this desk say it."""
+    """Return the desk's name of a stream."""
     return _SHORT.get(stream, stream.rpartition("/")[2])
 
 
@@ -73,7 +73,7 @@ def short(stream: str) -> str:
 
 
 def alarm(desk: Desk) -> Alarm | None:
-    """Say why nothing that is ordered now reaches the vehicle; None: it may."""
+    """Return why no command reaches the vehicle now; None: it may."""
     if desk.carrier is None:
         return Alarm(f"NOT SENT: {desk.trouble}") if desk.trouble else None
     if desk.gateway_gone_at_s is not None:
@@ -88,7 +88,7 @@ def alarm(desk: Desk) -> Alarm | None:
 
 
 def why_disabled(desk: Desk) -> str:
-    """Say why nothing but a stop can be ordered now; empty: it can."""
+    """Return why only a stop can be commanded now; empty: anything can."""
     dead = alarm(desk)
     if dead is not None:
         return dead.text.removeprefix("NOT SENT: ")
@@ -153,7 +153,7 @@ def values(desk: Desk) -> list[Value]:
 
 
 def order_lines(desk: Desk) -> list[OrderLine]:
-    """Say what became of the orders, newest first."""
+    """Return the outcomes of the commands, newest first."""
     return [
         OrderLine(each.text, desk.now_s - each.at_s, *_outcome(desk, each))
         for each in reversed(desk.orders)
@@ -183,7 +183,7 @@ def steering_hint(desk: Desk) -> str:
             return "the autopilot steers: press “by hand” first"
 
 
-# Link, queue and water
+# Link, queue and channel
 
 
 def link_state(desk: Desk) -> str:
@@ -226,7 +226,7 @@ def link_lines(desk: Desk) -> list[Line]:
 
 
 def water_lines(desk: Desk) -> list[Line]:
-    """Say what is in the water now, and what waits for it."""
+    """Return the frames on the channel, and what waits."""
     watch = desk.watch
     found = [
         Line(_content(frame), f"in the water, there in {left_s:.1f} s")
@@ -337,7 +337,7 @@ def _signal(metrics: dict[str, float | None]) -> str:
 def _reports(desk: Desk) -> tuple[int, int]:
     """Return how many reports of the last minutes are here, and how many were made."""
     track, now_s = desk.shore.track, desk.now_s
-    # The newest may still be in the water.
+    # The newest may still be under way.
     until_s = now_s - desk.watch.way_s - NAV_PERIOD_S
     since_s = max(until_s - REPORTS_WINDOW_S, track[0][0] if track else until_s)
     came = sum(1 for made_at_s, _ in track if since_s < made_at_s <= until_s)

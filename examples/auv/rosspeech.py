@@ -29,7 +29,7 @@ _ACTION: Final = f"{GOTO}/_action"
 _STATUS: Final = f"{_ACTION}/status"
 _CODES: Final = {"accepted": 1, "executing": 2, "succeeded": 4, "canceled": 5, "aborted": 6}
 _GOALS_TOLD: Final = 8
-"""Goals of which the status is told, the newest."""
+"""Goals whose status is published, the newest."""
 _REJECTED: Final = 1
 _BYTES_OF_ID: Final = 16
 
@@ -150,7 +150,7 @@ class RosSpeech(Speech):
         self._publisher(topic)(message.write(message.spec.validate(value)))
 
     def _tell_state(self, goal_id: bytes, status: str) -> None:
-        """A goal has another state: tell it, as action servers do."""
+        """A goal has another state: publish it, as action servers do."""
         self._states = {**self._states, goal_id: _CODES[status]}
         while len(self._states) > _GOALS_TOLD:
             del self._states[next(iter(self._states))]
@@ -179,7 +179,7 @@ class RosSpeech(Speech):
 
 
 class _RosQuestion(Question):
-    """A request; those of the action as the vehicle knows them."""
+    """A request; the action's in the vehicle's form."""
 
     def __init__(
         self,

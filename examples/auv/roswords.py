@@ -24,9 +24,9 @@ def name_in_ros(topic: str) -> str:
 
 
 def to_ros(topic: str, said: dict[str, Any] | bytes) -> dict[str, Any]:
-    """Return what is said, in the members of the type of ROS."""
+    """Return a value in the members of the ROS type."""
     if isinstance(said, bytes):
-        return {"data": said}  # what else a picture has is a constant of the file
+        return {"data": said}  # the picture's other members are constants of the file
     if topic not in _NUMBERS:
         return said
     field, words = _NUMBERS[topic]
@@ -34,7 +34,7 @@ def to_ros(topic: str, said: dict[str, Any] | bytes) -> dict[str, Any]:
 
 
 def from_ros(topic: str, said: dict[str, Any]) -> Any:  # noqa: ANN401 (a map, or bytes)
-    """Return what is said, as `messages` has it."""
+    """Return a value in the form of `messages`."""
     if topic == PHOTO:
         return said["data"]
     if topic not in _NUMBERS:
@@ -44,7 +44,7 @@ def from_ros(topic: str, said: dict[str, Any]) -> Any:  # noqa: ANN401 (a map, o
 
 
 def shore_section() -> dict[str, Any]:
-    """Return the section of `fleet_ros.json5` for an island without ROS: types, and no `ros: {}`.
+    """Return the section of `fleet_ros.json5` for a network without ROS: types, and no `ros: {}`.
 
     The table is the same, so its gateway and that of the vehicle understand each other.
     """

@@ -24,7 +24,7 @@ EFFICIENCY: Final = 0.4
 
 
 class Readings(msgspec.Struct, frozen=True, kw_only=True):
-    """What the sensors say at one instant."""
+    """The sensors' readings at one instant."""
 
     depth_m: float
     roll_rad: float

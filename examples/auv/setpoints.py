@@ -1,4 +1,4 @@
-"""Set-points from hands, at a rate that the water carries: the last ones hold.
+"""Set-points by hand, at a rate that the channel carries: the last ones hold.
 
 A slider moves many times a second, a frame takes a second to get there. So changes are collected:
 the first goes at once, whatever changes within the next seconds goes together when they are over.
@@ -11,7 +11,7 @@ LEAST_PERIOD_S: Final = 3.0
 
 
 class Setpoints:
-    """What the hands want, and what of it the vehicle was told."""
+    """The wanted set-points, and those that were sent."""
 
     def __init__(self) -> None:
         self.wanted: dict[str, float] = {}
@@ -24,13 +24,13 @@ class Setpoints:
         self.wanted[topic] = value
 
     def reset(self) -> None:
-        """Nothing is wanted, and what was told does not hold any more: others steer."""
+        """Nothing is wanted, and sent set-points do not hold any more: others steer."""
         self.wanted.clear()
         self._told.clear()
 
     @property
     def waiting(self) -> dict[str, float]:
-        """What the vehicle was not told yet."""
+        """What was not sent to the vehicle yet."""
         return {
             topic: value for topic, value in self.wanted.items() if self._told.get(topic) != value
         }
@@ -40,7 +40,7 @@ class Setpoints:
         return max(0.0, self._told_at_s + LEAST_PERIOD_S - now_s)
 
     def poll(self, now_s: float) -> dict[str, float]:
-        """Return what is to be told now."""
+        """Return what to send now."""
         waiting = self.waiting
         if not waiting or self.due_in_s(now_s) > 0:
             return {}

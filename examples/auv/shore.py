@@ -1,4 +1,4 @@
-"""What the shore knows of the vehicle, and how old it is; orders go out through a `Carrier`.
+"""The shore's knowledge of the vehicle, with its age; commands go out through a `Carrier`.
 
 Nothing here has a clock: whoever carries the words says when they came. Between two reports the
 vehicle is predicted: on a circle of its speed and its rate of turn, with an uncertainty that grows
@@ -30,7 +30,7 @@ PHOTOS_MOST: Final = 8
 DRIFT_M_S: Final = 0.15
 """By how much the uncertainty of a prediction grows, m each second: the current."""
 STEERING_M_S2: Final = 0.016
-"""And by how much, m each second squared: turns and speeds that nobody knows of here."""
+"""And by how much, m each second squared: turns and speeds unknown here."""
 RUNAWAY_M_S: Final = 1.5
 """But not faster than that: in the end it may be anywhere in the circle of its speed."""
 DIVING_M_S2: Final = 0.015
@@ -40,7 +40,7 @@ SINKING_M_S: Final = 0.25
 GAUGE_M: Final = 0.1
 """Standard deviation of a reported depth, m."""
 SOUND_S: Final = 1.5
-"""How much older a report is than its stamp says, where nobody has measured it: airtime and way of
+"""How much older a report is than its stamp, if that was not measured: airtime and delay of
 the frame, s."""
 
 
@@ -52,7 +52,7 @@ class Answer:
 
     def __init__(self) -> None:
         self.accepted: bool | None = None
-        """Whether a goal was accepted, or what a service has said; None: not known yet."""
+        """Whether a goal was accepted, or a service's answer; None: unknown yet."""
         self.ended = False
         """Nothing more comes."""
         self.value: Done | Reached | None = None
@@ -79,7 +79,7 @@ class Answer:
 
 
 class Carrier(ABC):
-    """Carries orders to the vehicle: Zenoh, or an engine in virtual time."""
+    """Carries commands to the vehicle: Zenoh, or an engine in virtual time."""
 
     @abstractmethod
     def put(self, topic: str, value: msgspec.Struct) -> None:

@@ -1,4 +1,4 @@
-"""How the vehicle speaks on its island: topics, services, and an action that is three of these.
+"""The vehicle on its network: topics, services, and an action that is three of these.
 
 The vehicle knows messages by the names of `messages`, and maps. A `Speech` says where they are and
 in what bytes: `ZenohSpeech` keys and CBOR, `examples.auv.rosspeech.RosSpeech` what nodes of ROS 2

@@ -1,6 +1,6 @@
 """The vehicle as a Zenoh client, or as a node of ROS 2 on rmw_zenoh; it knows nothing of sound.
 
-Zenoh calls on threads of its own: they put what came into a queue, and one thread does everything.
+Zenoh calls on its own threads: they fill a queue, and one thread does everything.
 It advances the `Craft` ten times a second, reports, and answers. On standard output it tells what
 happens, one JSON object in a line; it ends when its standard input does::
 
@@ -39,7 +39,7 @@ def tell(event: str, **said: object) -> None:
 
 
 class Vehicle:
-    """Carries words between a craft and its island.
+    """Carries messages between a craft and its network.
 
     Args:
         session: Zenoh's.

@@ -1,6 +1,6 @@
-"""The dive in virtual time: craft and shore on real engines, the water of `water.json5` between.
+"""The dive in virtual time: craft and shore on real engines, the channel of `water.json5` between.
 
-It keeps what the promises are about: how long each order was on its way, where the vehicle truly
+It keeps what the promises are about: the latency of each command, where the vehicle truly
 was when it said that it had arrived, and what became of every reliable sample.
 """
 
@@ -70,7 +70,7 @@ T = TypeVar("T")
 
 
 class Arrival(msgspec.Struct, frozen=True):
-    """An order, and when the vehicle had it."""
+    """A command, and when the vehicle had it."""
 
     name: str
     sent_at_s: float
@@ -78,7 +78,7 @@ class Arrival(msgspec.Struct, frozen=True):
 
 
 class VirtualDive(Carrier):
-    """Vehicle, shore and water.
+    """Vehicle, shore and channel.
 
     Args:
         seed: Of the losses and of the vehicle's noise.
@@ -223,8 +223,8 @@ class VirtualDive(Carrier):
 
     def _deliver(self, address: int, event: Event) -> None:
         if isinstance(event, LinkStateChanged):
-            return  # also told while the network is being made
-        # Commands to an engine wait until it has told everything: at this instant, but later.
+            return  # also called while the network is being made
+        # Commands to an engine wait until all its events are out: at this instant, but later.
         self.network.at(self.now_s, lambda: self._take(address, event))
 
     def _take(self, address: int, event: Event) -> None:
@@ -318,7 +318,7 @@ class VirtualDive(Carrier):
         self.shore.hear(self._names[event.stream_id], event.value, self.now_s, event.age_s or 0.0)
 
     def _arrived(self, name: str) -> None:
-        """Note how long the newest order of a name has taken."""
+        """Note the latency of the newest command of a name."""
         sent = self._called_at_s.get(name)
         if sent:
             sent_at_s = sent[-1]

@@ -1,7 +1,7 @@
-"""The shore's side on Zenoh: an ordinary client that hears the vehicle and gives orders.
+"""The shore's side on Zenoh: an ordinary client that hears the vehicle and commands it.
 
 Zenoh calls on threads of its own; what came waits in a queue until `drain`, so that the shore's
-state belongs to one thread. Under `@acoustic/1/**` the gateway tells of link, queue and water.
+state belongs to one thread. Under `@acoustic/1/**` the gateway reports link, queue and channel.
 """
 
 import contextlib
@@ -48,9 +48,9 @@ class ZenohShore(Carrier):
     Args:
         session: Zenoh's.
         shore: What is known of the vehicle.
-        watch: Keeps what the gateway tells.
-        ros: The table is that of `fleet_ros.json5`.
-        wake: Is called, by any thread, when something waits to be drained.
+        watch: Keeps the gateway's health.
+        ros: Use the table of `fleet_ros.json5`.
+        wake: Called, by any thread, when something waits for `drain`.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class ZenohShore(Carrier):
         session.get(f"{_HEALTH}**", handler)
 
     def ask_gateway(self) -> None:
-        """Ask whether the gateway lives; `LinkWatch.answered_at_s` tells what it has said."""
+        """Ask whether the gateway runs; `LinkWatch.answered_at_s` has the answer."""
 
         def hear(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
@@ -154,7 +154,7 @@ class ZenohShore(Carrier):
         return answer
 
     def unaccounted(self) -> list[str]:
-        """Say what of the shore's orders has not ended; nothing: all has."""
+        """Return the shore's commands without an outcome; nothing: all have one."""
         return unaccounted(self.published, self.answers, self._watch.documents.get("streams"))
 
     def _new_answer(self) -> Answer:

@@ -60,9 +60,9 @@ def got(water: VirtualNetwork, address: int) -> list[tuple[int, object]]:
 @pytest.mark.parametrize("modem", MODEMS)
 def test_subscribers_hear_and_the_others_do_not(modem: Modem) -> None:
     water, sent = network(modem)
-    for second, stream_id in enumerate((1, 2, 3, 4)):
-        water.at(10 * second, partial(water.publish, 1, stream_id, bytes((stream_id,))))
-    water.run(until_s=100)
+    for minute, stream_id in enumerate((1, 2, 3, 4)):  # what confirms the first is over by then
+        water.at(90 * minute, partial(water.publish, 1, stream_id, bytes((stream_id,))))
+    water.run(until_s=360)
     assert got(water, 2) == [(1, b"\x01"), (2, b"\x02"), (3, b"\x03"), (4, b"\x04")]
     assert got(water, 3) == [(1, b"\x01"), (4, b"\x04")]
     assert got(water, 1) == []
@@ -155,11 +155,16 @@ def test_sample_that_became_too_old_is_not_sent() -> None:
 @pytest.mark.parametrize("mtu_bytes", [8, 16, 32, 64])
 def test_alarm_overtakes_a_thousand_background_samples(mtu_bytes: int) -> None:
     water, sent = network(Modem(mtu_bytes=mtu_bytes))
-    for number in range(1000):
-        water.publish(1, 8, b"%03d" % (number % 1000))
-    at_s = 30.0
+    water.publish(1, 1, b"")  # whoever hears it has confirmed it before the alarm
+
+    def talk() -> None:
+        for number in range(1000):
+            water.publish(1, 8, b"%03d" % (number % 1000))
+
+    water.at(90.0, talk)
+    at_s = 120.0
     water.at(at_s, lambda: water.publish(1, 7, b"!!!"))
-    water.run(until_s=60)
+    water.run(until_s=150)
     after = [record for record in sent if record.node == 1 and record.at >= at_s * 10**9]
     assert 7 in after[0].streams
     assert [event.value for event in water.samples(2, 7)] == [b"!!!"]

@@ -8,6 +8,7 @@ from functools import partial
 
 import msgspec
 
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort, JournalWrite
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
@@ -63,7 +64,7 @@ class Node:
         self.objects = Objects(
             epoch=epoch,
             limits=water.limits,
-            rng=random.Random(f"{water.seed}/{address}/{epoch}"),
+            generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
             gate=self,
             owner=self,
             emit=self.progress.append,

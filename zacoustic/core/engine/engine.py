@@ -32,6 +32,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort, JournalWrite
 from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
@@ -78,7 +79,7 @@ class Engine:
         address: Address of this node, 1…254.
         table: Its streams.
         epoch: Boot epoch, 0…65535: another one in each life of the node.
-        rng: Source of all randomness.
+        rng: Source of all randomness; one number is drawn from it.
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
@@ -107,6 +108,7 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
+        generators = Generators(rng)
         self._journal = journal = JournalPort()
         self.doubt = Doubt(address, table, stored, journal, emit)
         """Whether something of former lives is forgotten; to be read only."""
@@ -118,7 +120,7 @@ class Engine:
             doubt=self.doubt,
             journal=journal,
             stats=self.stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self.ranging = protocols.ranging
@@ -155,11 +157,13 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
 
+        access_rng = generators.of("access")
+
         def make_port(capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
             return LinkPort(
                 capabilities,
                 address,
-                rng,
+                access_rng,
                 rules.access,
                 envelope=envelope,
                 measurements=self.measurements,

@@ -7,9 +7,9 @@ Here the native wire is spoken. Another wire profile overrides what is said and 
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-import random
 from collections.abc import Callable, Mapping, Set
 
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
@@ -79,7 +79,7 @@ class Protocols:
         doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
         stats: Counts.
-        rng: Source of all randomness.
+        generators: One for each component that draws.
         emit: Takes events.
     """
 
@@ -93,7 +93,7 @@ class Protocols:
         doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[ProtocolEvent], None],
     ) -> None:
         self._address = address
@@ -103,10 +103,10 @@ class Protocols:
         self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(address, epoch, table, rng)
-        self.contact = Contact(address, table, rules.contact, rng, emit)
-        self.ranging = Ranging(address, table, rng, emit)
-        self.repeater = Repeater(queue, rng, handshake.introduce)
+        self.handshake = handshake = Handshake(address, epoch, table, generators.of("handshake"))
+        self.contact = Contact(address, table, rules.contact, generators.of("contact"), emit)
+        self.ranging = Ranging(address, table, generators.of("ranging"), emit)
+        self.repeater = Repeater(queue, generators.of("repeater"), handshake.introduce)
         self.demand = Demand(
             address,
             table,
@@ -128,7 +128,7 @@ class Protocols:
             demand=self.demand,
             journal=journal,
             doubt=doubt,
-            rng=rng,
+            generators=generators,
             stats=stats,
             emit=emit,
         )
@@ -138,7 +138,7 @@ class Protocols:
             queue=queue,
             journal=journal,
             doubt=doubt,
-            rng=rng,
+            rng=generators.of("receiving"),
             emit=self._hand_on,
         )
         self.large = LargeSamples(
@@ -151,7 +151,7 @@ class Protocols:
             receiving=self.receiving,
             journal=journal,
             stats=stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self.copied = CopiedSamples(queue, handshake)

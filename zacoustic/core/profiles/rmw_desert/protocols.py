@@ -15,12 +15,12 @@ What is dropped is counted under the words of `zacoustic.core.profiles.native.re
 and ``no_packet`` for bytes of the stream that belong to none.
 """
 
-import random
 from collections.abc import Callable, Mapping
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import (
     BROADCAST,
@@ -67,7 +67,7 @@ class RmwDesertProtocols(Protocols):
         doubt: Doubt,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[ProtocolEvent], None],
     ) -> None:
         super().__init__(
@@ -78,11 +78,18 @@ class RmwDesertProtocols(Protocols):
             doubt=doubt,
             journal=journal,
             stats=stats,
-            rng=rng,
+            generators=generators,
             emit=emit,
         )
         self._table = table
-        self._calls = DesertCalls(address, table, queue=self.queue, stats=stats, rng=rng, emit=emit)
+        self._calls = DesertCalls(
+            address,
+            table,
+            queue=self.queue,
+            stats=stats,
+            rng=generators.of("rmw_desert calls"),
+            emit=emit,
+        )
         self._discovery = Discovery(
             address, table, rules.discovery or DiscoverySpec(), self.queue, emit
         )

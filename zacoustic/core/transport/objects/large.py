@@ -7,12 +7,12 @@ has its place between the small ones. An object that is complete before any of t
 for it.
 """
 
-import random
 from collections.abc import Callable, Mapping, Set
 from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import EngineStats
@@ -66,7 +66,7 @@ class LargeSamples:
         receiving: Has those of the others', and takes samples.
         journal: Keeps what is to survive.
         stats: Counts.
-        rng: Source of randomness.
+        generators: One for each component that draws.
         emit: Takes events.
     """
 
@@ -82,7 +82,7 @@ class LargeSamples:
         receiving: ReliableReceiving,
         journal: JournalPort,
         stats: EngineStats,
-        rng: random.Random,
+        generators: Generators,
         emit: Callable[[ObjectProgress | DeliveryEvent], None],
     ) -> None:
         self._address = address
@@ -99,7 +99,7 @@ class LargeSamples:
         self.objects = Objects(
             epoch=handshake.epoch,
             limits=limits,
-            rng=rng,
+            generators=generators,
             gate=self,
             owner=self,
             emit=self._progress,

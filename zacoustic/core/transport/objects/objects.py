@@ -13,9 +13,9 @@ A fragment has a frame of its own; a feedback rides on what goes to its destinat
 the listen windows are those of medium access, which is told when a transfer is exclusive.
 """
 
-import random
 from collections.abc import Callable, Mapping, Set
 
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
@@ -51,7 +51,7 @@ class Objects:
     Args:
         epoch: Boot epoch of the node.
         limits: How much memory they may take.
-        rng: Source of randomness.
+        generators: One for each component that draws.
         gate: Knows the table, and when it is whose turn; takes complete objects, once each.
         owner: Is told of own objects, and knows when it is their turn.
         emit: Takes progress.
@@ -63,7 +63,7 @@ class Objects:
         *,
         epoch: int,
         limits: ObjectLimits,
-        rng: random.Random,
+        generators: Generators,
         gate: Gate,
         owner: Owner,
         emit: Callable[[ObjectProgress], None],
@@ -73,14 +73,14 @@ class Objects:
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
-            rng=rng,
+            rng=generators.of("outgoing objects"),
             emit=emit,
             owner=owner,
             journal=journal,
         )
         self._incoming = IncomingObjects(
             limits=limits,
-            rng=rng,
+            rng=generators.of("incoming objects"),
             gate=gate,
             emit=emit,
             journal=journal,

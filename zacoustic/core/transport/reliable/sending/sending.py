@@ -1,12 +1,12 @@
 """The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
 
-import random
 from collections.abc import Callable, Iterable, Mapping, Set
 from typing import Final
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import LIFE_KEY, JournalPort
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.stats import Cause, EngineStats
@@ -53,7 +53,7 @@ class ReliableSending:
         demand: Knows who has subscribed to on-demand topics.
         journal: Keeps what is to survive.
         doubt: Whether something of former lives is forgotten.
-        rng: Draws the pauses between repetitions.
+        generators: One for each component that draws.
         stats: Is told how long answers take.
         emit: Takes events.
     """
@@ -68,7 +68,7 @@ class ReliableSending:
         demand: Demand,
         journal: JournalPort,
         doubt: Doubt,
-        rng: random.Random,
+        generators: Generators,
         stats: EngineStats,
         emit: Callable[[DeliveryEvent], None],
     ) -> None:
@@ -76,8 +76,10 @@ class ReliableSending:
         self._queue = queue
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, rng, stats, handshake)
-        self._contradictions = Contradictions(self._keeping, doubt, rng, self._out_of_sync)
+        self._pacing = Pacing(table, generators.of("pacing"), stats, handshake)
+        self._contradictions = Contradictions(
+            self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
+        )
         self._emit = emit
         self._lanes = SendLanes(address, table, handshake, demand)
         self.places = LargePlaces(
