@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="modes are those of POSIX")
 
@@ -36,7 +36,7 @@ def test_journal_and_its_log_are_private_also_where_they_were_not(tmp_path: Path
 
 def test_recording_is_private(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
-    from zacoustic.recording.writing import RecordingFile
+    from zacoustic.run.recording.writing import RecordingFile
 
     RecordingFile(tmp_path / "trial.mcap").close()
     assert modes(tmp_path) == {"trial.mcap": 0o600}

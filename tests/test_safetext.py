@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import zacoustic
 from tests.hostilenames import HOSTILE, assert_harmless, strictly
-from zacoustic.safetext import html_text, json_line, one_line, some_lines, without_secrets
+from zacoustic.text.safetext import html_text, json_line, one_line, some_lines, without_secrets
 
 TEXTS = st.text(st.characters(), max_size=40)
 VALUES = st.recursive(
@@ -80,7 +80,7 @@ def test_passwords_of_endpoints_and_locators_are_hidden(said: str, shown: str) -
 
 def test_verbs_print_through_one_place() -> None:
     """What a verb prints past it could hold the escapes of others."""
-    folder = Path(zacoustic.__file__).parent / "cli"
+    folder = Path(zacoustic.__file__).parent / "app" / "cli"
     past = [
         f"{path.name}:{node.lineno}: {ast.unparse(node.func)}"
         for path in sorted(folder.glob("*.py"))

@@ -7,7 +7,7 @@ import socket
 import pytest
 
 from zacoustic.errors import ConfigError
-from zacoustic.serving import ScaledClock, cannot_listen, parse_place, place_name
+from zacoustic.link.serving import ScaledClock, cannot_listen, parse_place, place_name
 
 
 @pytest.mark.parametrize(

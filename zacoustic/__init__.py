@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from zacoustic.core.streams.commands import Order, OrderKind, OrderState
     from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
     from zacoustic.core.values.types import Bounds
-    from zacoustic.node import (
+    from zacoustic.zenoh.node import (
         ActionClient,
         ActionServer,
         CallContext,
@@ -178,7 +178,7 @@ _HOMES = {
     "zacoustic.core.base.qos": ("Durability", "Forward", "Priority", "Qos", "Reliability", "Stamp"),
     "zacoustic.core.profiles.entities": ("RosEntitySeen",),
     "zacoustic.core.values.types": ("Bounds",),
-    "zacoustic.node": (
+    "zacoustic.zenoh.node": (
         "ActionClient", "ActionServer", "CallContext", "Client", "Delivery", "GoalHandle",
         "GoalResult", "Node", "NodeEvent", "Publisher", "Sample", "ServerGoalHandle", "Service",
         "Subscription",

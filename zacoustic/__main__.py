@@ -23,9 +23,9 @@ _TAKES_INTERRUPTS = _leave_interrupts_to_the_system()
 
 import sys  # noqa: E402 (from here on an interrupt is harmless)
 
-from zacoustic.cli import main  # noqa: E402
-from zacoustic.cli.streams import prepare_streams  # noqa: E402
-from zacoustic.command import EXIT_INTERRUPTED  # noqa: E402
+from zacoustic.app.cli import main  # noqa: E402
+from zacoustic.app.cli.streams import prepare_streams  # noqa: E402
+from zacoustic.link.command import EXIT_INTERRUPTED  # noqa: E402
 
 
 def start() -> int:

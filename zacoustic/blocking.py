@@ -18,17 +18,16 @@ from zacoustic.core.peers.measurements import Range
 from zacoustic.core.streams.commands import Order, OrderState
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LocalError
-from zacoustic.journal import Journal
-from zacoustic.link import Link
-from zacoustic.node import action, service
-from zacoustic.node import node as asynchronous
-from zacoustic.node.action import ActionType
-from zacoustic.node.carrier import NodeEvent
-from zacoustic.node.endpoints import Fields, Request, Response, Value
-from zacoustic.node.loopthread import LoopThread
-from zacoustic.node.pubsub import Sample
-from zacoustic.node.service import CallContext, ServiceType
-from zacoustic.node.waiting import (
+from zacoustic.link.contract import Link
+from zacoustic.run.journal import Journal
+from zacoustic.zenoh.node.api import action, service
+from zacoustic.zenoh.node.api import node as asynchronous
+from zacoustic.zenoh.node.api.action import ActionType
+from zacoustic.zenoh.node.api.endpoints import Fields, Request, Response, Value
+from zacoustic.zenoh.node.api.loopthread import LoopThread
+from zacoustic.zenoh.node.api.pubsub import Sample
+from zacoustic.zenoh.node.api.service import CallContext, ServiceType
+from zacoustic.zenoh.node.api.waiting import (
     Client,
     Delivery,
     Publisher,
@@ -36,7 +35,7 @@ from zacoustic.node.waiting import (
     Subscription,
     next_or_none,
 )
-from zacoustic.node.waitingactions import (
+from zacoustic.zenoh.node.api.waitingactions import (
     ActionClient,
     ActionServer,
     Execute,
@@ -44,6 +43,7 @@ from zacoustic.node.waitingactions import (
     ServerGoalHandle,
     in_thread,
 )
+from zacoustic.zenoh.node.carrier import NodeEvent
 
 __all__ = [
     "ActionClient",

@@ -1,96 +1,23 @@
-"""The contract of a verb of the command line, for our own and for those of link packages.
+"""A verb, as links that bring one see it: `zacoustic.link.command`."""
 
-A package registers a verb in the entry-point group `zacoustic.commands`, name → class; the command
-line finds it through `zacoustic.registry.commands` and knows nothing else about it.
+from zacoustic.link.command import (
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_OK,
+    EXIT_TIMED_OUT,
+    EXIT_USAGE,
+    Command,
+    CommandGroup,
+    add_command,
+)
 
-A verb may be shared by packages that do not know each other: names with the same first part before
-a dot become one verb with sub-verbs. `emulate.desert` is called by `zacoustic emulate desert`.
-"""
-
-import argparse
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar, Final
-
-EXIT_OK: Final = 0
-"""The verb did what it was asked."""
-EXIT_FAILED: Final = 1
-"""It tried, and it did not work; the reason is on standard error."""
-EXIT_USAGE: Final = 2
-"""The arguments or a file that they name are wrong; nothing was tried."""
-EXIT_TIMED_OUT: Final = 3
-"""No answer within the time that the user gave."""
-EXIT_INTERRUPTED: Final = 130
-"""Ended by Ctrl-C before it was done: 128 and the number of SIGINT, as shells have it."""
-
-
-class Command(ABC):
-    """One verb of the command line; built without arguments.
-
-    Must define: `name`, `summary`, `add_arguments`, `run`. Heavy imports belong into `run`: every
-    start of the command line builds every verb.
-    """
-
-    name: ClassVar[str]
-    """What the user types; of a sub-verb the last word."""
-    summary: ClassVar[str]
-    """One line for the list of verbs, without a full stop."""
-
-    prints_late: ClassVar[bool] = False
-    """It prints when its work is done: until then the terminal says how long it is at work."""
-
-    @abstractmethod
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the arguments of this verb on its own parser."""
-
-    @abstractmethod
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Do it, and return the exit code; called once, on the main thread.
-
-        Raises:
-            ZacousticError: The command line prints it, with its hint, and exits with 1, or with 2
-                for a `ConfigError`.
-        """
-
-
-class CommandGroup(Command):
-    """A verb with sub-verbs, each of which may come from another package.
-
-    Args:
-        name: What the user types.
-        members: Sub-verbs by name: all of them for a list, the one that is called otherwise.
-        known: Names of all sub-verbs.
-    """
-
-    def __init__(self, name: str, members: Mapping[str, Command], known: tuple[str, ...]) -> None:
-        # Of this verb alone, not of the class: each stands for another one.
-        self.name = name  # type: ignore[misc]
-        self.summary = f"{', '.join(known)}: see zacoustic {name} --help"  # type: ignore[misc]
-        self._members = members
-        self._chosen = f"{name} verb"
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the sub-verbs, with their arguments."""
-        parser.description = "Sub-verbs, each with its own --help."
-        choices = parser.add_subparsers(dest=self._chosen, metavar="VERB", required=True)
-        for name, member in self._members.items():
-            add_command(choices, name, member)
-        if self._members:
-            parser.epilog = f"example:\n  {parser.prog} {next(iter(self._members))} --help"
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Run the sub-verb that was called."""
-        return self._members[getattr(arguments, self._chosen)].run(arguments)
-
-
-def add_command(choices: "argparse._SubParsersAction[Any]", name: str, command: Command) -> None:
-    """Add a verb to those of a parser, under a name."""
-    summary = command.summary
-    parser: argparse.ArgumentParser = choices.add_parser(
-        name,
-        help=summary.replace("%", "%%"),
-        description=f"{summary[:1].upper()}{summary[1:]}.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    command.add_arguments(parser)
+__all__ = [
+    "EXIT_FAILED",
+    "EXIT_INTERRUPTED",
+    "EXIT_OK",
+    "EXIT_TIMED_OUT",
+    "EXIT_USAGE",
+    "Command",
+    "CommandGroup",
+    "add_command",
+]

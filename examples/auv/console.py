@@ -14,9 +14,9 @@ from examples.auv.page import Page
 from examples.auv.session import open_session
 from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
+from zacoustic.app.tools.pages.webpage import serve_page
 from zacoustic.errors import ZacousticError
-from zacoustic.safetext import one_line
-from zacoustic.tools.webpage import serve_page
+from zacoustic.text.safetext import one_line
 
 _HOST: Final = "127.0.0.1"
 _PERIOD_S: Final = 0.2

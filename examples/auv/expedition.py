@@ -14,10 +14,10 @@ from typing import Any, Final
 
 from examples.auv.roswords import FLEET, shore_section
 from examples.auv.start import SHORE, VEHICLE, modem_at
+from zacoustic.app.tools.demo.children import Child
+from zacoustic.app.tools.demo.islands import free_ports
 from zacoustic.errors import ZacousticError
 from zacoustic.json5 import read_json5
-from zacoustic.tools.demo.children import Child
-from zacoustic.tools.demo.islands import free_ports
 
 START_LIMIT_S: Final = 60.0
 _HERE: Final = Path(__file__).parent
@@ -111,7 +111,7 @@ async def expedition(
             failed.result()
 
     async def start() -> str:
-        program = (sys.executable, "-m", "zacoustic.cli")
+        program = (sys.executable, "-m", "zacoustic.app.cli")
         water = folder / "water.json5"
         text = (_HERE / "water.json5").read_text(encoding="utf-8")
         water.write_text(text.replace("seed: 7,", f"seed: 7, loss: {{ frame: {loss} }},"))

@@ -15,8 +15,8 @@ from examples.auv.shore import Shore
 from examples.auv.zenohshore import ZenohShore
 from zacoustic.command import EXIT_INTERRUPTED
 from zacoustic.errors import ZacousticError
-from zacoustic.safetext import one_line
-from zacoustic.serving import stopped_by_signals, until_stopped
+from zacoustic.link.serving import stopped_by_signals, until_stopped
+from zacoustic.text.safetext import one_line
 
 _PAUSE_S = 0.2
 ACCOUNT_LIMIT_S: Final = 150.0

@@ -18,7 +18,7 @@ from typing import Final
 
 from zacoustic.core.clock import Clock
 from zacoustic.errors import ConfigError, LinkOpenError
-from zacoustic.serving import ScaledClock, cannot_listen, place_name
+from zacoustic.link.serving import ScaledClock, cannot_listen, place_name
 from zacoustic_desert.standin import StandIn
 
 BACKLOG: Final = 1

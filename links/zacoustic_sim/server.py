@@ -12,7 +12,7 @@ import socket
 from typing import Final
 
 from zacoustic.errors import LinkOpenError
-from zacoustic.serving import cannot_listen, place_name
+from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic_sim.medium import SimMedium
 from zacoustic_sim.messages import (
     VERSION,

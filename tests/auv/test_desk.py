@@ -24,7 +24,7 @@ from examples.auv.messages import (
 from examples.auv.setpoints import LEAST_PERIOD_S, Setpoints
 from examples.auv.shore import Answer, Shore
 from tests.auv.desks import LINK, Clock, desk_at, nav, streams
-from zacoustic.tools.truth import Alarm
+from zacoustic.app.tools.pages.truth import Alarm
 
 
 def test_set_points_go_at_once_then_seldom_and_the_last_one_wins() -> None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from zacoustic.core.base.journal import JournalWrite
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 
 LIMIT: Final = 2.0
 """How many bare waits a commit of one write may take, in the median."""

@@ -15,11 +15,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.recording.test_exact import run_survey, survey
 from tests.virtual.fleet import line
+from zacoustic.app.tools.design.sim.recorder import recorded_to
+from zacoustic.app.tools.inspect.recordings.checking import check_recording
+from zacoustic.app.tools.inspect.recordings.figures import figures_of
+from zacoustic.app.tools.inspect.recordings.gathering import gather
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.recordings.checking import check_recording
-from zacoustic.tools.recordings.figures import figures_of
-from zacoustic.tools.recordings.gathering import gather
-from zacoustic.tools.sim.recorder import recorded_to
 
 HOURS = 1.0
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.node.fleet import WaterServer
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 
 SLOW = (sys.executable, "-m", "zacoustic", "topics", "--connect", "tcp/127.0.0.1:1")
 """It looks for a router for three seconds."""

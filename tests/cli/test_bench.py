@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from tests.cli.dive import dive, write, write_config
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.core.values.dense import Decoded, Listener
 
 

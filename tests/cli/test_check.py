@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 
 SECTION: dict[str, Any] = {
     "address": 2,
@@ -201,7 +201,7 @@ def test_airtimes_are_those_of_the_link_that_is_given(
 
 
 def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
-    fleet = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
+    fleet = Path(__file__).parents[2] / "zacoustic" / "app" / "tools" / "demo" / "fleet.json5"
     for address in ("1", "2"):
         assert main(["check", str(fleet), "--address", address]) == 0
     assert "note:" not in capsys.readouterr().out

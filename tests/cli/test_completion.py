@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("shtab")
 
-from zacoustic.cli import BUILT_IN, complete_parser, main
-from zacoustic.cli.completion import SHELLS
+from zacoustic.app.cli import BUILT_IN, complete_parser, main
+from zacoustic.app.cli.completion import SHELLS
 
 # Calls the function of the script as bash does, and prints what it offers.
 COMPLETE = """

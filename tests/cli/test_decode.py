@@ -10,16 +10,16 @@ from hypothesis import strategies as st
 
 from tests.cli.dive import section, write_config
 from tests.golden.vectors import bytes_table, vectors
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder, decode_frame
 from zacoustic.config import config_from_mapping, read_config
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.table import AGE_FIELD, StreamTable
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Listener, Speaker
 from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_error, encode_name
 from zacoustic.core.wire.frame import Ask, Confirm, DenseAck, Hello, TableRow, Tag
-from zacoustic.tools.decode.decoder import FrameDecoder, decode_frame
 
-FLEET = Path(__file__).parents[2] / "zacoustic" / "tools" / "demo" / "fleet.json5"
+FLEET = Path(__file__).parents[2] / "zacoustic" / "app" / "tools" / "demo" / "fleet.json5"
 TABLE = read_config(FLEET).table
 
 

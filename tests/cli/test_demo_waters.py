@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from zacoustic import registry
+from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE, write_islands
+from zacoustic.app.tools.demo.logbook import Logbook
+from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Emitted
+from zacoustic.app.tools.demo.waters import WATERS, DesertWater, SimWater, Water
 from zacoustic.config import read_config
 from zacoustic.errors import LinkUnavailableError
-from zacoustic.tools.demo.islands import NAMES, SHORE, VEHICLE, write_islands
-from zacoustic.tools.demo.logbook import Logbook
-from zacoustic.tools.demo.notes import AnyNote, Arrived, Emitted
-from zacoustic.tools.demo.waters import WATERS, DesertWater, SimWater, Water
+from zacoustic.link import registry
 
 LISTENING = {"event": "listening", "addresses": ["127.0.0.1:4000", "127.0.0.1:4001"]}
 NOW_S = 100.0
@@ -111,7 +111,7 @@ def test_what_a_client_received_belongs_to_the_packet_that_brought_it(
 
 def test_the_live_view_says_that_desert_listens(water: DesertWater, logbook: Logbook) -> None:
     rich_console = pytest.importorskip("rich.console")
-    from zacoustic.tools.demo.live import LiveView
+    from zacoustic.app.tools.demo.live import LiveView
 
     console = rich_console.Console(width=120, height=40, force_terminal=True, record=True)
     view = LiveView(console=console, title=water.title)

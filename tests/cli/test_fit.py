@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tests.cli.dive import LAT, dive, write, write_config
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.config import read_config
 
 META = '{"meta": {"vehicle": "made up"}}'

@@ -17,10 +17,10 @@ from typing import Final
 
 import pytest
 
-from zacoustic.cli import complete_parser, main
-from zacoustic.cli.newfile import new_file
+from zacoustic.app.cli import complete_parser, main
+from zacoustic.app.cli.newfile import new_file
 from zacoustic.core.base.journal import JournalWrite
-from zacoustic.journal import journal_in
+from zacoustic.run.journal import journal_in
 
 PROGRAM: Final = (sys.executable, "-m", "zacoustic")
 NOBODY: Final = ("--connect", "tcp/127.0.0.1:1")

@@ -16,7 +16,7 @@ from tests.cli.watched import verb
 from tests.gateway.islands import free_port, matched, run, zenoh_config, zenoh_router
 from tests.hostilenames import HOSTILE, HOSTILE_NAME, assert_harmless, strictly
 from tests.tools.boards import DOCUMENTS, NOW_S
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 
 _WORDS: Final = ("up", "topic", "service", "out", "in", "delivered", "not_delivered")
 

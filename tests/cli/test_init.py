@@ -10,8 +10,8 @@ import cbor2
 import pytest
 import zenoh
 
-from zacoustic.cli import main
-from zacoustic.tools.demo.islands import free_ports
+from zacoustic.app.cli import main
+from zacoustic.app.tools.demo.islands import free_ports
 
 
 @contextlib.contextmanager

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from zacoustic import cli, registry
-from zacoustic.cli import BUILT_IN, complete_parser, main
+from zacoustic.app import cli
+from zacoustic.app.cli import BUILT_IN, complete_parser, main
 from zacoustic.command import Command
 from zacoustic.errors import (
     CallTimeoutError,
@@ -19,13 +19,14 @@ from zacoustic.errors import (
     ServiceError,
     ZacousticError,
 )
+from zacoustic.link import registry
 
 EXAMPLE_CONFIG = '{ plugins: { acoustic: { address: 1, streams: [ { id: 1, topic: "hello" } ] } } }'
 
 
 def run(*arguments: str, text: str = "") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "zacoustic.cli", *arguments],
+        [sys.executable, "-m", "zacoustic.app.cli", *arguments],
         input=text,
         capture_output=True,
         text=True,
@@ -96,7 +97,7 @@ def test_a_fault_of_the_program_is_not_hidden(raising: Callable[[BaseException],
     with pytest.raises(ZeroDivisionError):
         raising(ZeroDivisionError())
     with pytest.raises(ModuleNotFoundError):
-        raising(ModuleNotFoundError("gone", name="zacoustic.tools.gone"))
+        raising(ModuleNotFoundError("gone", name="zacoustic.app.tools.gone"))
 
 
 def test_an_unknown_verb_is_one_line_with_a_suggestion(capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,7 +121,7 @@ def test_wrong_arguments_are_one_line_and_exit_code_2(
 
 def test_help_lists_every_verb_and_starts_no_zenoh() -> None:
     program = (
-        "import sys; from zacoustic.cli import main; code = main(['--help']);"
+        "import sys; from zacoustic.app.cli import main; code = main(['--help']);"
         "print('zenoh' in sys.modules, 'rich' in sys.modules, file=sys.stderr); sys.exit(code)"
     )
     process = subprocess.run(
@@ -300,7 +301,7 @@ def test_a_reader_that_has_gone_is_no_error(tmp_path: Path) -> None:
     os.close(reading)
     try:
         process = subprocess.run(
-            [sys.executable, "-m", "zacoustic.cli", "check", str(config)],
+            [sys.executable, "-m", "zacoustic.app.cli", "check", str(config)],
             stdout=writing, stderr=subprocess.PIPE, text=True, check=False, timeout=60,
         )  # fmt: skip
     finally:

@@ -11,7 +11,7 @@ import pytest
 
 from tests.cli.watched import lines_of, pair, verb
 from tests.gateway.islands import LIMIT_S, cbor, hear, run, zenoh_router
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 
 
 def test_once_shows_what_holds(capsys: pytest.CaptureFixture[str]) -> None:
@@ -43,7 +43,7 @@ def test_json_goes_on_and_follows_the_gateway_until_it_is_gone() -> None:
         async with asyncio.timeout(LIMIT_S):
             async with pair() as found:
                 words = ["monitor", *found.where, "--json", "--interval", "0.05"]
-                command = [sys.executable, "-m", "zacoustic.cli", *words]
+                command = [sys.executable, "-m", "zacoustic.app.cli", *words]
                 process = await asyncio.create_subprocess_exec(*command, stdout=PIPE, stderr=PIPE)
                 assert process.stdout is not None
                 assert json.loads(await process.stdout.readline())["streams"][2]["heard"] == 0
@@ -62,7 +62,7 @@ def test_json_goes_on_and_follows_the_gateway_until_it_is_gone() -> None:
 
 def test_gateway_that_ends_is_said_to_be_gone() -> None:
     from tests.gateway.islands import Water, island
-    from zacoustic.tools.watch.watching import Watch
+    from zacoustic.app.tools.watch.watching import Watch
 
     async def scene() -> None:
         with zenoh_router() as port:
@@ -93,7 +93,7 @@ def test_live_view_draws_on_a_terminal_and_ends_on_ctrl_c() -> None:
             import pty
 
             ours, theirs = pty.openpty()
-            command = [sys.executable, "-m", "zacoustic.cli", "monitor", *found.where]
+            command = [sys.executable, "-m", "zacoustic.app.cli", "monitor", *found.where]
             environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
             process = await asyncio.create_subprocess_exec(
                 *command, stdin=theirs, stdout=theirs, stderr=PIPE, env=environment

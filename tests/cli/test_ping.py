@@ -8,9 +8,9 @@ import pytest
 from tests.cli.watched import WATCHED, lines_of, pair, verb
 from tests.gateway.islands import SECTION, get, run
 from tests.node.fleet import WaterServer
-from zacoustic.cli import main
-from zacoustic.island.pings import PingAnswer
-from zacoustic.tools.pinging import Ping, statistics_of
+from zacoustic.app.cli import main
+from zacoustic.app.tools.field.pinging import Ping, statistics_of
+from zacoustic.zenoh.session.asking.pings import PingAnswer
 
 ONCE = ["--count", "1"]
 

@@ -12,9 +12,9 @@ from tests.cli.watched import lines_of, pair, verb
 from tests.gateway.islands import LIMIT_S, hear, run
 from tests.node.fleet import SECTION, WaterServer
 from zacoustic import Node
-from zacoustic.cli import main
-from zacoustic.cli.progress import ProgressLine
-from zacoustic.tools.following import Step
+from zacoustic.app.cli import main
+from zacoustic.app.cli.progress import ProgressLine
+from zacoustic.app.tools.field.following import Step
 
 S2C = "evologics_s2c_18_34"
 PHOTO = random.Random("photo").randbytes(3000)

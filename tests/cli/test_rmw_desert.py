@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.core.rmw_desert.vectors import read_vectors
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.inspect.decode.decoder import FrameDecoder
 from zacoustic.config import read_config
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.tools.decode.decoder import FrameDecoder
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "09_rmw_desert.json5"
 VECTORS = {vector.name: vector for vector in read_vectors()}

@@ -8,13 +8,13 @@ from typing import Any
 import msgspec
 import pytest
 
+from zacoustic.app.cli import main
 from zacoustic.channel.blackout import BlackoutSpec
 from zacoustic.channel.faults import FaultSpec
 from zacoustic.channel.loss import LossSpec
 from zacoustic.channel.nodefaults import ClockSpec, CrashSpec, JournalSpec
 from zacoustic.channel.scenario import Scenario
 from zacoustic.channel.traffic import TrafficSpec
-from zacoustic.cli import main
 
 SCENARIO = """{ channel: "none",
   nodes: [ { address: 1, position: [0, 0, 10] }, { address: 2, position: [1500, 0, 10] } ],

@@ -6,11 +6,11 @@ import pytest
 
 from tests.cli.watched import WATCHED, lines_of, pair, verb
 from tests.gateway.islands import cbor, get, hear, run
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.core.base.trace import TraceRecord
-from zacoustic.gateway.chronicle import EVENTS_KEPT, TROUBLES_KEPT, Chronicle
-from zacoustic.gateway.notices import LinkChanged, RouterChanged
-from zacoustic.gateway.traffic import EXCHANGES_KEPT, Traffic
+from zacoustic.zenoh.gateway.notices import LinkChanged, RouterChanged
+from zacoustic.zenoh.gateway.status.chronicle import EVENTS_KEPT, TROUBLES_KEPT, Chronicle
+from zacoustic.zenoh.gateway.status.traffic import EXCHANGES_KEPT, Traffic
 
 
 def test_topics_tells_what_has_crossed_and_how_old_it_is(

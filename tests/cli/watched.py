@@ -19,7 +19,7 @@ from tests.gateway.islands import (
     matched,
     zenoh_config,
 )
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.gateway import Gateway
 from zacoustic_sim.link import SimConfig
 

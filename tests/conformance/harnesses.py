@@ -5,9 +5,8 @@ from typing import Final
 
 from tests.links.desert.desert_rig import DesertHarness
 from tests.links.evologics.driver.harness import HAS_TERMINALS, EvologicsHarness
-from zacoustic import registry
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.link import Link
+from zacoustic.link import Link, registry
 from zacoustic.testing.linkpair import LinkHarness
 from zacoustic.testing.proxy import StreamProxy
 from zacoustic_evologics.at.framing import Interpreter

@@ -2,7 +2,7 @@ import pytest
 
 from tests.conformance.harnesses import HARNESSES, conditions
 from tests.runtime.loop_checks import run
-from zacoustic import registry
+from zacoustic.link import registry
 from zacoustic.testing.conformance import CHECKS, Check
 
 CASES = [

@@ -23,8 +23,8 @@ from zacoustic.config import Config, config_from_mapping
 from zacoustic.core.clock import Clock
 from zacoustic.core.values.encoding import JSON
 from zacoustic.gateway import Gateway, Notice
-from zacoustic.hostclock import HostClock
-from zacoustic.journal import Journal
+from zacoustic.run.hostclock import HostClock
+from zacoustic.run.journal import Journal
 from zacoustic_sim.medium import Observation, SimMedium
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ import pytest
 
 from tests.gateway.islands import SECTION, Water, island, matched, run, until
 from zacoustic.errors import ConfigError
-from zacoustic.hostclock import ClockState, HostClock
+from zacoustic.run.hostclock import ClockState, HostClock
 
 
 def section(**access: Any) -> dict[str, Any]:

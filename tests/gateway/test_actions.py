@@ -26,7 +26,7 @@ from tests.gateway.islands import (
     zenoh_config,
 )
 from zacoustic.gateway import Gateway
-from zacoustic.island.marker import Marker, read_marker
+from zacoustic.zenoh.session.marker import Marker, read_marker
 
 GOAL_ID = bytes(range(16))
 OTHER_ID = bytes(range(16, 32))
@@ -204,7 +204,7 @@ def test_nobody_who_serves_is_said() -> None:
 
 
 def test_program_that_dies_leaves_an_unknown_end(monkeypatch: Any) -> None:
-    monkeypatch.setattr("zacoustic.gateway.actions.PROGRAM_PATIENCE_S", 0.2)
+    monkeypatch.setattr("zacoustic.zenoh.gateway.streams.actions.PROGRAM_PATIENCE_S", 0.2)
 
     async def main() -> None:
         async with two_islands() as (shore, program, _):

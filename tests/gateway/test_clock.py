@@ -8,9 +8,9 @@ import zenoh
 
 from tests.gateway.islands import SECTION, Water, island, run, until
 from tests.gateway.islands import get as ask
-from zacoustic.gateway.notices import ClockChanged
-from zacoustic.hostclock import ClockState, HostClock
-from zacoustic.tools.watch.board import Board
+from zacoustic.app.tools.watch.board import Board
+from zacoustic.run.hostclock import ClockState, HostClock
+from zacoustic.zenoh.gateway.notices import ClockChanged
 
 YEARS_NS = 50 * 365 * 86_400 * 10**9
 

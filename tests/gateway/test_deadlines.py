@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from tests.gateway.islands import SECTION, Island, Water, get, hear, island, run, until
-from zacoustic.gateway.notices import SampleLate
+from zacoustic.zenoh.gateway.notices import SampleLate
 
 STREAMS: list[dict[str, Any]] = [{"id": 12, "topic": "chat", "depth": 8, "deadline_s": 0.1}]
 TIMED: dict[str, Any] = SECTION | {"streams": STREAMS}

@@ -21,8 +21,9 @@ from tests.gateway.islands import (
     until,
     zenoh_router,
 )
-from zacoustic.gateway import Notice, onlookers
-from zacoustic.gateway.notices import PeerBack, PeerMissed, Subscribed
+from zacoustic.gateway import Notice
+from zacoustic.zenoh.gateway.notices import PeerBack, PeerMissed, Subscribed
+from zacoustic.zenoh.gateway.streams import onlookers
 
 N = TypeVar("N", bound=Notice)
 

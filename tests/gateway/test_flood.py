@@ -11,10 +11,10 @@ import zenoh
 
 from tests.gateway.islands import LIMIT_S, Water, hear, island, matched, run, zenoh_config
 from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
-from zacoustic.gateway.complaints import Complaints
-from zacoustic.gateway.lastvalues import LastValue, LastValues
-from zacoustic.gateway.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
-from zacoustic.island.doorbell import Doorbell
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
+from zacoustic.zenoh.gateway.dialect.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
+from zacoustic.zenoh.session.doorbell import Doorbell
 
 Count = Callable[[int], int]
 

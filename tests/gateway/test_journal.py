@@ -13,8 +13,8 @@ from tests.gateway.islands import Island, Water, config_of, free_port, get, run,
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import JournalChanged, JournalInDoubt, Started
-from zacoustic.journal import Journal, JournalState, SqliteJournal, journal_in
+from zacoustic.run.journal import Journal, JournalState, SqliteJournal, journal_in
+from zacoustic.zenoh.gateway.notices import JournalChanged, JournalInDoubt, Started
 
 
 def gateway(
@@ -76,7 +76,7 @@ def test_gateway_without_a_journal_says_what_a_restart_forgets() -> None:
 def test_gateway_goes_on_while_its_journal_cannot_be_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("zacoustic.journal.thread.FIRST_RETRY_S", 0.001)
+    monkeypatch.setattr("zacoustic.run.journal.thread.FIRST_RETRY_S", 0.001)
 
     class Failing(SqliteJournal):
         failures = 1_000_000

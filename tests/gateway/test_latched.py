@@ -27,10 +27,10 @@ from tests.gateway.rospair import SECTION as ROS_SECTION
 from tests.gateway.rospair import STRING
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.kept import KeptSamples
-from zacoustic.gateway.lastvalues import LastValue
-from zacoustic.island.marker import is_marked
-from zacoustic.journal import MemoryJournal
+from zacoustic.run.journal import MemoryJournal
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
+from zacoustic.zenoh.gateway.streams.kept import KeptSamples
+from zacoustic.zenoh.session.marker import is_marked
 
 SENSORS: Final = [{"name": "sensor", "values": ["ctd", "sonar"]}]
 STREAMS: Final[list[dict[str, Any]]] = [

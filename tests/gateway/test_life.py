@@ -23,8 +23,8 @@ from tests.gateway.islands import (
 )
 from zacoustic.errors import ConfigError, LinkOpenError, SessionError
 from zacoustic.gateway import Gateway, Notice
-from zacoustic.gateway.notices import RouterChanged, Started, Stopped
-from zacoustic.island.session import endpoints_of, mode_of
+from zacoustic.zenoh.gateway.notices import RouterChanged, Started, Stopped
+from zacoustic.zenoh.session.session import endpoints_of, mode_of
 
 
 def test_port_in_use_is_one_line_with_endpoint_and_advice() -> None:

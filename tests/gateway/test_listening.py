@@ -12,9 +12,9 @@ import zenoh
 from tests.gateway.islands import SECTION, Island, Water, config_of, free_port, run
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import Started
-from zacoustic.island.session import endpoints_of, listen_here
-from zacoustic.node.session import session_config
+from zacoustic.zenoh.gateway.notices import Started
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.session import endpoints_of, listen_here
 
 SILENT: Final = "{ mode: '%s', scouting: { multicast: { enabled: false } } }"
 

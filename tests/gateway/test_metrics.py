@@ -31,12 +31,12 @@ from tests.gateway.islands import (
     zenoh_config,
 )
 from tests.gateway.test_command import ended, open_water, running, start, write_file
+from zacoustic.app.tools.field.jsonlog import FIELDS, JsonFormatter
 from zacoustic.config import config_from_mapping
 from zacoustic.config.metrics import metrics_argument, parse_metrics
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import Started
-from zacoustic.tools.jsonlog import FIELDS, JsonFormatter
+from zacoustic.zenoh.gateway.notices import Started
 from zacoustic_sim.link import SimConfig
 
 Labels = tuple[tuple[str, str], ...]
@@ -139,7 +139,7 @@ def test_place_that_is_taken_ends_the_gateway_in_one_line() -> None:
 def test_absent_library_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scene() -> None:
         monkeypatch.setitem(sys.modules, "prometheus_client", None)
-        monkeypatch.delitem(sys.modules, "zacoustic.gateway.metrics", raising=False)
+        monkeypatch.delitem(sys.modules, "zacoustic.zenoh.gateway.status.metrics", raising=False)
         with pytest.raises(ConfigError, match=r"pip install 'zacoustic\[metrics\]'"):
             async with measured(Water(), 1):
                 pass

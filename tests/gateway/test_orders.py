@@ -22,8 +22,8 @@ from tests.gateway.islands import (
     until,
     zenoh_router,
 )
-from zacoustic.cli import main
-from zacoustic.gateway.notices import SiblingsChanged, SilenceKept, TopicTuned
+from zacoustic.app.cli import main
+from zacoustic.zenoh.gateway.notices import SiblingsChanged, SilenceKept, TopicTuned
 
 NOT_OF_SHORE = SECTION | {"orders_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"

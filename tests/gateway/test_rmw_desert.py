@@ -27,7 +27,7 @@ from tests.links.desert.test_rmw_desert import Vehicle
 from zacoustic.config import config_from_mapping
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.gateway import Gateway, Marker, read_marker
-from zacoustic.gateway.notices import EntityHeard, LinkChanged
+from zacoustic.zenoh.gateway.notices import EntityHeard, LinkChanged
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 

@@ -8,8 +8,8 @@ import zenoh
 from tests.gateway.islands import LIMIT_S, UNRELATED, Water, cbor, fence, get, island, run
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.gateway import Marker, read_marker
-from zacoustic.island.queries import QueryDesk
-from zacoustic.island.worker import Worker
+from zacoustic.zenoh.session.asking.queries import QueryDesk
+from zacoustic.zenoh.session.worker import Worker
 
 Serve = Callable[[zenoh.Query], None]
 

@@ -27,8 +27,8 @@ from tests.gateway.islands import (
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import SessionError
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import SiblingsChanged, Started
-from zacoustic.gateway.siblings import RETIRED_S, Siblings
+from zacoustic.zenoh.gateway.notices import SiblingsChanged, Started
+from zacoustic.zenoh.gateway.siblings import RETIRED_S, Siblings
 
 
 class Fleet:

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from tests.gateway.islands import SECTION, Water, free_port, get, island, run, until
-from zacoustic.cli import main
-from zacoustic.gateway.notices import SilenceKept
+from zacoustic.app.cli import main
+from zacoustic.zenoh.gateway.notices import SilenceKept
 
 
 async def verb(*arguments: str) -> int:

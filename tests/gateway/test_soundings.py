@@ -28,8 +28,8 @@ from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import RangingFailed
-from zacoustic.gateway.soundings import Soundings
+from zacoustic.zenoh.gateway.notices import RangingFailed
+from zacoustic.zenoh.gateway.status.soundings import Soundings
 from zacoustic_sim.link import SimConfig, SimLink
 
 ASKS = SimConfig(acknowledges=True)

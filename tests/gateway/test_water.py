@@ -5,7 +5,7 @@ from contextlib import AsyncExitStack
 from typing import Any
 
 from tests.gateway.islands import SECTION, Water, get, hear, island, matched, run
-from zacoustic.gateway.water import KEPT
+from zacoustic.zenoh.gateway.status.water import KEPT
 
 TOPIC: dict[str, Any] = {"id": 31, "topic": "photo", "publishers": [1], "subscribers": [2],
                          "reliability": "reliable", "depth": 4}  # fmt: skip

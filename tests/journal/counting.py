@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 
 NUMBER_KEY: Final = "number"
 STEPS_KEPT: Final = 3

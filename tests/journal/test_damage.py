@@ -17,9 +17,9 @@ from typing import Final
 
 import pytest
 
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.core.base.journal import DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
-from zacoustic.journal import JournalState, SqliteJournal
+from zacoustic.run.journal import JournalState, SqliteJournal
 
 ADDRESS: Final = 2
 NAME: Final = "node-2.sqlite"
@@ -234,7 +234,7 @@ def test_doubt_is_told_to_each_life_until_it_is_deleted(tmp_path: Path) -> None:
 LIFE: Final = """
 import resource, sys
 from zacoustic.core.base.journal import JournalWrite
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
 resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))
 journal = SqliteJournal(sys.argv[1], 2)

@@ -1,7 +1,7 @@
 from zacoustic.core.base.qos import Forward, Qos
 from zacoustic.core.streams.specs import ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.journal.forgotten import forgotten
+from zacoustic.run.journal.forgotten import forgotten
 
 SPECS: list[StreamSpec] = [
     TopicSpec(stream_id=1, name="nav"),

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from tests.journal.counting import number_in
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 
 ROOT: Final = Path(__file__).parents[2]
 LONGEST_LIFE_S: Final = 0.06

@@ -14,7 +14,7 @@ from typing import Final
 import pytest
 
 from tests.journal.counting import number_in, step
-from zacoustic.journal import SqliteJournal
+from zacoustic.run.journal import SqliteJournal
 
 ADDRESS: Final = 2
 SECTOR_BYTES: Final = 512

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from zacoustic.core.base.journal import EPOCH_KEY, LIFE_KEY, JournalWrite
 from zacoustic.errors import ConfigError
-from zacoustic.journal import EPOCHS, MemoryJournal, SqliteJournal, journal_in
+from zacoustic.run.journal import EPOCHS, MemoryJournal, SqliteJournal, journal_in
 
 ADDRESS: Final = 2
 

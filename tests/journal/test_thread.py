@@ -9,8 +9,8 @@ import pytest
 from tests.runtime.loop_checks import run, until
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
-from zacoustic.journal import JournalState, thread
-from zacoustic.journal.thread import JournalThread, recover, release
+from zacoustic.run.journal import JournalState, thread
+from zacoustic.run.journal.thread import JournalThread, recover, release
 
 
 class FailingJournal:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from tests.runtime.loop_checks import run
-from zacoustic import registry
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link import registry
 from zacoustic.testing.linkpair import Side
 
 SCENARIO = """

@@ -5,10 +5,10 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from tests.runtime.loop_checks import run, until
-from zacoustic import registry
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.linktypes import LinkState
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link import registry
 from zacoustic.testing.linkpair import RecordingReceiver, Side
 from zacoustic_sim import server as server_module
 from zacoustic_sim.link import SimLink

@@ -14,7 +14,7 @@ from tests.runtime.loop_checks import run
 from zacoustic import Config, DeliveryOutcome, Node, Order, OrderKind
 from zacoustic.blocking import Node as BlockingNode
 from zacoustic.config import config_from_mapping
-from zacoustic.node.onlink import CLOSE_LINGER_S
+from zacoustic.zenoh.node.onlink.onlink import CLOSE_LINGER_S
 
 S2C = "evologics_s2c_18_34"
 # Slow enough that no answer is late for want of processor time: it would fall under a repetition.

@@ -29,7 +29,7 @@ from zacoustic import (
 from zacoustic.config import config_from_mapping
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.core.engine.events import DeliveryEnded, JournalStateChanged
-from zacoustic.journal import MemoryJournal
+from zacoustic.run.journal import MemoryJournal
 
 RELIABLE = {"reliability": "reliable", "publishers": [1], "subscribers": [2]}
 

@@ -25,9 +25,10 @@ def test_import_zacoustic_starts_neither_zenoh_nor_serial_nor_asyncio() -> None:
 
 def test_the_node_of_a_link_imports_no_zenoh() -> None:
     loaded = modules_after(
-        "from zacoustic import Node, Qos, Bounds, blocking\nimport zacoustic.node.onlink"
+        "from zacoustic import Node, Qos, Bounds, blocking\n"
+        "import zacoustic.zenoh.node.onlink.onlink"
     )
-    assert "zacoustic.node.onlink" in loaded
+    assert "zacoustic.zenoh.node.onlink.onlink" in loaded
     assert not {"zenoh", "serial"} & loaded
 
 

@@ -9,7 +9,7 @@ from tests.node.fleet import SECTION, config, water
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, Node
 from zacoustic.core.engine.events import PeerSeen
-from zacoustic.journal import Journal, SqliteJournal
+from zacoustic.run.journal import Journal, SqliteJournal
 from zacoustic_sim.medium import SimMedium
 
 

@@ -21,7 +21,7 @@ from zacoustic import (
     UnknownStreamError,
     ZacousticError,
 )
-from zacoustic.node import session
+from zacoustic.zenoh.node.onzenoh import session
 
 FILE = """{ mode: "router", listen: { endpoints: ["tcp/127.0.0.1:7447"] },
   plugins: { acoustic: { %s

@@ -41,7 +41,7 @@ from zacoustic import (
 )
 from zacoustic.core.engine.events import LinkStateChanged
 from zacoustic.core.linktypes import LinkState
-from zacoustic.island.session import CALLBACKS_LIMIT_S
+from zacoustic.zenoh.session.session import CALLBACKS_LIMIT_S
 
 LIMIT_S = 10.0
 

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from tests.pages.blocks import ROOT, files_of
-from zacoustic.cli import parse
+from zacoustic.app.cli import parse
 
 FILES: Final = files_of("docs/deploy.md")
 UNIT: Final = FILES["/etc/systemd/system/zacoustic.service"]

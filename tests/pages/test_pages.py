@@ -13,9 +13,9 @@ import pytest
 
 from tests.pages.blocks import PAGES, ROOT, Block, blocks_of, commands_of
 from tests.pages.walk import LIMIT_S, Walk
-from zacoustic.cli import BUILT_IN, parse
+from zacoustic.app.cli import BUILT_IN, parse
+from zacoustic.app.tools.design.reference import json_schema
 from zacoustic.json5 import parse_json5
-from zacoustic.tools.reference import json_schema
 
 _LINK: Final = re.compile(r"\]\(((?!http)[^)#]+)\)")
 _VERB: Final = re.compile(r"`zacoustic ([a-z]+)")
@@ -92,7 +92,7 @@ def test_the_plan_that_a_page_shows_does_not_fit_and_says_why(tmp_path: Path) ->
     command = ["plan", "water.json5", "--hours", "0.5"]
     with Walk("docs/plan.md", tmp_path):
         process = subprocess.run(
-            [sys.executable, "-m", "zacoustic.cli", *command],
+            [sys.executable, "-m", "zacoustic.app.cli", *command],
             cwd=tmp_path,
             capture_output=True,
             text=True,

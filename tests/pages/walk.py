@@ -26,7 +26,7 @@ from typing import Final
 
 from tests.gateway.islands import zenoh_router
 from tests.pages.blocks import ROOT, blocks_of, files_of, steps_of
-from zacoustic.tools.demo.islands import free_ports
+from zacoustic.app.tools.demo.islands import free_ports
 
 LIMIT_S: Final = 90.0
 SERVING: Final = ("gateway", "medium", "emulate", "dashboard", "monitor", "record")
@@ -193,7 +193,7 @@ def _serves(words: list[str]) -> bool:
 def _program(words: list[str]) -> list[str]:
     match words:
         case ["zacoustic", *rest]:
-            return [sys.executable, "-m", "zacoustic.cli", *rest]
+            return [sys.executable, "-m", "zacoustic.app.cli", *rest]
         case ["python", *rest]:
             return [sys.executable, *rest]
         case _:

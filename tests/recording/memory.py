@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.recording.channels import Channel
-from zacoustic.recording.reading import ReadMessage
-from zacoustic.recording.recorder import EngineRecorder
+from zacoustic.run.recording.channels import Channel
+from zacoustic.run.recording.reading import ReadMessage
+from zacoustic.run.recording.recorder import EngineRecorder
 from zacoustic.testing.virtual import VirtualNetwork
 
 BEGAN_NS = 1_767_225_600 * NS_PER_S

@@ -8,9 +8,9 @@ import pytest
 
 from tests.gateway.islands import free_port, zenoh_router
 from tests.recording.memory import BEGAN_NS
-from zacoustic.cli import main
-from zacoustic.recording.channels import SENT, FrameRecord, frames_channel
-from zacoustic.recording.writing import RecordingFile
+from zacoustic.app.cli import main
+from zacoustic.run.recording.channels import SENT, FrameRecord, frames_channel
+from zacoustic.run.recording.writing import RecordingFile
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> str:

@@ -16,6 +16,8 @@ from tests.virtual.callstory import CallStory
 from tests.virtual.fleet import line
 from tests.virtual.goalstory import GoalStory
 from tests.virtual.orderstory import OrderStory
+from zacoustic.app.tools.design.sim.recorder import recorded_to
+from zacoustic.app.tools.inspect.recordings.checking import Verdict, check_messages
 from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import CALLS
@@ -23,12 +25,10 @@ from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.recording.reading import ReadMessage
-from zacoustic.recording.recorder import EngineRecorder
+from zacoustic.run.recording.reading import ReadMessage
+from zacoustic.run.recording.recorder import EngineRecorder
 from zacoustic.testing.stories import random_story, tell
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.recordings.checking import Verdict, check_messages
-from zacoustic.tools.sim.recorder import recorded_to
 
 
 def checked(recorder: EngineRecorder, sink: MemorySink) -> Verdict:
@@ -194,7 +194,7 @@ def test_another_process_finds_the_same(tmp_path: Path) -> None:
                                  build=recorder.make)  # fmt: skip
         recorder.network = network
         run_survey(network, until_s=1300)
-    command = [sys.executable, "-m", "zacoustic.cli", "replay", str(path), "--check", "--json"]
+    command = [sys.executable, "-m", "zacoustic.app.cli", "replay", str(path), "--check", "--json"]
     found = subprocess.run(command, capture_output=True, check=False, timeout=120)
     assert found.returncode == 0, found.stderr
     said = msgspec.json.decode(found.stdout)

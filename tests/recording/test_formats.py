@@ -14,15 +14,15 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tests.recording.memory import recorded
 from tests.recording.test_exact import run_survey, survey
 from tests.virtual.fleet import line
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.sim.recorder import recorded_to
 from zacoustic.config import config_from_mapping
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
-from zacoustic.recording.schemas import as_json, schema_of_type
+from zacoustic.run.recording.schemas import as_json, schema_of_type
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.sim.recorder import recorded_to
 
 Row = tuple[Schema | None, Channel, Message]
 
@@ -195,7 +195,7 @@ def test_frames_of_a_recording_are_said_in_words(
 
 
 def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
-    from zacoustic.tools.recordings.frames import FrameReader
+    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
 
     recorder, sink = recorded()
     network = VirtualNetwork(line(0, 800, 1500), survey(), build=recorder.make)
@@ -213,8 +213,8 @@ def test_dense_strings_and_objects_are_said_in_words(tmp_path: Path) -> None:
 
 
 def test_modems_without_addresses_and_check_are_opened(tmp_path: Path) -> None:
+    from zacoustic.app.tools.inspect.recordings.frames import FrameReader
     from zacoustic.testing.virtual import Modem
-    from zacoustic.tools.recordings.frames import FrameReader
 
     table = StreamTable([TopicSpec(stream_id=1, name="a", qos=Qos(depth=9))])
     modem = Modem(addressed=False, checked=False, framed=False)

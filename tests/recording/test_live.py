@@ -17,12 +17,12 @@ from tests.gateway.islands import run as run_islands
 from tests.node.fleet import water
 from tests.runtime.loop_checks import run
 from zacoustic import ConfigError, Node
+from zacoustic.app.tools.inspect.recordings.checking import check_recording
 from zacoustic.gateway import Gateway
-from zacoustic.gateway.notices import NotRecorded, Started
-from zacoustic.recording.channels import events_channel
-from zacoustic.recording.reading import RecordingReader
-from zacoustic.recording.writing import RecordingFile
-from zacoustic.tools.recordings.checking import check_recording
+from zacoustic.run.recording.channels import events_channel
+from zacoustic.run.recording.reading import RecordingReader
+from zacoustic.run.recording.writing import RecordingFile
+from zacoustic.zenoh.gateway.notices import NotRecorded, Started
 
 
 def values(path: Path, ending: str) -> list[Any]:
@@ -138,7 +138,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda path: _Usage(1 << 30, 1 << 30, 1 << 20))
-    monkeypatch.setattr("zacoustic.recording.writing.FLUSH_S", 0.01)
+    monkeypatch.setattr("zacoustic.run.recording.writing.FLUSH_S", 0.01)
 
     async def main() -> None:
         sea = Water()
@@ -166,7 +166,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
 def test_what_finds_the_queue_full_is_dropped_counted_and_said(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("zacoustic.recording.writing.QUEUE_BYTES", 1000)
+    monkeypatch.setattr("zacoustic.run.recording.writing.QUEUE_BYTES", 1000)
     file = RecordingFile(tmp_path / "a.mcap")
     channel = events_channel(1)
     with file._changed, caplog.at_level(logging.WARNING):  # the writer cannot take anything
@@ -208,8 +208,8 @@ def test_a_file_that_nobody_has_finished_is_read_as_far_as_it_goes(tmp_path: Pat
 
 _WRITER = """
 import sys
-from zacoustic.recording import writing
-from zacoustic.recording.channels import events_channel
+from zacoustic.run.recording import writing
+from zacoustic.run.recording.channels import events_channel
 writing.FLUSH_S = 0.02
 file = writing.RecordingFile(sys.argv[1], waits=True)
 number = 0

@@ -25,15 +25,15 @@ from tests.gateway.islands import (
     zenoh_config,
     zenoh_router,
 )
+from zacoustic.app.tools.inspect.recordings.frames import decode_recording
+from zacoustic.app.tools.inspect.recordings.playing import Played, play
+from zacoustic.app.tools.inspect.recordings.zenohrecord import RecordedKeys, record_network
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError
-from zacoustic.island.marker import read_marker
-from zacoustic.recording.reading import ReadMessage, RecordingReader
 from zacoustic.ros.attachment import Attachment
 from zacoustic.ros.streams import RosTopic
-from zacoustic.tools.recordings.frames import decode_recording
-from zacoustic.tools.recordings.playing import Played, play
-from zacoustic.tools.recordings.zenohrecord import RecordedKeys, record_network
+from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.zenoh.session.marker import read_marker
 
 CONFIG = config_from_mapping(SECTION, source="test")
 
@@ -282,7 +282,7 @@ def test_topics_of_ros_are_recorded_and_put_under_their_own_keys(tmp_path: Path)
 @pytest.fixture
 def trial(tmp_path: Path) -> Path:
     from tests.recording.test_formats import FLEET, WATER
-    from zacoustic.cli import main
+    from zacoustic.app.cli import main
 
     (tmp_path / "water.json5").write_text(WATER, encoding="utf-8")
     (tmp_path / "fleet.json5").write_text(FLEET, encoding="utf-8")

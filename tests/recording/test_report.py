@@ -12,18 +12,18 @@ from tests.recording.memory import recorded
 from tests.recording.test_exact import measure, run_survey, survey
 from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.sim.recorder import recorded_to
+from zacoustic.app.tools.design.sim.simulation import simulate
+from zacoustic.app.tools.inspect.recordings.facts import Facts
+from zacoustic.app.tools.inspect.recordings.figures import Figures, figures_of
+from zacoustic.app.tools.inspect.recordings.gathering import add_messages, gather
+from zacoustic.app.tools.inspect.recordings.measuredwater import measure_water
+from zacoustic.app.tools.inspect.recordings.plots import plots_of
+from zacoustic.app.tools.inspect.recordings.reporttext import as_text
+from zacoustic.app.tools.inspect.recordings.spread import spread_of
 from zacoustic.core.linktypes import LinkMetrics
 from zacoustic.testing.virtual import Modem, VirtualNetwork
-from zacoustic.tools.recordings.facts import Facts
-from zacoustic.tools.recordings.figures import Figures, figures_of
-from zacoustic.tools.recordings.gathering import add_messages, gather
-from zacoustic.tools.recordings.measuredwater import measure_water
-from zacoustic.tools.recordings.plots import plots_of
-from zacoustic.tools.recordings.reporttext import as_text
-from zacoustic.tools.recordings.spread import spread_of
-from zacoustic.tools.sim.recorder import recorded_to
-from zacoustic.tools.sim.simulation import simulate
 
 
 @pytest.fixture
@@ -224,7 +224,7 @@ def test_the_page_needs_nothing_from_elsewhere(
 
 
 def test_names_from_a_recording_are_text_on_the_page(tmp_path: Path) -> None:
-    from zacoustic.tools.recordings.page import as_page
+    from zacoustic.app.tools.inspect.recordings.page import as_page
 
     figures = Figures(
         files=[], began_utc_ns=0, duration_s=1, utilisation=0, streams=[], nodes=[], links=[],

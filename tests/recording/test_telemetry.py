@@ -8,11 +8,11 @@ import pytest
 
 from tests.recording.test_exact import survey
 from tests.virtual.fleet import line
-from zacoustic.recording.channels import value_channel
-from zacoustic.recording.writing import RecordingFile
+from zacoustic.app.tools.design.sim.recorder import recorded_to
+from zacoustic.app.tools.design.telemetry.recording import Recordings, read_recordings
+from zacoustic.run.recording.channels import value_channel
+from zacoustic.run.recording.writing import RecordingFile
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.sim.recorder import recorded_to
-from zacoustic.tools.telemetry.recording import Recordings, read_recordings
 
 
 def read(path: Path) -> Recordings:

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from tests.recording.test_formats import FLEET, WATER
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.sim.recorder import recorded_to
+from zacoustic.app.tools.inspect.recordings.otherwise import replay_through
 from zacoustic.testing.stories import random_story, tell
-from zacoustic.tools.recordings.otherwise import replay_through
-from zacoustic.tools.sim.recorder import recorded_to
 
 
 @pytest.fixture

@@ -13,20 +13,20 @@ from tests.recording.memory import MemorySink, recorded
 from tests.recording.test_exact import run_survey, survey
 from tests.recording.test_formats import FLEET, WATER
 from tests.virtual.fleet import line
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.sim.recorder import SimulationRecorder, recorded_to
+from zacoustic.app.tools.design.sim.simulation import simulate
+from zacoustic.app.tools.inspect.recordings.changes import Wanted, what_if
+from zacoustic.app.tools.inspect.recordings.facts import Facts
+from zacoustic.app.tools.inspect.recordings.figures import Figures, StreamFigures
+from zacoustic.app.tools.inspect.recordings.gathering import add_messages
+from zacoustic.app.tools.inspect.recordings.measuredwater import measure_water, with_loss
+from zacoustic.app.tools.inspect.recordings.whatif import Change, Trial, configured
 from zacoustic.core.engine.events import Event, GoalStatus
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.news import GoalReceived
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.tools.recordings.changes import Wanted, what_if
-from zacoustic.tools.recordings.facts import Facts
-from zacoustic.tools.recordings.figures import Figures, StreamFigures
-from zacoustic.tools.recordings.gathering import add_messages
-from zacoustic.tools.recordings.measuredwater import measure_water, with_loss
-from zacoustic.tools.recordings.whatif import Change, Trial, configured
-from zacoustic.tools.sim.recorder import SimulationRecorder, recorded_to
-from zacoustic.tools.sim.simulation import simulate
 
 
 @pytest.fixture
@@ -164,9 +164,9 @@ def test_one_end_alone_stands_for_what_arrived_from_the_other(tmp_path: Path) ->
 
 def only(source: Path, target: Path, *, node: int) -> None:
     """Write what one node has recorded."""
-    from zacoustic.recording.channels import Channel
-    from zacoustic.recording.reading import RecordingReader
-    from zacoustic.recording.writing import RecordingFile
+    from zacoustic.run.recording.channels import Channel
+    from zacoustic.run.recording.reading import RecordingReader
+    from zacoustic.run.recording.writing import RecordingFile
 
     file = RecordingFile(target, waits=True)
     for each in RecordingReader(source):

@@ -10,9 +10,9 @@ import pytest
 
 from tests.runtime.loop_checks import run, until
 from zacoustic.bytestream import ByteStream, ByteStreamState
-from zacoustic.bytestream.connection import WRITE_LIMIT_BYTES
-from zacoustic.bytestream.tcp import TcpConnection
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link.bytestream.connection import WRITE_LIMIT_BYTES
+from zacoustic.link.bytestream.tcp import TcpConnection
 
 
 class Listener:

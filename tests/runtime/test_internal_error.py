@@ -36,11 +36,11 @@ from zacoustic.core.peers.ranging import RangeFailed
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.news import GoalAnswered, GoalFailed, GoalRecovered
-from zacoustic.journal import MemoryJournal
 from zacoustic.link import Link, LinkConfig, LinkReceiver
-from zacoustic.replacement.faults import FREE, REPORT
-from zacoustic.replacement.intact import Intact
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.journal import MemoryJournal
+from zacoustic.run.replacement.faults import FREE, REPORT
+from zacoustic.run.replacement.intact import Intact
+from zacoustic.run.runner import LinkRunner
 
 E = TypeVar("E")
 
@@ -403,7 +403,7 @@ def test_node_starts_whatever_of_its_journal_cannot_be_read() -> None:
 def test_engine_that_cannot_be_made_for_a_while_is_made_then(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("zacoustic.replacement.replacement.FIRST_PAUSE_S", 0.0)
+    monkeypatch.setattr("zacoustic.run.replacement.replacement.FIRST_PAUSE_S", 0.0)
 
     async def main(bench: Bench) -> None:
         kept = await stored(bench, b"kept")

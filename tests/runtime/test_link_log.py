@@ -8,7 +8,7 @@ import pytest
 from tests.runtime.loop_checks import run
 from tests.runtime.test_runtime import ScriptedEngine, ScriptedLink
 from zacoustic.core.linktypes import LinkState
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.runner import LinkRunner
 
 
 def test_warnings_are_one_for_each_thing_that_is_waited_for(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from zacoustic import registry
 from zacoustic.errors import ConfigError, LinkUnavailableError
+from zacoustic.link import registry
 from zacoustic_sim.link import SimLink
 
 MODULE = """

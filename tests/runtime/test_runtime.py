@@ -24,10 +24,10 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LinkClosedError, LinkOpenError, LocalError
-from zacoustic.inbox import SUBMIT_LIMIT
-from zacoustic.journal import EPOCHS, JournalState, MemoryJournal
 from zacoustic.link import Link, LinkConfig, LinkReceiver
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.inbox import SUBMIT_LIMIT
+from zacoustic.run.journal import EPOCHS, JournalState, MemoryJournal
+from zacoustic.run.runner import LinkRunner
 from zacoustic_sim.medium import SimMedium
 
 CAPABILITIES = LinkCapabilities(mtu_bytes=64, bit_rate_bps=1e6)
@@ -440,7 +440,7 @@ def test_close_waits_for_the_commit_that_is_under_way() -> None:
 def test_commit_that_fails_is_told_to_the_engine_and_tried_again(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("zacoustic.journal.thread.FIRST_RETRY_S", 0.001)
+    monkeypatch.setattr("zacoustic.run.journal.thread.FIRST_RETRY_S", 0.001)
 
     async def main() -> None:
         engine, journal = ScriptedEngine(), RecordingJournal()

@@ -6,8 +6,8 @@ from typing import Any
 from tests.runtime.loop_checks import run
 from tests.runtime.test_runtime import ScriptedEngine, ScriptedLink
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.hostclock import ClockState, HostClock
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.hostclock import ClockState, HostClock
+from zacoustic.run.runner import LinkRunner
 
 YEARS = 10**18
 

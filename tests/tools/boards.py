@@ -3,8 +3,8 @@
 import json
 from typing import Any, Final
 
-from zacoustic.tools.watch.board import Board
-from zacoustic.tools.watch.views import GatewayView
+from zacoustic.app.tools.watch.board import Board
+from zacoustic.app.tools.watch.views import GatewayView
 
 NOW_S: Final = 1000.0
 

@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.tools.plan.report import plan
-from zacoustic.tools.sim.simulation import simulate
+from zacoustic.app.tools.design.plan.report import plan
+from zacoustic.app.tools.design.sim.simulation import simulate
 
 ALLOWED: Final = 0.05
 """How far the planned utilisation may be from the measured one, relatively."""

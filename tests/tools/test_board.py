@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from zacoustic.tools.watch.board import WINDOW_S, Board
+from zacoustic.app.tools.watch.board import WINDOW_S, Board
 
 LINK = {"state": "up", "frames_transmitted": 1, "airtime_s": 6.0}
 NAV = {"id": 10, "name": "nav", "kind": "topic", "sent_at_unix_s": 990.0, "sent_period_s": 2.0,

@@ -10,19 +10,19 @@ import pytest
 pytest.importorskip("nicegui")
 
 from tests.tools.boards import NOW_S, full_board, full_view, put
-from zacoustic.errors import SessionError
-from zacoustic.tools.truth import Alarm
-from zacoustic.tools.watch.drawing import (
+from zacoustic.app.tools.pages.truth import Alarm
+from zacoustic.app.tools.watch.drawing import (
     cause_bars,
     event_lines,
     figure,
     load_chart,
     transfer_bars,
 )
-from zacoustic.tools.watch.history import SPAN_S, STEP_S, History, Point
-from zacoustic.tools.watch.lookout import Lookout
-from zacoustic.tools.watch.page import Page, frame_rows, peer_row, stream_row
-from zacoustic.tools.watch.words import alarm_of, troubled_first
+from zacoustic.app.tools.watch.history import SPAN_S, STEP_S, History, Point
+from zacoustic.app.tools.watch.lookout import Lookout
+from zacoustic.app.tools.watch.page import Page, frame_rows, peer_row, stream_row
+from zacoustic.app.tools.watch.words import alarm_of, troubled_first
+from zacoustic.errors import SessionError
 
 
 def lookout(node: int | None = None) -> Lookout:
@@ -94,7 +94,7 @@ def test_lookout_says_that_there_is_no_router_and_tries_again(
                 twice.set()
             raise SessionError("no Zenoh router at tcp/h:1")
 
-        monkeypatch.setattr("zacoustic.tools.watch.lookout.RETRY_S", 0.0)
+        monkeypatch.setattr("zacoustic.app.tools.watch.lookout.RETRY_S", 0.0)
         shown = Lookout(make, "tcp/h:1")
         task = asyncio.create_task(shown.run())
         await twice.wait()

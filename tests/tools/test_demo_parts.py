@@ -10,13 +10,20 @@ from typing import Any
 
 import pytest
 
+from zacoustic.app.tools.demo.children import Child, ChildDiedError
+from zacoustic.app.tools.demo.islands import (
+    NAMES,
+    SHORE,
+    VEHICLE,
+    demo_text,
+    free_ports,
+    write_islands,
+)
+from zacoustic.app.tools.demo.logbook import Logbook
+from zacoustic.app.tools.demo.verdict import as_text, summary_of
+from zacoustic.app.tools.demo.views import JsonView, LinesView, View
 from zacoustic.config import read_config
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.tools.demo.children import Child, ChildDiedError
-from zacoustic.tools.demo.islands import NAMES, SHORE, VEHICLE, demo_text, free_ports, write_islands
-from zacoustic.tools.demo.logbook import Logbook
-from zacoustic.tools.demo.verdict import as_text, summary_of
-from zacoustic.tools.demo.views import JsonView, LinesView, View
 
 NAV = {"count": 0, "lat": 43.1, "lon": 5.9, "depth": 12.34, "heading": 0.0}
 
@@ -196,7 +203,7 @@ def test_views_write_a_line_for_each_note_and_the_summary_last(
 
 def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook) -> None:
     rich_console = pytest.importorskip("rich.console")
-    from zacoustic.tools.demo.live import LiveView
+    from zacoustic.app.tools.demo.live import LiveView
 
     console = rich_console.Console(width=120, height=40, force_terminal=True, record=True)
     drawn = io.BytesIO()
@@ -216,7 +223,7 @@ def test_the_live_view_draws_and_saves_its_picture(logbook: Logbook) -> None:
 
 def test_the_live_view_shows_its_table_on_a_terminal_of_80_by_24(logbook: Logbook) -> None:
     rich_console = pytest.importorskip("rich.console")
-    from zacoustic.tools.demo.live import LiveView
+    from zacoustic.app.tools.demo.live import LiveView
 
     screen = io.StringIO()
     console = rich_console.Console(

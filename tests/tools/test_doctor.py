@@ -31,12 +31,12 @@ from tests.tools.ward import (
     unprivileged,
     write,
 )
-from zacoustic import registry
+from zacoustic.app.cli import main
+from zacoustic.app.tools.field.doctor.host import check_clock, kernel_synchronised
 from zacoustic.bytestream import ByteStream
-from zacoustic.cli import main
 from zacoustic.config import read_config
+from zacoustic.link import registry
 from zacoustic.testing.linkpair import RecordingReceiver
-from zacoustic.tools.doctor.host import check_clock, kernel_synchronised
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 from zacoustic_desert.standin import Observer, StandIn, StandInConfig

@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.first.inference import NoTypeError, infer_type
+from zacoustic.app.tools.design.first.survey import SeenTopic, Survey
+from zacoustic.app.tools.design.first.writing import write_config
 from zacoustic.channel.scenario import NodeSpec, Scenario
-from zacoustic.cli import main
 from zacoustic.config import Config
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.values.encoding import decode_application
 from zacoustic.errors import ConfigError
 from zacoustic.testing import VirtualNetwork
-from zacoustic.tools.first.inference import NoTypeError, infer_type
-from zacoustic.tools.first.survey import SeenTopic, Survey
-from zacoustic.tools.first.writing import write_config
 
 
 def seen(key: str, *payloads: bytes, encoding: str = "zenoh/bytes", rate: float = 1.0) -> SeenTopic:

@@ -11,11 +11,11 @@ import pytest
 
 from tests.pages.blocks import files_of
 from tests.tools.planned import ALLOWED, CASES, HOURS, Case, compare
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.plan.fleet import Water
+from zacoustic.app.tools.design.plan.report import plan, transmit_power_w
 from zacoustic.channel.profiles import PROFILES
-from zacoustic.cli import main
 from zacoustic.errors import ConfigError
-from zacoustic.tools.plan.fleet import Water
-from zacoustic.tools.plan.report import plan, transmit_power_w
 
 _SHORT_ALLOWED = 0.15
 

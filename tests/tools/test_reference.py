@@ -10,17 +10,17 @@ import jsonschema
 import msgspec
 import pytest
 
-from zacoustic.cli import main
+from zacoustic.app.cli import main
+from zacoustic.app.tools.design.reference import json_schema, table_named, tables
 from zacoustic.config import config_from_mapping, read_config
 from zacoustic.config.sections import RECORDS, ActionEntry, ServiceEntry, TopicEntry
 from zacoustic.core.schedule.access.spec import METHODS
 from zacoustic.errors import ConfigError
 from zacoustic.json5 import read_json5
-from zacoustic.tools.reference import json_schema, table_named, tables
 
 ROOT: Final = Path(__file__).parents[2]
 FILES: Final = [
-    ROOT / "zacoustic/tools/demo/fleet.json5",
+    ROOT / "zacoustic/app/tools/demo/fleet.json5",
     ROOT / "examples/04_fleet.json5",
     ROOT / "examples/07_reliable.json5",
     ROOT / "examples/08_fleet.json5",

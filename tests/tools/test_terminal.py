@@ -9,8 +9,8 @@ pytest.importorskip("rich")
 from rich.console import Console
 
 from tests.tools.boards import DOCUMENTS, full_view
-from zacoustic.tools.watch.terminal import Terminal, picture, waiting_picture
-from zacoustic.tools.watch.words import rate_words, size_words, state_words, time_words
+from zacoustic.app.tools.watch.terminal import Terminal, picture, waiting_picture
+from zacoustic.app.tools.watch.words import rate_words, size_words, state_words, time_words
 
 
 def drawn(

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from zacoustic.tools.visitors import Gatekeeper, Visitors, own_names
+from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
 
 
 def ask(*, has_left: bool, begins: bool = False) -> None:

@@ -18,7 +18,7 @@ from typing import Any, Final
 import msgspec
 
 from tests.gateway.islands import Island, config_of, free_port, zenoh_config, zenoh_settings
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
 from zacoustic.link import Link

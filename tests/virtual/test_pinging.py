@@ -7,7 +7,7 @@ import pytest
 
 from tests.virtual.fleet import line
 from tests.virtual.test_ranging import MODEM, table
-from zacoustic.cli.ping import MOST_BYTES, MOST_FRAMES
+from zacoustic.app.cli.ping import MOST_BYTES, MOST_FRAMES
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, ResponseReceived
@@ -19,7 +19,7 @@ PINGS = 5
 
 
 class Pinger:
-    """Asks as `zacoustic.gateway.pings` does."""
+    """Asks as `zacoustic.zenoh.gateway.commands.pings` does."""
 
     def __init__(self, seed: int) -> None:
         self.sent: list[TraceRecord] = []

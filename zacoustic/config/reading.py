@@ -12,6 +12,7 @@ from zacoustic.config.access import read_access
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.complaints import Place, unknown_key
 from zacoustic.config.contact import read_contact
+from zacoustic.config.json5 import read_zenoh_config
 from zacoustic.config.later import check_word
 from zacoustic.config.metrics import read_metrics
 from zacoustic.config.model import check_model, read_model
@@ -44,9 +45,8 @@ from zacoustic.core.values.types import (
     struct_from_type,
     type_from_struct,
 )
-from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
-from zacoustic.json5 import read_zenoh_config
+from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:  # importing it costs its shared library; a node without Zenoh does not need it
     import zenoh

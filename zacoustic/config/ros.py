@@ -17,7 +17,6 @@ from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.types import TypeSpec
-from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.ros.interfaces import Interfaces, has_header
 from zacoustic.ros.names import check_namespace, is_interface, stream_name
@@ -29,6 +28,7 @@ from zacoustic.ros.streams import (
     ros_action,
     ros_service,
 )
+from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:  # they need rosbags, which a file without ROS does not
     from zacoustic.ros.mapping import TypeMapper

@@ -18,8 +18,8 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
+from zacoustic.text.digits import whole_number
 
 NO_HASH: Final = "TypeHashNotSupported"
 """What Humble has in place of a hash."""

@@ -13,7 +13,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.digits import whole_number
+from zacoustic.text.digits import whole_number
 
 DEFAULT_DEPTH: Final = 42
 """The depth of which nothing is said."""

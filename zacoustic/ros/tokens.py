@@ -18,9 +18,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.digits import whole_number
 from zacoustic.errors import ConfigError
 from zacoustic.ros.qos import RosQos, read_qos
+from zacoustic.text.digits import whole_number
 
 PREFIX: Final = "@ros2_lv"
 """First chunk of all tokens; no wildcard of an application matches it."""

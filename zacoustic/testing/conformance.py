@@ -8,8 +8,8 @@ emulator or two modems in a bucket, and the means to disturb them. Then, with py
         asyncio.run(check(MyHarness()))
 
 The water of a harness is quiet and loses nothing: a lost frame fails a check. What a check finds
-wrong is an `AssertionError` that says which rule of `zacoustic.link` is broken. All waits have a
-limit, derived from what the link says of itself.
+wrong is an `AssertionError` that says which rule of `zacoustic.link.contract` is broken. All waits
+have a limit, derived from what the link says of itself.
 """
 
 import asyncio

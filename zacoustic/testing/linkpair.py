@@ -21,7 +21,7 @@ from zacoustic.core.base.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.link import Link
+from zacoustic.link.contract import Link
 
 ON_AIR: Final = frozenset(
     {TransmitOutcome.SENT, TransmitOutcome.DELIVERED, TransmitOutcome.NOT_DELIVERED}

@@ -33,8 +33,8 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.safetext import json_line, one_line
-from zacoustic.serving import LineWriter, parse_place, stopped_by_signals
+from zacoustic.link.serving import LineWriter, parse_place, stopped_by_signals
+from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
     from zacoustic.channel.scenario import Scenario

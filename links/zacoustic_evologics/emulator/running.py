@@ -11,7 +11,7 @@ from typing import Protocol
 
 from zacoustic.channel.position import Position
 from zacoustic.core.clock import Clock
-from zacoustic.serving import ScaledClock
+from zacoustic.link.serving import ScaledClock
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.emulator.fleet import EmulatedFleet
 from zacoustic_evologics.emulator.station import ModemDown, ModemUp, PortBytes, PortClosed

@@ -19,7 +19,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.errors import LinkOpenError
-from zacoustic.serving import cannot_listen, place_name
+from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic_evologics.emulator.running import RunningFleet
 
 BACKLOG_LIMIT_BYTES: Final = 1_048_576

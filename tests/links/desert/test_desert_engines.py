@@ -12,8 +12,8 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.journal import MemoryJournal
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.journal import MemoryJournal
+from zacoustic.run.runner import LinkRunner
 from zacoustic_desert.config import DesertConfig
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer

@@ -159,7 +159,7 @@ def test_connection_that_takes_no_bytes_is_given_up(monkeypatch: pytest.MonkeyPa
     async def body(server: StandInServer) -> None:
         near = side(server, 0)
         await near.open()
-        monkeypatch.setattr("zacoustic.bytestream.tcp.WRITE_LIMIT_BYTES", 3)
+        monkeypatch.setattr("zacoustic.link.bytestream.tcp.WRITE_LIMIT_BYTES", 3)
         report = await near.report(near.transmit(b"four"))
         assert report.outcome is TransmitOutcome.ABORTED
         assert "takes no more bytes" in report.detail

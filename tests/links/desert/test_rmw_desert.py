@@ -14,7 +14,7 @@ from tests.links.desert.desert_rig import config, serve, standin
 from tests.runtime.loop_checks import until
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, RequestReceived, ResponseReceived, SampleReceived
-from zacoustic.runtime import LinkRunner
+from zacoustic.run.runner import LinkRunner
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 

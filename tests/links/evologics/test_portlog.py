@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from zacoustic.cli import main
+from zacoustic.app.cli import main
 from zacoustic.link import Link, LoggedFrame
 from zacoustic_evologics import EvologicsLink
 

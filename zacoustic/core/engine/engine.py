@@ -11,7 +11,7 @@ Contract for whoever drives an engine (the runtime, the virtual network, a test)
 - After a transmission `poll_transmit` returns None until `handle_transmit_report` has been called.
 - A journal write from `poll_journal` is answered by `handle_journal_committed` when it is safe.
 - Inputs from the water never raise; any exception from them is a bug, and another engine goes on
-  from the journal then (`zacoustic.replacement`). Commands raise `LocalError`s.
+  from the journal then (`zacoustic.run.replacement`). Commands raise `LocalError`s.
 
 Who does what::
 

@@ -1,0 +1,1 @@
+"""The program `zacoustic`: its verbs, and what they do."""

@@ -1,0 +1,297 @@
+"""The command line: one file for each verb, one exit code for each kind of outcome.
+
+`main` finds the verb, parses its arguments, runs it, and turns every expected error into one line
+on standard error and an exit code (`zacoustic.link.command`)::
+
+    0  it did what it was asked        2  arguments or a file are wrong; nothing was tried
+    1  it tried and failed             3  no answer in the time that the user gave
+    130  interrupted
+
+Our own verbs are modules of this package that define `<Verb>Command`; those of link packages come
+from the entry-point group `zacoustic.commands`, where `emulate.desert` is the sub-verb `desert` of
+`emulate`, a verb that several packages may share. A verb is imported when it is called or listed,
+and imports what is heavy when it runs, so that `zacoustic --help` starts no Zenoh.
+
+What a verb does is in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or `zacoustic.zenoh.node`;
+the files here read arguments and print results.
+"""
+
+import argparse
+import contextlib
+import difflib
+import importlib
+import logging
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, NoReturn
+
+from zacoustic.app.cli.atwork import AT_WORK
+from zacoustic.app.cli.printing import print_note, print_text
+from zacoustic.app.cli.streams import UNREAD, flush_output
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.link.command import (
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_OK,
+    EXIT_TIMED_OUT,
+    EXIT_USAGE,
+    Command,
+    CommandGroup,
+    add_command,
+)
+from zacoustic.text.safetext import one_line, some_lines, without_secrets
+
+BUILT_IN: Final = (
+    "demo", "gateway", "check", "plan", "doctor", "links", "pub", "sub", "call", "action", "ping",
+    "topics", "monitor", "dashboard", "silence", "resume", "stream", "journal", "decode", "sim",
+    "record", "replay", "report", "init", "schema", "fit", "bench", "completion",
+)  # fmt: skip
+"""Our verbs, in the order of the help."""
+
+_PACKAGES: Final = {
+    "matplotlib": "'zacoustic[report]'", "mcap": "'zacoustic[recording]'",
+    "nicegui": "'zacoustic[console]'", "prometheus_client": "'zacoustic[metrics]'",
+    "rich": "'zacoustic[terminal]'", "rosbags": "'zacoustic[ros]'", "serial": "pyserial",
+    "shtab": "'zacoustic[completion]'", "xxhash": "'zacoustic[ros]'", "zenoh": "eclipse-zenoh",
+}  # fmt: skip
+"""What to install for a module that may be absent, where that has another name."""
+
+_EXAMPLE: Final = """example:
+  zacoustic demo                     two islands joined through simulated water
+  zacoustic gateway router.json5     join the Zenoh network here to the others
+  zacoustic VERB --help              arguments and an example of each verb
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: The arguments without the program's name; None: the process's.
+
+    Returns:
+        The exit code.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    program = "zacoustic"
+    try:
+        program = " ".join([program, *_path(arguments)])
+        code = _run(program, arguments)
+    except KeyboardInterrupt:
+        code = EXIT_INTERRUPTED
+    failure = flush_output()
+    if failure and code in (EXIT_OK, EXIT_FAILED):
+        return EXIT_FAILED if code or failure == UNREAD else _complain(program, failure)
+    return code
+
+
+def _run(program: str, arguments: Sequence[str]) -> int:
+    """Run a verb; its errors are one line on standard error, and an exit code."""
+    try:
+        verb, parsed = parse(arguments)
+        _start_logging(verbose=parsed.verbose)
+        if not verb.prints_late:
+            return verb.run(parsed)
+        with AT_WORK.begin(program):
+            return verb.run(parsed)
+    except SystemExit as end:  # argparse, after it has printed help, version or complaint
+        return end.code if isinstance(end.code, int) else EXIT_USAGE
+    except ModuleNotFoundError as error:
+        if (error.name or "zacoustic").startswith("zacoustic"):
+            raise
+        return _complain(program, absent_module(error.name or ""))
+    except ConfigError as error:
+        return _complain(program, error, EXIT_USAGE)
+    except TimeoutError as error:
+        return _complain(program, str(error) or "no answer in time", EXIT_TIMED_OUT)
+    except ZacousticError as error:
+        return _complain(program, error)
+    except BrokenPipeError:
+        return EXIT_FAILED
+    except OSError as error:  # such as a full disk
+        place = f"{error.filename}: " if error.filename else ""
+        return _complain(program, f"{place}{error.strerror or error}")
+
+
+def absent_module(name: str) -> str:
+    """Return the message for a missing module."""
+    package = _PACKAGES.get(name.partition(".")[0], name)
+    return f"needs {name}, which is not installed (pip install {package})"
+
+
+def parse(arguments: Sequence[str]) -> tuple[Command, argparse.Namespace]:
+    """Find the verb that is called, and read its arguments.
+
+    Args:
+        arguments: Those of the process, without the name of the program.
+
+    Raises:
+        SystemExit: Argparse has printed help, the version, or a complaint.
+        ConfigError: There is no such verb, or it has no such argument.
+        ZacousticError: It is there and cannot be imported.
+    """
+    path = _path(arguments)
+    verbs = _verbs(path)
+    # Argparse would complain about what is left over in the name of the whole program.
+    parsed, strangers = _parser(verbs).parse_known_args(arguments)
+    if strangers:
+        program = " ".join(["zacoustic", *path])
+        raise ConfigError(
+            f"unrecognized arguments: {' '.join(strangers)}", hint=f"see {program} --help"
+        )
+    return verbs[parsed.verb], parsed
+
+
+def complete_parser() -> argparse.ArgumentParser:
+    """Return a parser with all verbs and all sub-verbs; those that cannot be imported stay out."""
+    from zacoustic.link import registry
+
+    verbs: dict[str, Command] = {name: _built_in(name) for name in BUILT_IN}
+    usable = {
+        name: command
+        for name, command in registry.commands().items()
+        if not isinstance(command, registry.UnavailableCommand)
+    }
+    for name in sorted({name.partition(".")[0] for name in usable}):
+        below = _sub_verbs(name, usable)
+        members = {sub_verb: usable[full] for sub_verb, full in below.items()}
+        verbs[name] = CommandGroup(name, members, tuple(below)) if below else usable[name]
+    return _parser(verbs)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that complains in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the complaint and exit."""
+        self.exit(EXIT_USAGE, f"{one_line(f'{self.prog}: {message} (see {self.prog} --help)')}\n")
+
+
+class _Version(argparse.Action):
+    """Prints the installed version; looks it up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib import metadata
+
+        print_text(f"zacoustic {metadata.version('zacoustic')}")
+        parser.exit()
+
+
+def _path(arguments: Sequence[str]) -> Sequence[str]:
+    """The words that name the call: a verb, a verb and its sub-verb, or none for the list."""
+    words = [word for word in arguments if not word.startswith("-")]
+    if not words or words[0] in BUILT_IN:
+        return words[:1]
+    from zacoustic.link import registry
+
+    return words[: 2 if _sub_verbs(words[0], registry.commands()) else 1]
+
+
+def _verbs(path: Sequence[str]) -> Mapping[str, Command]:
+    """The verb that is called, or all of them for the list; of the others none is imported.
+
+    Raises:
+        ConfigError: There is no such verb.
+        ZacousticError: It is there and cannot be imported.
+    """
+    if path and path[0] in BUILT_IN:
+        return {path[0]: _built_in(path[0])}
+    from zacoustic.link import registry
+
+    installed = registry.commands()
+    names = sorted({name.partition(".")[0] for name in installed})
+    if not path:
+        listed = {name: _listed(name, installed) for name in names}
+        return {**listed, **{name: _built_in(name) for name in BUILT_IN}}
+    verb, *sub_verb = path
+    _must_be_one_of([*BUILT_IN, *names], verb)
+    sub_verbs = _sub_verbs(verb, installed)
+    if not sub_verbs:
+        return {verb: _usable(installed[verb])}
+    members = {name: installed[full] for name, full in sub_verbs.items() if not sub_verb}
+    for name in sub_verb:
+        _must_be_one_of(list(sub_verbs), name)
+        members[name] = _usable(installed[sub_verbs[name]])
+    return {verb: CommandGroup(verb, members, tuple(sub_verbs))}
+
+
+def _sub_verbs(verb: str, installed: Iterable[str]) -> dict[str, str]:
+    """Names of the sub-verbs of a verb, with the names they are installed under."""
+    head = f"{verb}."
+    return {name.removeprefix(head): name for name in installed if name.startswith(head)}
+
+
+def _listed(verb: str, installed: Mapping[str, Command]) -> Command:
+    """An installed verb for the list; sub-verbs are not imported for that."""
+    sub_verbs = _sub_verbs(verb, installed)
+    return CommandGroup(verb, {}, tuple(sub_verbs)) if sub_verbs else installed[verb]
+
+
+def _usable(command: Command) -> Command:
+    from zacoustic.link import registry
+
+    if isinstance(command, registry.UnavailableCommand):
+        raise command.error
+    return command
+
+
+def _must_be_one_of(known: Sequence[str], called: str) -> None:
+    if called not in known:
+        close = difflib.get_close_matches(called, known, 1)
+        hint = f'did you mean "{close[0]}"?' if close else "zacoustic --help explains them"
+        raise ConfigError(f"no such verb; there are: {', '.join(known)}", hint=hint)
+
+
+def _built_in(name: str) -> Command:
+    module = importlib.import_module(f"{__name__}.{name}")
+    command_type: type[Command] = getattr(module, f"{name.capitalize()}Command")
+    return command_type()
+
+
+def _parser(verbs: Mapping[str, Command]) -> Parser:
+    parser = Parser(
+        prog="zacoustic",
+        description="Zenoh over sound: joins islands of Zenoh through acoustic modems.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="say on standard error what goes on"
+    )
+    choices = parser.add_subparsers(dest="verb", metavar="VERB", required=True, parser_class=Parser)
+    for name, verb in sorted(verbs.items(), key=_order):
+        add_command(choices, name, verb)
+    return parser
+
+
+def _order(item: tuple[str, Command]) -> tuple[int, str]:
+    """Our verbs in their order, then those of link packages by name."""
+    name = item[0]
+    return (BUILT_IN.index(name) if name in BUILT_IN else len(BUILT_IN), name)
+
+
+def _start_logging(*, verbose: bool) -> None:
+    # Standard error always: with --json, standard output carries JSON only.
+    logging.raiseExceptions = False  # a full disk under standard error is no reason to fail
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(_Formatter("zacoustic: %(message)s"))
+    logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler])
+
+
+class _Formatter(logging.Formatter):
+    """One line for any message; a traceback stands below in its own lines."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 (of the base)
+        return one_line(without_secrets(super().formatMessage(record)))
+
+    def formatException(self, ei: Any) -> str:  # noqa: ANN401, N802 (of the base)
+        return some_lines(without_secrets(super().formatException(ei)))
+
+
+def _complain(program: str, error: object, code: int = EXIT_FAILED) -> int:
+    """Print any message as one line."""
+    with contextlib.suppress(OSError):
+        print_note(f"{program}: {' '.join(str(error).split())}")
+    return code

@@ -1,0 +1,33 @@
+"""Text in columns, for a terminal or a log: no frames, no colours, no width limit."""
+
+from collections.abc import Sequence
+
+from zacoustic.text.safetext import one_line
+
+
+def align(
+    header: Sequence[str], rows: Sequence[Sequence[str]], *, right: Sequence[str] = ()
+) -> str:
+    """Set a table in columns that are as wide as they must be.
+
+    Args:
+        header: Name of each column.
+        rows: As many cells each as the header; each is made safe to show in one line.
+        right: Names of the columns that are set flush right, as numbers are.
+
+    Returns:
+        Lines without trailing blanks, joined by line ends; the header is the first.
+    """
+    lines = [header, *([one_line(cell) for cell in row] for row in rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    return "\n".join(_line(header, line, widths, right) for line in lines)
+
+
+def _line(
+    header: Sequence[str], cells: Sequence[str], widths: Sequence[int], right: Sequence[str]
+) -> str:
+    aligned = (
+        cell.rjust(width) if name in right else cell.ljust(width)
+        for name, cell, width in zip(header, cells, widths, strict=True)
+    )
+    return "  ".join(aligned).rstrip()

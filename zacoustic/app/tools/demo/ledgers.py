@@ -1,0 +1,119 @@
+"""The health reports of the gateways: that they are ready, and what they sent.
+
+This is a plain Zenoh client of each router, as any tool of a user can be one. Zenoh calls
+back on its own threads; everything is handed to the loop.
+
+A gateway answers for its documents when its link is up and all that is to cross is declared; its
+liveliness token is there before, and says only that its address is taken. What is put in between
+nobody has subscribed to: it would be lost, on a modem that takes a second to start in particular.
+"""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable, Iterable
+
+import zenoh
+
+from zacoustic.app.tools.demo.islands import Island
+from zacoustic.errors import SessionError
+
+TookLedger = Callable[[int, dict[int, int]], None]
+"""``(address, bytes by stream id)``: takes the ledger of a gateway, on the loop."""
+
+_ATTEMPTS = 15
+_ATTEMPT_MS = 1000
+_GET_LIMIT_S = 2.0
+
+
+class LedgerListener:
+    """Listens to the gateways of the demo.
+
+    Args:
+        islands: The local networks with their routers.
+        took: Takes each ledger.
+    """
+
+    def __init__(self, islands: Iterable[Island], took: TookLedger) -> None:
+        self._islands = tuple(islands)
+        self._took = took
+        self._loop = asyncio.get_running_loop()
+        self._sessions: dict[int, zenoh.Session] = {}
+        self._queriers: dict[int, zenoh.Querier] = {}
+        self._is_closed = False
+        self._answering = {island.address: asyncio.Event() for island in self._islands}
+
+    async def open(self) -> None:
+        """Connect to all networks; return when all gateways carry their streams.
+
+        Raises:
+            SessionError: A router does not answer.
+        """
+        for island in self._islands:
+            await asyncio.to_thread(self._open, island)
+        for event in self._answering.values():
+            await event.wait()
+
+    async def refresh(self) -> None:
+        """Ask each gateway for its ledger once more."""
+        for address, querier in self._queriers.items():
+            for text in await asyncio.to_thread(_ask, querier):
+                self._take(address, text)
+
+    async def close(self) -> None:
+        """Disconnect; may be repeated."""
+        self._is_closed = True
+        self._queriers.clear()
+        while self._sessions:
+            _, session = self._sessions.popitem()
+            with contextlib.suppress(zenoh.ZError):
+                await asyncio.to_thread(session.close)
+
+    def _open(self, island: Island) -> None:
+        config = zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([island.endpoint]))
+        config.insert_json5("connect/timeout_ms", str(_ATTEMPT_MS))
+        config.insert_json5("scouting/multicast/enabled", "false")
+        session = self._connect(config)
+        if session is None:
+            raise SessionError(
+                f"the router of the {island.name} island does not answer at {island.endpoint}"
+            )
+        address = island.address
+        self._sessions[address] = session
+
+        def hear(sample: zenoh.Sample) -> None:
+            self._hand_over(self._take, address, sample.payload.to_string())
+
+        def see(status: zenoh.MatchingStatus) -> None:
+            if status.matching:
+                self._hand_over(self._answering[address].set)
+
+        session.declare_subscriber(f"@acoustic/{address}/ledger", hear)
+        querier = session.declare_querier(f"@acoustic/{address}/ledger", timeout=_GET_LIMIT_S)
+        self._queriers[address] = querier
+        querier.declare_matching_listener(see)
+
+    def _connect(self, config: zenoh.Config) -> zenoh.Session | None:
+        """Try for a while; not any more when it was closed meanwhile: the process waits for it."""
+        for _ in range(_ATTEMPTS):
+            if self._is_closed:
+                break
+            with contextlib.suppress(zenoh.ZError):
+                return zenoh.open(config)
+        return None
+
+    def _hand_over(self, action: Callable[..., None], *arguments: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            self._loop.call_soon_threadsafe(action, *arguments)
+
+    def _take(self, address: int, text: str) -> None:
+        by_stream: dict[int, int] = {}
+        for entry in json.loads(text)["entries"]:
+            by_stream[entry["id"]] = by_stream.get(entry["id"], 0) + entry["bytes"]
+        self._took(address, by_stream)
+
+
+def _ask(querier: zenoh.Querier) -> list[str]:
+    return [reply.ok.payload.to_string() for reply in querier.get() if reply.ok is not None]

@@ -1,0 +1,221 @@
+"""What has happened in the demo: written from its processes' lines, read by views and verdict.
+
+Two kinds of facts meet here. The clients report what they gave to Zenoh and what Zenoh gave them:
+that is what a user sees. The medium reports its frames (`waters` has its language): that
+is what it cost. All of them stamp with the machine's monotonic clock, so their instants can be
+compared.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE
+from zacoustic.app.tools.demo.lanes import Lane, Lanes
+from zacoustic.app.tools.demo.notes import AnyNote, Arrived, Crossed, Emitted, Sent, Started
+from zacoustic.core.base.stats import NO_STREAM
+from zacoustic.core.streams.table import StreamTable
+
+# A client has a sample at once when its frame has arrived, on a machine that is not too busy.
+_TOGETHER_S: Final = 0.4
+
+
+class Frame:
+    """One frame that is or was on the channel."""
+
+    def __init__(
+        self,
+        source: int,
+        sequence: int,
+        *,
+        frame_bytes: int,
+        airtime_s: float,
+        sound_s: float,
+        began_at: float,
+    ) -> None:
+        self.source = source
+        self.sequence = sequence
+        self.frame_bytes = frame_bytes
+        self.airtime_s = airtime_s
+        """How long the channel is taken for it, s."""
+        self.sound_s = sound_s
+        """How long it sounds, s."""
+        self.began_at = began_at
+        """Instant of the first sound, s, monotonic."""
+        self.outcome: str | None = None
+        """Its outcome at the other side; None: still under way."""
+        self.carried: list[Crossed] = []
+        """What reached a client out of it."""
+
+    @property
+    def target(self) -> int:
+        """Address of the other side."""
+        return VEHICLE if self.source == SHORE else SHORE
+
+
+class Logbook:
+    """Everything that is known.
+
+    Args:
+        table: The streams.
+        clock: The monotonic clock of the machine, s.
+        propagation_s: Propagation delay between the two sides, s.
+    """
+
+    def __init__(
+        self, table: StreamTable, clock: Callable[[], float], *, propagation_s: float
+    ) -> None:
+        self.lanes = Lanes(table)
+        self.propagation_s = propagation_s
+        self.frames: list[Frame] = []
+        self.waiting: Counter[int] = Counter()
+        """Frames that a modem has taken and not begun to send, by address, if it reports them."""
+        self.overhead_bytes: dict[int, int] = {}
+        """Bytes that belong to no stream (HELLO and its kin), by address of the gateway."""
+        self.began_at: float | None = None
+        """Instant of the clients' start, s, monotonic."""
+        self.ready: set[str] = set()
+        """Children that are ready."""
+        self.done: set[str] = set()
+        """Clients that have nothing more to do."""
+        self._clock = clock
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time since the clients' start, s; 0 before."""
+        return 0.0 if self.began_at is None else self._clock() - self.began_at
+
+    @property
+    def airtime_s(self) -> float:
+        """Airtime of all frames so far, s."""
+        return sum(frame.airtime_s for frame in self.frames)
+
+    @property
+    def transmitted_bytes(self) -> int:
+        """Bytes on the channel so far, of all frames."""
+        return sum(frame.frame_bytes for frame in self.frames)
+
+    @property
+    def ledger_bytes(self) -> int:
+        """Bytes that the gateways have handed to their modems, by their ledgers."""
+        lanes = sum(lane.transmitted_bytes or 0 for lane in self.lanes)
+        return lanes + sum(self.overhead_bytes.values())
+
+    @property
+    def has_all_crossed(self) -> bool:
+        """Both clients are done, and nothing is missing."""
+        return {"vehicle", "console"} <= self.done and not any(lane.missing for lane in self.lanes)
+
+    def lost_frames(self, source: int | None = None) -> int:
+        """How many frames were lost, of one side or of all."""
+        return sum(
+            frame.outcome not in (None, "received")
+            for frame in self.frames
+            if source in (None, frame.source)
+        )
+
+    def in_the_water(self) -> list[Frame]:
+        """Frames that have not reached their end yet."""
+        return [frame for frame in self.frames if frame.outcome is None]
+
+    def take(self, child: str, told: Mapping[str, Any]) -> list[AnyNote]:
+        """Take an object of a child; return the notes to print."""
+        event = told.get("event")
+        if event in ("ready", "listening"):
+            self.ready.add(child)
+            return [Started(at_s=self.elapsed_s, child=child)]
+        if event == "done":
+            self.done.add(child)
+            return []
+        if child in ("vehicle", "console"):
+            return self._hear_client(child, str(event), told)
+        return self._hear_water(str(event), told)
+
+    def take_ledger(self, address: int, bytes_by_stream: Mapping[int, int]) -> None:
+        """Take in the airtime ledger of a gateway: bytes given to its link, by stream."""
+        self.overhead_bytes[address] = bytes_by_stream.get(NO_STREAM, 0)
+        for lane in self.lanes:
+            if lane.source == address:
+                lane.transmitted_bytes = bytes_by_stream.get(lane.stream_id, 0)
+
+    def _hear_water(self, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+        if event == "waiting":
+            self.waiting[told["source"]] += 1
+        if event == "emission":
+            frame = Frame(
+                told["source"], told["sequence"], frame_bytes=told["frame_bytes"],
+                airtime_s=told["airtime_s"], sound_s=told.get("sound_s", told["airtime_s"]),
+                began_at=self._clock(),
+            )  # fmt: skip
+            self.waiting[frame.source] = max(0, self.waiting[frame.source] - 1)
+            self.frames.append(frame)
+            return [
+                Emitted(
+                    at_s=self.elapsed_s, source=frame.source, frame_bytes=frame.frame_bytes,
+                    airtime_s=frame.airtime_s,
+                )
+            ]  # fmt: skip
+        if event == "reception":
+            for frame in reversed(self.frames):
+                if (frame.source, frame.sequence) == (told["source"], told["sequence"]):
+                    frame.outcome = told["outcome"]
+                    return [
+                        Arrived(
+                            at_s=self.elapsed_s, source=frame.source, target=told["node"],
+                            frame_bytes=frame.frame_bytes, outcome=told["outcome"],
+                            propagation_s=told["propagation_s"],
+                        )
+                    ]  # fmt: skip
+        return []
+
+    def _hear_client(self, child: str, event: str, told: Mapping[str, Any]) -> list[AnyNote]:
+        own = VEHICLE if child == "vehicle" else SHORE
+        other = SHORE if own == VEHICLE else VEHICLE
+        key, at, value = told["key"], told["at"], told["value"]
+        if event == "put":
+            return [self._sent(self.lanes.of_key(key, own), told["count"], at, value)]
+        if event == "received":
+            return [self._crossed(self.lanes.of_key(key, other), told["count"], at, value)]
+        request, response = self.lanes.of_call(key, "request"), self.lanes.of_call(key, "response")
+        if event == "call":
+            return [self._sent(request, told["count"], at, value)]
+        if event == "served":
+            # The server does not know the number of the call; it serves them in their order.
+            count = request.next_unreceived()
+            notes: list[AnyNote] = [self._crossed(request, count, at, value)]
+            return [*notes, self._sent(response, count, at, told["answer"])]
+        if event in ("answer", "refusal"):
+            return [self._crossed(response, told["count"], at, value)]
+        return []
+
+    def _sent(self, lane: Lane, count: int, at: float, value: object) -> Sent:
+        lane.send(count, at, value)
+        return Sent(
+            at_s=self._since_go(at), stream=lane.name, source=lane.source, count=count, value=value
+        )
+
+    def _crossed(self, lane: Lane, count: int, at: float, value: object) -> Crossed:
+        note = Crossed(
+            at_s=self._since_go(at), stream=lane.name, source=lane.source, count=count,
+            delay_s=lane.receive(count, at, value), value=value,
+        )  # fmt: skip
+        frame = self._frame_of(lane.source, at)
+        if frame is not None:
+            frame.carried.append(note)
+        return note
+
+    def _frame_of(self, source: int, at: float) -> Frame | None:
+        """The frame that carried what a client received at an instant."""
+        for frame in reversed(self.frames):
+            arrives_at = frame.began_at + frame.sound_s + self.propagation_s
+            if frame.source == source and abs(at - arrives_at) < _TOGETHER_S:
+                return frame
+        return None
+
+    def _since_go(self, at: float) -> float:
+        return 0.0 if self.began_at is None else at - self.began_at
+
+
+def island_name(address: int) -> str:
+    """Name of a side, for people."""
+    return NAMES.get(address, str(address))

@@ -1,0 +1,200 @@
+"""The channel of the demo: for each link the process that stands for it.
+
+It knows three things: the verb that serves it, the locator of each gateway's modem,
+and the meaning of the process's lines. The lines of `zacoustic medium --json` are the
+common language; another one translates its own into them::
+
+    listening                                       every modem is there
+    waiting     source                              a frame waits for its turn
+    emission    source sequence frame_bytes         a frame is in the water
+                airtime_s [sound_s]
+    reception   source sequence node outcome        what became of it at the other island
+                propagation_s
+
+One more class in `WATERS` is one more `zacoustic demo --link`.
+"""
+
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, Final, TypeAlias
+
+from zacoustic.app.tools.demo.islands import NAMES, SHORE, VEHICLE, demo_text, write_water
+
+Told: TypeAlias = Mapping[str, Any]
+"""A line of a process."""
+
+_ANY_PORT: Final = "127.0.0.1:0"
+
+
+class Water(ABC):
+    """The process between the two sides, for one run."""
+
+    child: ClassVar[str]
+    """What people call the process."""
+    title: ClassVar[str]
+    """What stands above the live view."""
+    propagation_s: float
+    """Propagation delay between the two sides, s."""
+
+    def __init__(self) -> None:
+        self.locators: dict[int, str] = {}
+        """The modem of each island by its address; complete when `take` has returned that the
+        water is listening."""
+
+    @abstractmethod
+    def verb(self, folder: Path) -> tuple[str, ...]:
+        """The words behind `zacoustic` that serve it; what files they need is put into a folder."""
+
+    @abstractmethod
+    def take(self, told: Told) -> Told | None:
+        """Translate a line of the process; None: of no interest."""
+
+
+class SimWater(Water):
+    """The simulator's medium with the scenario of the demo."""
+
+    child = "medium"
+    title = "zacoustic: two Zenoh islands, 1000 m of water, EvoLogics S2C 18/34"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.propagation_s = _scenario_propagation_s()
+
+    def verb(self, folder: Path) -> tuple[str, ...]:
+        """The medium server."""
+        return ("medium", str(write_water(folder)), "--listen", _ANY_PORT, "--json")
+
+    def take(self, told: Told) -> Told:
+        """Take a line as it is."""
+        if told.get("event") == "listening":
+            self.locators = dict.fromkeys(NAMES, f"sim/{told['address']}")
+        return told
+
+
+class EvologicsWater(Water):
+    """Emulated S2C modems on TCP ports, on the channel of the simulator's scenario.
+
+    What modems send by themselves carries no frame, and is not shown.
+    """
+
+    child = "modems"
+    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on TCP ports"
+    places: ClassVar[tuple[str, ...]] = ("--listen", _ANY_PORT)
+    """Arguments that say where the modems are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.propagation_s = _scenario_propagation_s()
+
+    def verb(self, folder: Path) -> tuple[str, ...]:
+        """The emulator."""
+        scenario = str(write_water(folder))
+        return ("emulate", "evologics", "--scenario", scenario, *self.places, "--json")
+
+    def take(self, told: Told) -> Told | None:
+        """Take a line as it is, if it is about a frame; the places one by one."""
+        match told.get("event"):
+            case "listening":
+                self.locators[told["address"]] = f"evologics/{told['locator']}"
+                return told if self.locators.keys() == NAMES.keys() else None
+            case "emission" if not told["frame_bytes"]:
+                return None
+            case _:
+                return told
+
+
+class EvologicsSerialWater(EvologicsWater):
+    """The same modems on pseudo-terminals, which a serial port's driver opens."""
+
+    title = "zacoustic: two Zenoh islands, 1000 m of water, emulated S2C modems on serial lines"
+    places = ("--pty",)
+
+
+class DesertWater(Water):
+    """The stand-in for DESERT Underwater, with its sample script: two nodes 500 m apart.
+
+    Its packets have no names, but they arrive in their order: each node has one other to hear. A
+    frame costs what the link's capabilities say, the listening before it included; its sound is
+    but the last part of that.
+    """
+
+    child = "DESERT"
+    title = "zacoustic: two Zenoh islands, DESERT Underwater (a stand-in), 500 m of water"
+    propagation_s = 500.0 / 1500.0
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._emissions: Counter[int] = Counter()
+        self._receptions: Counter[int] = Counter()
+
+    def verb(self, folder: Path) -> tuple[str, ...]:
+        """The stand-in; it needs no file."""
+        nodes = str(len(NAMES))
+        return ("emulate", "desert", "--modems", nodes, "--listen", _ANY_PORT, "--json")
+
+    def take(self, told: Told) -> Told | None:
+        """Translate a line of the stand-in."""
+        from zacoustic.link import registry
+
+        match told.get("event"):
+            case "listening":
+                places = zip(NAMES, told["addresses"], strict=True)
+                self.locators = {address: f"desert/{place}" for address, place in places}
+                link = registry.create(self.locators[SHORE], SHORE)
+                self._capabilities = link.capabilities
+                return {"event": "listening"}
+            case "read":
+                return {"event": "waiting", "source": _address(told)}
+            case "sent":
+                return self._emission(_address(told), told["size_bytes"])
+            case "delivered" | "lost" | "discarded":
+                return self._reception(_address(told), told)
+            case _:
+                return None
+
+    def _emission(self, source: int, frame_bytes: int) -> Told:
+        sequence = self._emissions[source]
+        self._emissions[source] += 1
+        return {
+            "event": "emission", "source": source, "sequence": sequence, "frame_bytes": frame_bytes,
+            "airtime_s": self._capabilities.airtime_ns(frame_bytes) / 1e9,
+            "sound_s": frame_bytes * 8 / self._capabilities.bit_rate_bps,
+        }  # fmt: skip
+
+    def _reception(self, node: int, told: Told) -> Told:
+        source = SHORE if node == VEHICLE else VEHICLE
+        sequence = self._receptions[source]
+        self._receptions[source] += 1
+        outcomes = {"delivered": "received", "lost": told["detail"], "discarded": "no client"}
+        return {
+            "event": "reception", "source": source, "sequence": sequence, "node": node,
+            "outcome": outcomes[told["event"]], "propagation_s": self.propagation_s,
+        }  # fmt: skip
+
+
+WATERS: Final[Mapping[str, type[Water]]] = {
+    "sim": SimWater,
+    "evologics": EvologicsWater,
+    "evologics-serial": EvologicsSerialWater,
+    "desert": DesertWater,
+}
+"""The waters by the name of their link; the first is the default."""
+
+
+def _address(told: Told) -> int:
+    """The side at a node of the stand-in, which counts from 0."""
+    return tuple(NAMES)[told["node"]]
+
+
+def _scenario_propagation_s() -> float:
+    """Propagation delay between the nodes of water.json5, s."""
+    from zacoustic.channel.position import distance_m
+    from zacoustic.channel.scenario import scenario_from_mapping
+    from zacoustic.config.json5 import parse_json5
+
+    water = parse_json5(demo_text("water.json5"), source="water.json5")
+    scenario = scenario_from_mapping(water, source="water.json5")
+    near, far = (node.motion().position(0.0) for node in scenario.nodes)
+    return distance_m(near, far) / scenario.sound_speed_m_s

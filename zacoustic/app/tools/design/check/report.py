@@ -1,0 +1,392 @@
+"""A configuration as a table: the airtime of each stream, before the dive.
+
+The bytes are those of a record alone in a frame, on a link that frames, addresses and checks by
+itself: stream id, wildcards, age or call byte, payload. The airtime is that of such a frame with
+the modem profile. What a frame carries besides now and then (HELLO, LEN, the envelope of a poorer
+link) is docs/wire.md's matter.
+"""
+
+import os
+import random
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import msgspec
+
+from zacoustic.app.tools.crossing import IN_PARTS, crosses_in_parts, room_bytes
+from zacoustic.app.tools.design.check import desert
+from zacoustic.app.tools.design.check.bits import SampleBits, sample_bits
+from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
+from zacoustic.config import Config
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.schedule.access import DelegatedSpec, PollingSpec, TdmaSpec, choose
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.values.payload import CborCodec, PayloadCodec, TypedCodec
+from zacoustic.core.values.rmw_desert.codec import RmwDesertCodec
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.link import registry
+from zacoustic.run.journal import journal_in
+from zacoustic.run.journal.forgotten import forgotten
+from zacoustic.text.safetext import without_secrets
+
+_ID_BYTES = 1
+_CALL_BYTES = 1
+
+
+class StreamRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One direction of one stream."""
+
+    stream_id: int
+    """1…175."""
+    kind: str
+    """`topic`, `request`, `response`, `goal`, `feedback` or `result`."""
+    name: str
+    """Key expression."""
+    type: str | None
+    """Name of the type; None: opaque bytes."""
+    sources: tuple[int, ...] | None
+    """Addresses that send it; None: any."""
+    targets: tuple[int, ...] | None
+    """Addresses that take it; None: all."""
+    priority: str
+    """Zenoh's name."""
+    depth: int | None
+    """Samples kept per key; None: does not apply."""
+    lifespan_s: float | None
+    """Age beyond which it is not sent, s; of services and actions their timeout; None: never too
+    old."""
+    smallest_bytes: int
+    """Smallest record, id included."""
+    largest_bytes: int | None
+    """Largest record, id included; None: unbounded."""
+    airtime_s: float
+    """Airtime of the largest record that fits a frame, alone in it, s."""
+    bits: SampleBits | None = None
+    """Cost of a sample in bits, if packed or dense."""
+
+
+class TypeRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One type."""
+
+    name: str
+    """Its name."""
+    fields: int
+    """Number of its fields, without those of nested types."""
+    smallest_bytes: int
+    """Smallest payload."""
+    largest_bytes: int | None
+    """Largest payload; None: without a bound."""
+
+
+class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
+    """One modem."""
+
+    locator: str
+    """As the file has it."""
+    error: str
+    """Why it cannot be used on this computer; empty when it can."""
+    mtu_bytes: int | None = None
+    """Largest frame that it takes, where that is known before it is open."""
+
+
+class _Built(msgspec.Struct, frozen=True):
+    """A link that was made, and not opened."""
+
+    row: LinkRow
+    capabilities: LinkCapabilities | None
+    """Where they are known before it is open."""
+
+
+class Report(msgspec.Struct, frozen=True, kw_only=True):
+    """What `check` found in a valid configuration."""
+
+    file: str
+    """Where it was read from."""
+    address: int
+    """Acoustic address of this node."""
+    nodes: dict[int, str]
+    """Name of each node by address."""
+    links: tuple[LinkRow, ...]
+    """The modems."""
+    digest: str
+    """Digest of the stream table: equal on both ends, or typed streams stop."""
+    wire: str
+    """Wire profile of the link."""
+    profile: str
+    """Whose airtimes they are: name of a modem profile, or locator of the link."""
+    unsaid: str
+    """Why the airtimes are not the link's; empty: they are, or a profile was given."""
+    mtu_bytes: int
+    """Largest frame of that modem."""
+    streams: tuple[StreamRow, ...]
+    """One row for a topic, two for a service, three for an action."""
+    types: tuple[TypeRow, ...]
+    """The types."""
+    journal: str
+    """File of the journal; empty: nothing survives a restart."""
+    forgotten: str
+    """What a restart forgets for want of a journal; empty: nothing that matters."""
+    notes: tuple[str, ...]
+    """What is valid and still worth a thought."""
+    misfits: tuple[str, ...] = ()
+    """Streams that can never cross, each with a setting that would help."""
+
+
+def report_of(config: Config, profile: ModemProfile | None) -> Report:
+    """Make the report of a configuration.
+
+    Args:
+        config: The configuration.
+        profile: Modem of the airtimes; None: the link's, or the default if the link has none.
+    """
+    on_desert = config.table.wire is WireProfile.RMW_DESERT
+    built = [_build(entry.locator, config.address) for entry in config.links]
+    links = tuple(each.row for each in built)
+    unsaid = ""
+    if profile is None:
+        profile = profile_named(DEFAULT_PROFILE)
+        if built and built[0].capabilities is not None:
+            profile = _like(profile, built[0])
+        elif built and not links[0].error:
+            unsaid = f"{links[0].locator} tells its bit rate when it is open"
+    rows = tuple(
+        row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
+    )
+    return Report(
+        file=config.source,
+        address=config.address,
+        nodes=config.nodes,
+        links=links,
+        digest=config.table.digest.hex(),
+        wire=config.table.wire.value,
+        profile=profile.name,
+        mtu_bytes=profile.mtu_bytes,
+        streams=rows,
+        types=tuple(
+            _type_row(RmwDesertCodec(spec) if on_desert else CborCodec(spec))
+            for spec in config.types
+        ),
+        journal=str(journal_in(config.journal, config.address).path) if config.journal else "",
+        forgotten="" if config.journal else forgotten(config.table, config.address),
+        unsaid=unsaid,
+        notes=tuple(_notes(config, links, rows, profile)),
+        misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
+    )
+
+
+def _rows(
+    stream: Stream, profile: ModemProfile, typical: Mapping[int, float]
+) -> Iterator[StreamRow]:
+    spec = stream.spec
+    on_desert = isinstance(stream.codec, RmwDesertCodec)
+    if isinstance(spec, TopicSpec):
+        stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
+        head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
+        if on_desert:
+            head_bytes = desert.head_bytes(stream)
+        yield _row(
+            stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
+            codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
+        )  # fmt: skip
+        return
+    head_bytes = desert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
+    server = (spec.server,)
+    if isinstance(spec, ActionSpec):
+        for kind, type_name, codec, audience in (
+            ("goal", spec.goal_type, stream.codec, (None, server)),
+            ("feedback", spec.feedback_type, stream.feedback_codec, (server, None)),
+            ("result", spec.result_type, stream.response_codec, (server, None)),
+        ):
+            status_bytes = 1 if kind == "result" else 0
+            yield _row(
+                stream, kind, type_name, audience,
+                codec=codec, head_bytes=head_bytes + status_bytes, profile=profile, typical=typical,
+            )  # fmt: skip
+        return
+    yield _row(
+        stream, "request", spec.request_type, (None, server),
+        codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
+    )  # fmt: skip
+    yield _row(
+        stream, "response", spec.response_type, (server, None),
+        codec=stream.response_codec, head_bytes=head_bytes, profile=profile, typical=typical,
+    )  # fmt: skip
+
+
+def _row(
+    stream: Stream,
+    kind: str,
+    type_name: str | None,
+    audience: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
+    *,
+    codec: PayloadCodec,
+    head_bytes: int,
+    profile: ModemProfile,
+    typical: Mapping[int, float],
+) -> StreamRow:
+    spec, (smallest, largest) = stream.spec, _sizes(codec, head_bytes)
+    lifespan_s = stream.qos.lifespan_s
+    if isinstance(spec, ServiceSpec):
+        lifespan_s = spec.timeout_s
+    elif isinstance(spec, ActionSpec):
+        lifespan_s = {"goal": spec.timeout_s, "result": spec.result_timeout_s}.get(kind)
+    frame_bytes = profile.mtu_bytes if largest is None else min(largest, profile.mtu_bytes)
+    return StreamRow(
+        stream_id=stream.stream_id,
+        kind=kind,
+        name=stream.name,
+        type=type_name,
+        sources=audience[0],
+        targets=audience[1],
+        priority=stream.qos.priority.name.lower(),
+        depth=stream.qos.depth if isinstance(spec, TopicSpec) else None,
+        lifespan_s=lifespan_s,
+        smallest_bytes=smallest,
+        largest_bytes=largest,
+        airtime_s=profile.airtime_s(frame_bytes),
+        bits=sample_bits(stream, codec, typical),
+    )
+
+
+def _sizes(codec: PayloadCodec, head_bytes: int) -> tuple[int, int | None]:
+    largest = codec.largest_bytes
+    return head_bytes + codec.smallest_bytes, None if largest is None else head_bytes + largest
+
+
+def _type_row(codec: TypedCodec) -> TypeRow:
+    return TypeRow(
+        name=codec.type_spec.name,
+        fields=len(codec.type_spec.fields),
+        smallest_bytes=codec.smallest_bytes,
+        largest_bytes=codec.largest_bytes,
+    )
+
+
+def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
+    """Return a profile with the rate and the frames of a link."""
+    capabilities = built.capabilities
+    assert capabilities is not None
+    return msgspec.structs.replace(
+        profile,
+        name=built.row.locator,
+        mtu_bytes=capabilities.mtu_bytes,
+        preamble_s=capabilities.preamble_s,
+        per_byte_s=8 / capabilities.bit_rate_bps,
+        gap_s=capabilities.gap_s,
+    )
+
+
+def _build(locator: str, address: int) -> _Built:
+    """Build the link without opening it, to check its package and its settings."""
+    shown = without_secrets(locator)
+    try:
+        link = registry.create(locator, address)
+    except ZacousticError as error:
+        return _Built(LinkRow(locator=shown, error=without_secrets(error)), None)
+    told = getattr(link, "capabilities", None)
+    capabilities = told if isinstance(told, LinkCapabilities) else None
+    mtu_bytes = None if capabilities is None else capabilities.mtu_bytes
+    return _Built(LinkRow(locator=shown, error="", mtu_bytes=mtu_bytes), capabilities)
+
+
+def _notes(
+    config: Config, links: tuple[LinkRow, ...], rows: tuple[StreamRow, ...], profile: ModemProfile
+) -> Iterator[str]:
+    if config.table.wire is WireProfile.RMW_DESERT:
+        yield from desert.notes(config.table)
+    else:
+        yield from _room_notes(config, rows, profile)
+    for link in links:
+        if link.mtu_bytes not in (None, profile.mtu_bytes):
+            yield (
+                f"{link.locator} takes frames of up to {link.mtu_bytes} bytes; what is said of "
+                f"sizes and airtimes here is for up to {profile.mtu_bytes}"
+            )
+    if config.zenoh_config is None:
+        yield "no Zenoh here (pip install eclipse-zenoh): its own keys are not checked"
+    if not links:
+        yield "no link: give one in the file (links: [ { locator } ]) or by --link"
+    if not rows:
+        yield "no streams: nothing crosses the water"
+    if config.journal is not None and not _is_writable(config.journal):
+        yield f"journal: this user cannot write {config.journal}: the node would not start"
+    yield from _access_notes(config, profile)
+    if config.ros is not None:
+        ids = ", ".join(map(str, sorted(config.ros.streams)))
+        yield f"ROS 2: {config.ros.distro}, domain {config.ros.domain}; streams {ids}"
+
+
+def _misfits(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile) -> Iterator[str]:
+    room = room_bytes(profile.mtu_bytes)
+    for row in rows:
+        if row.smallest_bytes <= room or crosses_in_parts(config.table.by_id(row.stream_id)):
+            continue
+        hint = IN_PARTS if row.kind == "topic" else "make it smaller"
+        yield (
+            f"{_what(row)}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
+            f"the {room} bytes that a frame has for it: it never crosses ({hint})"
+        )
+
+
+def _room_notes(
+    config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile
+) -> Iterator[str]:
+    room = room_bytes(profile.mtu_bytes)
+    for row in rows:
+        hint = f" ({IN_PARTS})" if row.kind == "topic" else ""
+        if crosses_in_parts(config.table.by_id(row.stream_id)):
+            if row.smallest_bytes > room:
+                yield (
+                    f"{_what(row)}: even its smallest record, {row.smallest_bytes} bytes, does "
+                    f"not fit the {room} bytes that a frame has for it: all of it crosses in parts"
+                )
+        elif row.smallest_bytes > room:
+            continue  # which is no note
+        elif row.largest_bytes is None and row.type is not None:
+            yield (
+                f"{_what(row)}: {row.type} has no largest size; what does not fit the {room} "
+                f"bytes of a frame is refused (give its texts and bytes a max_length){hint}"
+            )
+        elif row.largest_bytes is not None and row.largest_bytes > room:
+            yield (
+                f"{_what(row)}: up to {row.largest_bytes} bytes; what does not fit the {room} "
+                f"bytes of a frame is refused{hint}"
+            )
+
+
+def _what(row: StreamRow) -> str:
+    return f"stream {row.stream_id} ({row.name}), {row.kind}"
+
+
+def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
+    access = config.rules.access
+    if access is None:
+        return
+    capabilities = LinkCapabilities(
+        mtu_bytes=profile.mtu_bytes,
+        bit_rate_bps=profile.bit_rate_bps,
+        preamble_s=profile.preamble_s,
+        gap_s=profile.gap_s,
+        controls_access=isinstance(access, DelegatedSpec),
+        senses_carrier=True,
+    )
+    try:
+        choose(access, capabilities, config.address, random.Random(1))
+    except ConfigError as error:
+        yield f"with a modem like {profile.name}: {error}"
+    speakers = None
+    if isinstance(access, TdmaSpec):
+        speakers = set(access.slots)
+    elif isinstance(access, PollingSpec):
+        speakers = {access.poller, *access.nodes}
+    if speakers is not None and config.address not in speakers:
+        yield f"access: node {config.address} has no turn in it, so it never transmits"
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in a folder, which may not exist yet."""
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    return there.is_dir() and os.access(there, os.W_OK | os.X_OK)

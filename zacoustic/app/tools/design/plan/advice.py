@@ -1,0 +1,171 @@
+"""Which single change would make it fit: each is tried in the model, and named if it does.
+
+It tries, the least painful first: another codec of the largest, several in a frame, a longer
+interval of what takes most, all of that together, longer intervals of everything.
+"""
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.design.plan.fleet import Fleet
+from zacoustic.app.tools.design.plan.verdict import StreamFound, streams_of, verdict_of, walk
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.streams.specs import StreamSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.errors import ConfigError
+
+_TRIED_PERIODS: Final = 20.0
+_LEAST_TRIED_S, _MOST_TRIED_S = 300.0, 3600.0
+"""How long a change is tried: so many periods of the rarest, within these, s."""
+_SLOWER: Final = (1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0)
+_MOST_STREAMS: Final = 2
+_MOST_CHANGES: Final = 4
+_LINGER_S: Final = 10.0
+
+
+class Change(msgspec.Struct, frozen=True, kw_only=True):
+    """A change that makes it fit."""
+
+    what: str
+    """What to change."""
+    demand: float
+    """Share of the time that everything takes then."""
+
+
+Respecify = Callable[[StreamSpec], StreamSpec]
+
+
+def changes_that_fit(fleet: Fleet, streams: Sequence[StreamFound], seed: int) -> tuple[Change, ...]:
+    """Try changes.
+
+    Args:
+        fleet: What does not fit.
+        streams: What was found of it, what takes most first.
+        seed: Of the model.
+    """
+    found: list[Change] = []
+    for attempts in _ladders(fleet, streams):
+        for what, changed in attempts:
+            change = _fit(what, changed, seed)
+            if change is not None:
+                found.append(change)
+                break
+        if len(found) >= _MOST_CHANGES:
+            break
+    return tuple(found)
+
+
+def _fit(what: str, fleet: Fleet, seed: int) -> Change | None:
+    rarest_s = max(offer.every_s for offer in fleet.offers)
+    tried_s = min(max(_LEAST_TRIED_S, _TRIED_PERIODS * rarest_s), _MOST_TRIED_S)
+    result = walk(fleet, tried_s, seed)
+    verdict = verdict_of(fleet, streams_of(fleet, result), result, tried_s)
+    return Change(what=what, demand=verdict.demand) if verdict.fits else None
+
+
+def _ladders(fleet: Fleet, streams: Sequence[StreamFound]) -> Iterator[Iterator[tuple[str, Fleet]]]:
+    """Yield series of changes; each is only tried if those before it are not enough."""
+    heavy = [each.stream for each in streams[:_MOST_STREAMS]]
+    for each in streams:
+        if each.refused and isinstance(each.stream.spec, TopicSpec):
+            yield _in_parts(fleet, each.stream)
+    for stream in heavy:
+        yield _recoded(fleet, stream)
+    yield _lingering(fleet)
+    for stream in heavy:
+        yield _slower(fleet, (stream.stream_id,))
+    everything = tuple(each.stream.stream_id for each in streams)
+    if len(everything) > 1:
+        yield _slower(fleet, everything)
+
+
+def _recoded(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
+    for codec in ("packed", "dense"):
+        if stream.type is None or stream.spec.codec in (codec, "dense"):
+            continue
+        try:
+            changed = _changed(fleet, {stream.stream_id: partial(_replace, codec=codec)})
+        except ConfigError:  # a reliable topic cannot be dense
+            continue
+        yield f'{stream.name}: codec: "{codec}"', changed
+
+
+def _lingering(fleet: Fleet) -> Iterator[tuple[str, Fleet]]:
+    """Let samples that are not urgent wait for others."""
+
+    def linger(spec: StreamSpec) -> StreamSpec:
+        depth = max(spec.qos.depth, 8)
+        return _replace(
+            spec, qos=msgspec.structs.replace(spec.qos, linger_s=_LINGER_S, depth=depth)
+        )
+
+    topics = {
+        offer.stream.stream_id: offer.stream
+        for offer in fleet.offers
+        if isinstance(offer.stream.spec, TopicSpec)
+        and offer.stream.qos.priority is not Priority.REAL_TIME
+        and offer.stream.qos.linger_s < _LINGER_S
+    }
+    if topics:
+        names = ", ".join(each.name for each in topics.values())
+        changed = _changed(fleet, dict.fromkeys(topics, linger))
+        yield f"{names}: linger_s: {_LINGER_S:g}, with depth: 8", changed
+
+
+def _slower(fleet: Fleet, stream_ids: Sequence[int]) -> Iterator[tuple[str, Fleet]]:
+    """Let streams send more rarely; tries the advised values, in three digits."""
+    for factor in _SLOWER:
+        told: dict[int, str] = {}
+        offers = []
+        for offer in fleet.offers:
+            stream = offer.stream
+            if stream.stream_id in stream_ids:
+                every_s = float(f"{offer.every_s * factor:.3g}")
+                key = "every_s" if offer.is_call else "min_interval_s"
+                told.setdefault(stream.stream_id, f"{stream.name}: {key}: {every_s:g}")
+                offer = offer.altered(stream, every_s)
+            offers.append(offer)
+        yield "; ".join(told.values()), _with(fleet, offers=offers)
+
+
+def _in_parts(fleet: Fleet, stream: Stream) -> Iterator[tuple[str, Fleet]]:
+    """Let samples that are larger than a frame cross in parts."""
+    reliable = msgspec.structs.replace(stream.qos, reliability=Reliability.RELIABLE)
+    with contextlib.suppress(ConfigError):  # a dense topic cannot be reliable
+        changed = _changed(fleet, {stream.stream_id: partial(_replace, qos=reliable)})
+        yield f'{stream.name}: reliability: "reliable"', changed
+
+
+def _changed(fleet: Fleet, changes: Mapping[int, Respecify]) -> Fleet:
+    """Return the fleet with other streams.
+
+    Raises:
+        ConfigError: A stream cannot be so.
+    """
+    tables = {address: _table(table, changes) for address, table in fleet.tables.items()}
+    any_table = next(iter(tables.values()))
+    offers = [
+        offer.altered(any_table.by_id(offer.stream.stream_id), offer.every_s)
+        for offer in fleet.offers
+    ]
+    return _with(fleet, offers=offers, tables=tables)
+
+
+def _table(table: StreamTable, changes: Mapping[int, Respecify]) -> StreamTable:
+    specs = [
+        changes[each.stream_id](each.spec) if each.stream_id in changes else each.spec
+        for each in table
+    ]
+    return StreamTable(specs, types=table.types, nodes=table.nodes, wire=table.wire)
+
+
+def _replace(spec: StreamSpec, **fields: object) -> StreamSpec:
+    return msgspec.structs.replace(spec, **fields)
+
+
+def _with(fleet: Fleet, **fields: object) -> Fleet:
+    return msgspec.structs.replace(fleet, **fields)

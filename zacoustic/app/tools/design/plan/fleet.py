@@ -1,0 +1,157 @@
+"""The inputs of a plan: the channel, the tables and rules of its nodes, and their traffic.
+
+The file is a scenario with traffic, which has all of that; or a config, whose nodes are then put
+into a channel: in a row, at a distance, with a loss.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.design.plan.offers import (
+    Offer,
+    offers_of_config,
+    offers_of_recording,
+    offers_of_traffic,
+)
+from zacoustic.app.tools.design.telemetry.recording import read_recordings
+from zacoustic.app.tools.fleetfile import read_fleet
+from zacoustic.app.tools.fleets import configs_of, tables_of
+from zacoustic.channel.loss import LossSpec
+from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
+from zacoustic.channel.scenario import NodeSpec, Scenario, scenario_from_mapping
+from zacoustic.config import Config, read_config
+from zacoustic.config.json5 import read_json5
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import ConfigError
+
+DEFAULT_RANGE_M: Final = 1000.0
+"""Distance of the nodes of a config, m."""
+_WINDOW_S: Final = 10.0
+
+
+class Refused(msgspec.Struct, frozen=True, kw_only=True):
+    """Samples that a publisher would be refused."""
+
+    share: float
+    """Of all of the stream, 0…1."""
+    reason: str
+    """Of the first."""
+
+
+class Fleet(msgspec.Struct, kw_only=True):
+    """Everything that a walk needs."""
+
+    scenario: Scenario
+    """The channel."""
+    tables: dict[int, StreamTable]
+    """The streams of each node."""
+    rules: dict[int, TransmitRules]
+    """The config's rules of transmission."""
+    offers: list[Offer]
+    """The offered traffic."""
+    notes: list[str]
+    """Notes on it."""
+    refused: dict[int, Refused] = {}
+    """What a recording has that its types refuse, by stream id."""
+
+
+class Water(msgspec.Struct, frozen=True, kw_only=True):
+    """Positions for the nodes of a config, which has none."""
+
+    profile: str = DEFAULT_PROFILE
+    """Modem."""
+    range_m: float = DEFAULT_RANGE_M
+    """From the first node to each other one, m."""
+    loss: float = 0.0
+    """Share of the frames that are lost on top of what the channel takes, 0…1."""
+
+
+def fleet_of(path: Path, recordings: Sequence[str], water: Water) -> Fleet:
+    """Read a scenario or a config, and perhaps recordings.
+
+    Raises:
+        ConfigError: One of them is wrong, or no rates are known.
+    """
+    mapping = read_json5(path)
+    is_config = isinstance(mapping, Mapping) and "nodes" not in mapping
+    fleet = _of_config(path, water) if is_config else _of_scenario(path, mapping)
+    table = next(iter(fleet.tables.values()))
+    if recordings:
+        found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
+        fleet.notes = list(found.notes)
+        fleet.offers = offers_of_recording(found.missions, table, list(fleet.tables))
+        fleet.refused = {
+            stream_id: Refused(
+                share=count.refused / (count.refused + count.samples), reason=count.reason
+            )
+            for stream_id, count in found.counts.items()
+            if count.refused
+        }
+        heard = {offer.stream.stream_id for offer in fleet.offers}
+        fleet.notes += [
+            f"{stream.name}: not in the recording: left out"
+            for stream in table
+            if stream.stream_id not in heard
+        ]
+    if not fleet.offers:
+        raise ConfigError(
+            f"{path}: nothing says how often anything is said",
+            hint="give topics min_interval_s or deadline_s, or --recording, or a scenario with "
+            "traffic",
+        )
+    return fleet
+
+
+def _of_scenario(path: Path, mapping: object) -> Fleet:
+    scenario = scenario_from_mapping(mapping, source=str(path))
+    configs = configs_of(scenario, path)
+    tables = tables_of(scenario, configs, path)
+    return Fleet(
+        scenario=scenario,
+        tables=tables,
+        rules=_rules(tables, configs),
+        offers=offers_of_traffic(scenario.traffic, next(iter(tables.values()))),
+        notes=[],
+    )
+
+
+def _of_config(path: Path, water: Water) -> Fleet:
+    first = read_fleet(path)
+    addresses = sorted(first.nodes) or _two_of(first.address)
+    configs = {address: read_config(path, address=address) for address in addresses}
+    scenario = Scenario(
+        nodes=tuple(
+            NodeSpec(address=address, position=(0.0 if not index else water.range_m, 0.0, 10.0))
+            for index, address in enumerate(addresses)
+        ),
+        profile=profile_named(water.profile).name,
+        loss=LossSpec(frame=water.loss),
+    )
+    tables = {address: config.table for address, config in configs.items()}
+    offers, notes = offers_of_config(
+        first.table, addresses, first.typical_bits, profile_named(water.profile).mtu_bytes
+    )
+    return Fleet(
+        scenario=scenario,
+        tables=tables,
+        rules=_rules(tables, configs),
+        offers=offers,
+        notes=notes,
+    )
+
+
+def _two_of(address: int) -> list[int]:
+    return sorted({address, 1 if address != 1 else 2})
+
+
+def _rules(
+    tables: Mapping[int, StreamTable], configs: Mapping[int, Config]
+) -> dict[int, TransmitRules]:
+    return {
+        address: configs[address].rules if address in configs else TransmitRules()
+        for address in tables
+    }

@@ -1,0 +1,192 @@
+"""The result of a plan: airtime, latency and energy of the traffic, and whether it fits."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
+from zacoustic.app.tools.design.plan.fleet import Fleet, Water, fleet_of
+from zacoustic.app.tools.design.plan.verdict import StreamFound, streams_of, verdict_of, walk
+from zacoustic.app.tools.design.plan.walk import Found
+from zacoustic.channel.profiles import ModemProfile, profile_named
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.errors import ConfigError
+
+DEFAULT_HOURS: Final = 4.0
+"""How long the model walks, h."""
+_S_PER_H: Final = 3600.0
+_H_PER_DAY: Final = 24.0
+_WATT_DB: Final = 170.8
+"""Source level of one acoustic watt, dB re 1 µPa at 1 m (Urick)."""
+_EFFICIENCY: Final = 0.5
+"""Of amplifier and transducer together, assumed if the modem's power is not given."""
+
+
+class StreamPlan(msgspec.Struct, frozen=True, kw_only=True):
+    """What one stream does."""
+
+    stream_id: int
+    """Its id."""
+    name: str
+    """Its name."""
+    kind: str
+    """`topic` or `service`."""
+    per_h: float
+    """Samples or calls in an hour, of all nodes together."""
+    airtime_s_per_h: float
+    """Its sound in an hour, repetitions, acknowledgements and answers included, s."""
+    utilisation: float
+    """That as a share of the time."""
+    share: float
+    """That as a share of all sound, 0…1."""
+    went: float
+    """Share of its samples that get on the water at all, 0…1; without those that `min_interval_s`
+    leaves out."""
+    refused: float
+    """Share of its samples that publishing refuses, 0…1: its type does, or no frame has room."""
+    expected_s: float | None
+    """Half of them take no longer to arrive, of calls to the answer, s; None: nothing arrived."""
+    worst_s: float | None
+    """99 of 100 take no longer, s."""
+    bound_s: float | None
+    """Lifespan, deadline or timeout, the shortest of them, s; None: there is none."""
+    misfit: str
+    """Why it does not fit; empty: it fits."""
+
+
+class NodePlan(msgspec.Struct, frozen=True, kw_only=True):
+    """What one node does."""
+
+    address: int
+    """Its address."""
+    utilisation: float
+    """Share of the time that it transmits."""
+    energy_wh_per_day: float
+    """What transmitting takes, Wh a day."""
+
+
+class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The plan."""
+
+    file: str
+    """What it is of."""
+    profile: str
+    """Modem."""
+    hours: float
+    """How long the model walked, h."""
+    frames_per_h: float
+    """Frames of all nodes in an hour."""
+    utilisation: float
+    """Share of the time with sound, summed over all nodes."""
+    demand: float
+    """The same if everything were transmitted."""
+    fits: bool
+    """Everything fits."""
+    transmit_w: float
+    """Power for the energy, W."""
+    streams: tuple[StreamPlan, ...]
+    """What takes most first."""
+    nodes: tuple[NodePlan, ...]
+    """By address."""
+    misfits: tuple[str, ...]
+    """What does not fit, in words."""
+    changes: tuple[Change, ...]
+    """Any one of these makes it fit."""
+    notes: tuple[str, ...]
+    """Notes on the plan."""
+
+
+def plan(
+    path: str | Path,
+    *,
+    water: Water | None = None,
+    recordings: Sequence[str] = (),
+    hours: float = DEFAULT_HOURS,
+    transmit_w: float | None = None,
+    seed: int = 1,
+) -> PlanReport:
+    """Plan a file.
+
+    Args:
+        path: A scenario with traffic, or a config.
+        water: What a config does not have.
+        recordings: Where sizes and rates come from instead.
+        hours: How long the model walks, h, above 0.
+        transmit_w: What the modem takes while it transmits, W; None: from its source level.
+        seed: Of the model.
+
+    Raises:
+        ConfigError: A file is wrong, or no rates are known.
+    """
+    fleet = fleet_of(Path(path), recordings, water or Water())
+    if any(table.wire is not WireProfile.NATIVE for table in fleet.tables.values()):
+        raise ConfigError(f'{path}: wire: "rmw_desert"; allowed: "native", which is what plans are')
+    until_s = hours * _S_PER_H
+    found = walk(fleet, until_s, seed)
+    streams = streams_of(fleet, found)
+    verdict = verdict_of(fleet, streams, found, until_s)
+    profile = profile_named(fleet.scenario.profile)
+    power_w = transmit_power_w(profile) if transmit_w is None else transmit_w
+    airtime_s = sum(found.airtime_s.values())
+    return PlanReport(
+        file=str(path),
+        profile=profile.name,
+        hours=hours,
+        frames_per_h=found.frames / hours,
+        utilisation=airtime_s / until_s,
+        demand=verdict.demand,
+        fits=verdict.fits,
+        transmit_w=power_w,
+        streams=tuple(_stream_plan(each, airtime_s, hours) for each in streams),
+        nodes=tuple(_node_plan(each, found, until_s, power_w) for each in sorted(fleet.tables)),
+        misfits=verdict.misfits,
+        changes=() if verdict.fits else changes_that_fit(fleet, streams, seed),
+        notes=(*fleet.notes, *_left_out(fleet)),
+    )
+
+
+def transmit_power_w(profile: ModemProfile) -> float:
+    """Return what a modem takes while it transmits, W, from its source level.
+
+    Source:
+        R. J. Urick, Principles of Underwater Sound, 1983: SL = 170.8 + 10 log P, without
+        directivity; the efficiency is assumed.
+    """
+    acoustic_w = 10 ** ((profile.source_level_db - _WATT_DB) / 10)
+    return float(acoustic_w / _EFFICIENCY)
+
+
+def _stream_plan(row: StreamFound, airtime_s: float, hours: float) -> StreamPlan:
+    return StreamPlan(
+        stream_id=row.stream.stream_id,
+        name=row.stream.name,
+        kind="service" if isinstance(row.stream.spec, ServiceSpec) else "topic",
+        per_h=row.wanted / hours,
+        airtime_s_per_h=row.airtime_s / hours,
+        utilisation=row.airtime_s / hours / _S_PER_H,
+        share=row.airtime_s / airtime_s if airtime_s else 0.0,
+        went=row.went,
+        refused=row.refused,
+        expected_s=row.expected_s,
+        worst_s=row.worst_s,
+        bound_s=row.bound_s,
+        misfit=row.misfit,
+    )
+
+
+def _node_plan(address: int, found: Found, until_s: float, power_w: float) -> NodePlan:
+    utilisation = found.airtime_s.get(address, 0.0) / until_s
+    return NodePlan(
+        address=address,
+        utilisation=utilisation,
+        energy_wh_per_day=utilisation * power_w * _H_PER_DAY,
+    )
+
+
+def _left_out(fleet: Fleet) -> list[str]:
+    if any(rules.quiet for rules in fleet.rules.values()):
+        return ["the quiet hours are not in the plan: it is of the hours between"]
+    return []

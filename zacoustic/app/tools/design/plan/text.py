@@ -1,0 +1,65 @@
+"""The report of `zacoustic.app.tools.design.plan` for people."""
+
+from collections.abc import Iterator
+
+from zacoustic.app.tools.columns import align
+from zacoustic.app.tools.design.plan.report import NodePlan, PlanReport, StreamPlan
+from zacoustic.text.safetext import one_line
+
+_STREAMS = (
+    "id", "stream", "per hour", "airtime/h", "of the time", "of all", "goes", "refused", "expected",
+    "worst", "bound",
+)  # fmt: skip
+_NODES = ("node", "transmits", "energy/day")
+
+
+def as_text(report: PlanReport) -> str:
+    """Return the report as lines."""
+    return "\n".join(_lines(report))
+
+
+def _lines(report: PlanReport) -> Iterator[str]:
+    rows = [_stream_cells(each) for each in report.streams]
+    yield align(_STREAMS, rows, right=[name for name in _STREAMS if name != "stream"])
+    yield ""
+    yield align(_NODES, [_node_cells(each) for each in report.nodes], right=_NODES)
+    yield ""
+    yield (
+        f"{report.file}: {report.utilisation:.1%} of the time there is sound, "
+        f"{report.frames_per_h:.0f} frames an hour ({report.profile}, "
+        f"{report.transmit_w:.3g} W while it transmits)"
+    )
+    if report.fits:
+        yield "it fits"
+    else:
+        yield f"it does not fit: all of it would take {report.demand:.0%} of the time"
+        yield from (one_line(f"  {each}") for each in report.misfits)
+        for change in report.changes:
+            yield one_line(f"it would fit with: {change.what} ({change.demand:.0%} of the time)")
+        if not report.changes:
+            yield "no single change that was tried makes it fit"
+    yield from (one_line(f"note: {each}") for each in report.notes)
+
+
+def _stream_cells(row: StreamPlan) -> tuple[str, ...]:
+    return (
+        str(row.stream_id),
+        row.name,
+        f"{row.per_h:.0f}",
+        f"{row.airtime_s_per_h:.0f} s",
+        f"{row.utilisation:.1%}",
+        f"{row.share:.0%}",
+        f"{row.went:.0%}",
+        f"{row.refused:.0%}" if row.refused else "",
+        _seconds(row.expected_s),
+        _seconds(row.worst_s),
+        _seconds(row.bound_s),
+    )
+
+
+def _node_cells(row: NodePlan) -> tuple[str, ...]:
+    return (str(row.address), f"{row.utilisation:.1%}", f"{row.energy_wh_per_day:.1f} Wh")
+
+
+def _seconds(duration_s: float | None) -> str:
+    return "" if duration_s is None else f"{duration_s:.1f} s"

@@ -1,0 +1,147 @@
+"""Whether a walk fits: what was transmitted, in time, and within the limit of the access."""
+
+import math
+from typing import Final
+
+import msgspec
+
+from zacoustic.app.tools.crossing import IN_PARTS
+from zacoustic.app.tools.design.plan.fleet import Fleet
+from zacoustic.app.tools.design.plan.walk import Found, Walk
+from zacoustic.core.schedule.access.spec import AlohaSpec
+from zacoustic.core.streams.table import Stream
+
+LEAST_WENT: Final = 0.95
+"""Share of the samples that must be transmitted."""
+ALOHA_LIMIT: Final = 0.18
+"""What unslotted ALOHA carries at most: 1/(2e) of the time."""
+_HALF, _WORST = 0.5, 0.99
+_TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
+
+
+class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
+    """What a walk found of one stream."""
+
+    stream: Stream
+    """The stream."""
+    wanted: float
+    """Samples or calls that were to go."""
+    went: float
+    """Share of them that did, 0…1."""
+    airtime_s: float
+    """Sound of all of it, s."""
+    expected_s: float | None
+    """Half of them took no longer to arrive, s."""
+    worst_s: float | None
+    """99 of 100 took no longer, s."""
+    bound_s: float | None
+    """What is promised, or how long it is worth something, s."""
+    refused: float = 0.0
+    """Share of its samples that publishing refuses, 0…1."""
+    reason: str = ""
+    """Why."""
+
+    @property
+    def demand_s(self) -> float:
+        """What the sound would be if all of it went, s."""
+        return self.airtime_s / self.went if self.went else 0.0
+
+    @property
+    def misfit(self) -> str:
+        """Why it does not fit; empty: it does."""
+        if self.refused > 1 - LEAST_WENT:
+            return f"{self.refused:.0%} of its samples are refused: {self.reason}"
+        if self.went < LEAST_WENT:
+            return f"{1 - self.went:.0%} of it never goes: pushed out, or too old before its turn"
+        if self.bound_s is not None and self.worst_s is not None and self.worst_s > self.bound_s:
+            return (
+                f"takes up to {self.worst_s:.1f} s, and is worth nothing after {self.bound_s:g} s"
+            )
+        return ""
+
+
+class Verdict(msgspec.Struct, frozen=True, kw_only=True):
+    """Whether it fits."""
+
+    demand: float
+    """Share of the time that all of it takes, if all of it goes; may be above 1."""
+    misfits: tuple[str, ...]
+    """What does not fit, the worst first."""
+
+    @property
+    def fits(self) -> bool:
+        """Nothing is amiss."""
+        return not self.misfits
+
+
+def walk(fleet: Fleet, until_s: float, seed: int) -> Found:
+    """Walk along the time with a fleet."""
+    return Walk(fleet.scenario, fleet.tables, fleet.rules, fleet.offers, seed).run(until_s)
+
+
+def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
+    """Return the result of each stream, the largest first."""
+    by_id = {offer.stream.stream_id: offer.stream for offer in fleet.offers}
+    rows = []
+    for stream_id, stream in by_id.items():
+        own = [offer for offer in fleet.offers if offer.stream.stream_id == stream_id]
+        # What the minimum interval leaves out is left out on purpose.
+        floor_s = stream.qos.min_interval_s
+        allowed = sum(min(1.0, each.every_s / floor_s) if floor_s else 1.0 for each in own)
+        wanted = found.said.get(stream_id, 0) * allowed / len(own)
+        latencies = sorted(found.latencies_s.get(stream_id, ()))
+        went = found.went.get(stream_id, 0)
+        too_large = found.refused.get(stream_id, 0) / max(1, found.said.get(stream_id, 0))
+        refusal = fleet.refused.get(stream_id)
+        rows.append(
+            StreamFound(
+                stream=stream,
+                wanted=wanted,
+                # The last ones may not have gone yet.
+                went=min(1.0, (went + len(own)) / wanted) if wanted else 1.0,
+                airtime_s=found.stream_airtime_s.get(stream_id, 0.0),
+                expected_s=_share_of(latencies, _HALF),
+                worst_s=_share_of(latencies, _WORST),
+                bound_s=_bound_s(stream),
+                refused=max(too_large, refusal.share if refusal else 0.0),
+                reason=refusal.reason if refusal and not too_large else _TOO_LARGE,
+            )
+        )
+    return sorted(rows, key=lambda row: -row.demand_s)
+
+
+def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found, until_s: float) -> Verdict:
+    """Judge a walk."""
+    others_s = found.stream_airtime_s.get(0, 0.0)
+    demand = (sum(each.demand_s for each in streams) + others_s) / until_s
+    misfits = [f"{each.stream.name}: {each.misfit}" for each in streams if each.misfit]
+    planned = {each.stream.stream_id for each in streams}
+    table = next(iter(fleet.tables.values()))
+    misfits += [
+        f"{table.by_id(stream_id).name}: {each.share:.0%} of its samples are refused: {each.reason}"
+        for stream_id, each in fleet.refused.items()
+        if stream_id not in planned
+    ]
+    uses_aloha = any(isinstance(each.access, AlohaSpec) for each in fleet.rules.values())
+    if uses_aloha and demand > ALOHA_LIMIT:
+        misfits.append(
+            f"all of it is {demand:.0%} of the time; without a schedule (aloha) at most "
+            f"{ALOHA_LIMIT:.0%} gets through"
+        )
+    if misfits and streams and demand:
+        first = streams[0]
+        misfits.insert(
+            0, f"{first.stream.name} alone takes {first.demand_s / until_s:.0%} of the time"
+        )
+    return Verdict(demand=demand, misfits=tuple(misfits))
+
+
+def _share_of(latencies_s: list[float], share: float) -> float | None:
+    """Return what a share of sorted latencies stays within, s; None: there are none."""
+    return latencies_s[math.ceil(share * len(latencies_s)) - 1] if latencies_s else None
+
+
+def _bound_s(stream: Stream) -> float | None:
+    bounds = [each for each in (stream.qos.lifespan_s, stream.qos.deadline_s) if each is not None]
+    timeout_s = getattr(stream.spec, "timeout_s", None)
+    return min([*bounds, timeout_s] if timeout_s is not None else bounds, default=None)

@@ -1,0 +1,52 @@
+"""Recordings of simulations: all engines of a virtual network in one file."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from zacoustic.errors import ConfigError
+from zacoustic.run.recording.recorder import EngineRecorder
+from zacoustic.run.recording.writing import MessageSink, RecordingFile
+from zacoustic.testing.virtual import VirtualNetwork
+from zacoustic.testing.virtualclock import WALL_BEGINS_NS
+
+
+class SimulationRecorder(EngineRecorder):
+    """Records the engines of a virtual network, whose time began at `WALL_BEGINS_NS`.
+
+    Args:
+        sink: Takes what they do.
+    """
+
+    def __init__(self, sink: MessageSink) -> None:
+        super().__init__(sink, self._offset)
+        self.network: VirtualNetwork | None = None
+        """The network; None as long as it is made."""
+
+    def _offset(self, address: int) -> int:
+        if self.network is None:
+            return WALL_BEGINS_NS
+        return WALL_BEGINS_NS + self.network.now - self.network.local_ns(address)
+
+
+@contextlib.contextmanager
+def recorded_to(path: Path | None) -> Iterator[SimulationRecorder | None]:
+    """Give what records a simulation to a file; None without one.
+
+    Raises:
+        ConfigError: The file cannot be made, or not be written to its end.
+    """
+    if path is None:
+        yield None
+        return
+    file = RecordingFile(path, waits=True)
+    try:
+        recorder = SimulationRecorder(file)
+        try:
+            yield recorder
+        except ConfigError:  # nothing has run, and nothing is to be read of it
+            file.path.unlink(missing_ok=True)
+            raise
+        recorder.finish()
+    finally:
+        file.close()

@@ -1,0 +1,225 @@
+"""The recordings of a fleet's topics, checked as a publisher's values are, by vehicle.
+
+What a publisher would be refused is counted and left out, as it would be at sea. A recording of
+another place than the configuration is for, whose positions lie outside of the bounds, is read as
+if the bounds were there: what telemetry costs does not depend on the place.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.app.tools.design.telemetry.lines import read_lines
+from zacoustic.app.tools.design.telemetry.names import StreamNames
+from zacoustic.app.tools.design.telemetry.values import value_of
+from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable, aged
+from zacoustic.core.values.age import encode_age
+from zacoustic.core.values.types import FieldSpec, Lattice, OutsideNumbers, TypeSpec
+from zacoustic.errors import ConfigError, PayloadInvalidError
+
+_SHOWN_NAMES: Final = 12
+
+Sample = tuple[float, int, dict[str, Any]]
+"""Time in s, stream id, value."""
+
+
+class Mission(msgspec.Struct, frozen=True):
+    """What one vehicle published in one recording."""
+
+    types: dict[int, TypeSpec]
+    """What a dense string has of each stream, by stream id."""
+    samples: list[Sample]
+    """In the order of time, within bounds."""
+
+
+class StreamCount(msgspec.Struct, kw_only=True):
+    """What was found of one stream."""
+
+    stream_id: int
+    """1…175."""
+    name: str
+    """Of the topic."""
+    samples: int = 0
+    """How many there are."""
+    refused: int = 0
+    """How many more a publisher would have been refused."""
+    reason: str = ""
+    """Why the first of them."""
+    outside: int = 0
+    """Numbers outside of their range that were clamped, or are carried in full width."""
+
+
+class Recordings(msgspec.Struct, kw_only=True):
+    """Everything that some files have of a table's streams."""
+
+    missions: list[Mission]
+    """One for each file and vehicle."""
+    counts: dict[int, StreamCount]
+    """By stream id."""
+    notes: list[str]
+    """Notes on the reading, a line each."""
+
+
+def read_recordings(
+    paths: Iterable[str], table: StreamTable, *, only_dense: bool, window_s: float
+) -> Recordings:
+    """Read recordings.
+
+    Args:
+        paths: The files.
+        table: The streams; only typed topics are looked for.
+        only_dense: Only those that are dense.
+        window_s: Samples wait for the end of each such time, s: their age where it is stamped.
+
+    Raises:
+        ConfigError: A file or a line is wrong, or there are no samples.
+    """
+    reading = _Reading(table, only_dense=only_dense, window_s=window_s)
+    names = list(paths)
+    for path in names:
+        reading.read(path)
+    return reading.finish(", ".join(names))
+
+
+class _Reading:
+    def __init__(self, table: StreamTable, *, only_dense: bool, window_s: float) -> None:
+        self._names = StreamNames(table)
+        self._untyped = StreamNames(table, are_typed=False)
+        self._only_dense = only_dense
+        self._window_s = window_s
+        self._left_out: Counter[str] = Counter()
+        self._found = Recordings(missions=[], counts={}, notes=[])
+
+    def read(self, path: str) -> None:
+        streams: dict[int, Stream] = {}
+        written: dict[int | None, list[Sample]] = {}
+        for line in read_lines(path):
+            try:
+                named = self._names.find(line.name)
+                if named is None or (self._only_dense and named.stream.dense_type is None):
+                    self._left_out[line.name] += 1
+                    continue
+                stream = named.stream
+                assert stream.type is not None
+                value = value_of(stream.type, line.content)
+            except ConfigError as error:
+                raise ConfigError(f"{line.place}: {error.args[0]}", hint=error.hint) from None
+            streams[stream.stream_id] = stream
+            sample = (line.at_s, stream.stream_id, value)
+            written.setdefault(named.source, []).append(sample)
+        # Samples without a named node belong to the only vehicle.
+        if len(written) == 2 and None in written:
+            written = {0: [each for samples in written.values() for each in samples]}
+        for samples in written.values():
+            samples.sort(key=lambda sample: sample[0])
+            self._add_mission(path, streams, samples)
+
+    def finish(self, files: str) -> Recordings:
+        found = self._found
+        if not found.missions:
+            kind = "dense topic" if self._only_dense else "typed topic"
+            names = ", ".join(list(self._left_out)[:_SHOWN_NAMES])
+            but = f", but of {names}" if names else ", nor of anything else"
+            raise ConfigError(
+                f"{files}: no samples of any {kind} of the configuration{but}",
+                hint="`s` is the name of a topic, its last part or its id",
+            )
+        for name, count in sorted(self._left_out.items())[:_SHOWN_NAMES]:
+            what = f"no {'dense' if self._only_dense else 'typed'} topic of that name"
+            if self._is_untyped(name):
+                what = "a topic without a type"
+            found.notes.append(f'"{name}", {count} samples: {what}')
+        for each in found.counts.values():
+            if each.refused:
+                found.notes.append(
+                    f"{each.name}: {each.refused} of {each.samples + each.refused} samples would "
+                    f"be refused and are left out; the first: {each.reason}"
+                )
+            if each.outside:
+                found.notes.append(f"{each.name}: {each.outside} numbers outside of their range")
+        return found
+
+    def _is_untyped(self, name: str) -> bool:
+        try:
+            return self._untyped.find(name) is not None
+        except ConfigError:  # it may mean several of them
+            return True
+
+    def _add_mission(self, path: str, streams: dict[int, Stream], written: list[Sample]) -> None:
+        types: dict[int, TypeSpec] = {}
+        outside: dict[int, OutsideNumbers] = {}
+        dense_types: dict[int, TypeSpec] = {}
+        for stream_id in sorted({stream_id for _, stream_id, _ in written}):
+            stream = streams[stream_id]
+            assert stream.type is not None
+            values = [value for _, each, value in written if each == stream_id]
+            types[stream_id] = self._moved(f"{path}: {stream.name}", stream.type, values)
+            outside[stream_id] = OutsideNumbers(types[stream_id])
+            is_aged = stream.qos.stamp is Stamp.AGE
+            dense_types[stream_id] = aged(types[stream_id]) if is_aged else types[stream_id]
+            self._found.counts.setdefault(
+                stream_id, StreamCount(stream_id=stream_id, name=stream.name)
+            )
+        samples: list[Sample] = []
+        for at_s, stream_id, value in written:
+            count = self._found.counts[stream_id]
+            try:
+                value = types[stream_id].validate(value)
+            except PayloadInvalidError as error:
+                count.refused += 1
+                count.reason = count.reason or str(error)
+                continue
+            value = outside[stream_id].bound(value)
+            if dense_types[stream_id] is not types[stream_id]:
+                waits_s = self._window_s - at_s % self._window_s
+                value[AGE_FIELD] = encode_age(seconds_to_ns(waits_s))
+            samples.append((at_s, stream_id, value))
+            count.samples += 1
+        for stream_id, each in outside.items():
+            numbers = each.clamped.total() + each.escaped.total()
+            self._found.counts[stream_id].outside += numbers
+        if samples:
+            self._found.missions.append(Mission(dense_types, samples))
+
+    def _moved(self, what: str, type_spec: TypeSpec, values: list[dict[str, Any]]) -> TypeSpec:
+        """A type with the bounds of positions where the recording was made."""
+        fields = []
+        for field in type_spec.fields:
+            moved = _moved_field(field, [each.get(field.name) for each in values])
+            if moved is not None and moved.range is not None and field.range is not None:
+                low, high = field.range
+                self._found.notes.append(
+                    f"{what}.{field.name}: most lie outside of {low:g}..{high:g}; read as if the "
+                    f"range were {moved.range[0]:g}..{moved.range[1]:g}, of another place"
+                )
+            fields.append(moved or field)
+        return msgspec.structs.replace(type_spec, fields=tuple(fields))
+
+
+def _moved_field(field: FieldSpec, written: list[Any]) -> FieldSpec | None:
+    """The field with its range where the values are; None: they are in it, or too far apart."""
+    if field.range is None or field.wraps or field.outside != "reject" or field.is_array:
+        return None
+    low, high = field.range
+    numbers = [each for each in written if isinstance(each, int | float)]
+    if 2 * sum(not low <= each <= high for each in numbers) <= len(numbers):
+        return None
+    span = high - low
+    least, greatest = min(numbers), max(numbers)
+    if greatest - least > span:
+        return None
+    # Where the recording begins becomes the middle, as long as the rest is within.
+    wanted = max(min(numbers[0] - span / 2, least), greatest - span)
+    step = field.step or (1 if field.is_integer else None)
+    shift = wanted - low if step is None else round((wanted - low) / step) * step
+    try:
+        moved = msgspec.structs.replace(field, range=(low + shift, high + shift))
+    except ConfigError:  # beyond what the type can hold
+        return None
+    if Lattice.has_lattice(field) and Lattice(moved).size != Lattice(field).size:
+        return None
+    return moved

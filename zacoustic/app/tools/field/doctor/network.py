@@ -1,0 +1,118 @@
+"""The local network: is the router there, and does a gateway of this node run already?"""
+
+import asyncio
+import re
+from collections.abc import Sequence
+from typing import Any, Final
+
+import msgspec
+import zenoh
+
+from zacoustic.config import Config
+from zacoustic.errors import SessionError
+from zacoustic.link.contract import Finding
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.session import Island, endpoints_of, mode_of
+
+_TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
+_ANSWERS_S: Final = 3.0
+"""How long documents of a gateway may take, s."""
+_CONNECT_S: Final = 3.0
+
+
+class Running(msgspec.Struct, kw_only=True):
+    """What was found on the local network."""
+
+    is_joined: bool = False
+    """A router was reached."""
+    health: dict[str, Any] = {}
+    """Documents of the gateway of this node, by name; empty: none runs."""
+    digests: tuple[str, ...] = ()
+    """Tables of the gateways of this address."""
+
+    @property
+    def locator(self) -> str:
+        """Locator of that gateway's link; empty: none runs, or its link has no locator."""
+        node = self.health.get("node")
+        found = node.get("link", "") if isinstance(node, dict) else ""
+        return found if isinstance(found, str) and "/" in found else ""
+
+
+async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Finding]]:
+    """Join the local network, if there is one, and read the health report of this node's gateway.
+
+    Args:
+        config: Of the node.
+        connect: Endpoints of the router, in place of the file's.
+    """
+    file = config.zenoh_config
+    if file is None and not connect:
+        return Running(), []
+    must_be_there = bool(connect) or (file is not None and mode_of(file) == "client")
+    endpoints = tuple(connect) or _endpoints(config)
+    if not endpoints:
+        return Running(), []
+    reachable = [each for each in endpoints if await _listens(each)]
+    if not reachable:
+        return Running(), [_unreachable(endpoints)] if must_be_there else []
+    try:
+        island = await Island.open(session_config(config, reachable))
+    except SessionError as error:
+        return Running(), [_unreachable(endpoints, str(error))] if must_be_there else []
+    try:
+        return await island.worker.run(lambda: _read(island.session, config.address)), []
+    finally:
+        await island.close()
+
+
+def _endpoints(config: Config) -> tuple[str, ...]:
+    file = config.zenoh_config
+    if file is None:
+        return ()
+    # A router is joined where it listens, as a node does.
+    return endpoints_of(session_config(config, None), "connect") or endpoints_of(file, "connect")
+
+
+async def _listens(endpoint: str) -> bool:
+    """Tell whether a program listens at an endpoint; anything but TCP is left to Zenoh."""
+    found = _TCP.match(endpoint)
+    if found is None:
+        return True
+    try:
+        async with asyncio.timeout(_CONNECT_S):
+            _, writer = await asyncio.open_connection(found[1].strip("[]"), int(found[2]))
+    except OSError:  # a TimeoutError is one
+        return False
+    writer.close()
+    return True
+
+
+def _read(session: zenoh.Session, address: int) -> Running:
+    """Ask for the documents and the tokens of the gateways of one address; in the worker."""
+    own, health = f"{PREFIX}/{address}", {}
+    for reply in session.get(f"{own}/**", timeout=_ANSWERS_S):
+        if reply.ok is not None:
+            name = str(reply.ok.key_expr).removeprefix(f"{own}/")
+            health[name] = _decoded(reply.ok.payload.to_bytes())
+    digests = {
+        str(reply.ok.key_expr).rpartition("/")[2]
+        for reply in session.liveliness().get(f"{own}/gateway/*", timeout=_ANSWERS_S)
+        if reply.ok is not None
+    }
+    return Running(is_joined=True, health=health, digests=tuple(sorted(digests)))
+
+
+def _decoded(payload: bytes) -> object:
+    try:
+        return msgspec.json.decode(payload)
+    except msgspec.DecodeError:
+        return {}
+
+
+def _unreachable(endpoints: Sequence[str], reason: str = "nobody listens there") -> Finding:
+    return Finding(
+        what=f"no Zenoh router at {', '.join(endpoints)}: {reason}",
+        why="the gateway carries nothing to or from this island",
+        cure="start the router, or correct connect.endpoints of the file",
+    )

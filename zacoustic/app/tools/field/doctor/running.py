@@ -1,0 +1,102 @@
+"""Judges the health report of a running gateway."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from zacoustic.app.tools.field.doctor.network import Running
+from zacoustic.config import Config
+from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
+from zacoustic.link.contract import Finding
+
+_LEAST_OWN: Final = 2
+"""So many frames of the own address are no accident of damage."""
+
+
+def judge(config: Config, running: Running) -> Iterator[Finding]:
+    """Judge the documents of the gateway of this node."""
+    health = running.health
+    link = _part(health, "link")
+    if link.get("state") not in (None, "up"):
+        yield Finding(
+            what=f"the link of the running gateway is {link['state']}: {link.get('detail', '')}",
+            why="nothing crosses while it is",
+            cure="what the link waits for is said there; the gateway goes on by itself then",
+        )
+    sent, heard = link.get("frames_transmitted"), link.get("frames_received")
+    if heard == 0 and isinstance(sent, int) and sent >= UNHEARD_FRAMES:
+        yield Finding(
+            what=f"the running gateway has sent {sent} frames and heard none",
+            why="either nobody else is there, or this node is deaf, or nobody hears it",
+            cure="see that another gateway runs in the same water, that both transducers are in "
+            "it, and that both links have the same settings",
+        )
+    why_silent = link.get("why_silent")
+    if why_silent:
+        yield Finding(
+            what=f"the running gateway transmits nothing: {why_silent}",
+            why="nothing of this node is heard while that holds",
+            cure="zacoustic resume ends what was ordered; a clock is set by chrony or another NTP "
+            "client, and the gateway notices it by itself",
+        )
+    yield from _clash(config, health)
+    yield from _tables(config, running)
+    doubt = _part(health, "journal").get("doubt")
+    if doubt:
+        yield Finding(
+            what=f"the journal of the running gateway is in doubt: {doubt}",
+            why="it may have forgotten what it accepted and executed in former lives",
+            cure="look at the disk; put copies back only if zacoustic journal backup made them",
+        )
+    failure = _part(health, "journal").get("failure")
+    if failure:
+        yield Finding(
+            what=f"the journal of the running gateway cannot be written: {failure}",
+            why="what is to survive a restart is refused: reliable topics with journal, calls",
+            cure="make room on its disk, or give it a folder that can be written",
+        )
+
+
+def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
+    own = _part(_part(health, "dropped"), "water").get("own", 0)
+    if isinstance(own, int) and own >= _LEAST_OWN:
+        yield Finding(
+            what=f"address clash: {own} frames came that say they are of node {config.address}, "
+            "which is this one",
+            why="each of the two ignores the other, and the rest of the fleet takes them for one: "
+            "samples mix, acknowledgements go to the wrong one",
+            cure="give each node an address of its own (address in the file, or --address)",
+        )
+
+
+def _tables(config: Config, running: Running) -> Iterator[Finding]:
+    digest = config.table.digest.hex()
+    others = [each for each in running.digests if each != digest]
+    if others:
+        yield Finding(
+            what=f"table mismatch: the gateway that runs has table {', '.join(others)}, this file "
+            f"is table {digest}",
+            why="what the file says does not hold yet, and the other end may have it already",
+            cure="restart the gateway with this file, or examine the file that it runs with",
+        )
+    peers = _part(running.health, "peers")
+    mismatched = [
+        address
+        for address, peer in peers.items()
+        if isinstance(peer, Mapping) and peer.get("same_table") is False
+    ]
+    if not mismatched:
+        return
+    differ = _part(running.health, "streams").get("differ") or ()
+    names = ", ".join(str(each.get("name")) for each in differ if isinstance(each, Mapping))
+    yield Finding(
+        what=f"table mismatch: node {', '.join(sorted(mismatched))} has another stream table"
+        + (f"; streams that differ: {names}" if names else ""),
+        why="streams that differ are stopped, all dense ones with them, and every frame says its "
+        "table anew",
+        cure="give both ends the same file; zacoustic check shows the digest of a table",
+    )
+
+
+def _part(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    part = document.get(name, {})
+    return part if isinstance(part, Mapping) else {}

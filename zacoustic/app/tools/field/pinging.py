@@ -1,0 +1,235 @@
+"""Pings of the command line: one after the other, through a gateway or on a link, and statistics.
+
+On sound a round trip takes seconds, so the next ping goes when the last one was answered or given
+up, and not before the interval is over. What a ping is made of is said in
+`zacoustic.zenoh.gateway.commands.pings`.
+"""
+
+import asyncio
+import contextlib
+import math
+import time
+from abc import ABC, abstractmethod
+from collections.abc import AsyncIterator, Sequence
+from typing import Final
+
+import msgspec
+import zenoh
+
+from zacoustic.config import Config
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.streams.commands import Order
+from zacoustic.errors import (
+    CallTimeoutError,
+    DeliveryError,
+    LocalError,
+    RangeUnavailableError,
+    ServiceError,
+)
+from zacoustic.zenoh.node import Node
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.pings import PingAnswer, ping_selector
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.doorbell import tell_loop
+from zacoustic.zenoh.session.session import Island
+
+# Zenoh's own limit is above the gateway's, whose answer says more.
+_BEHIND_S: Final = 2.0
+RANGE_LIMIT_S: Final = 10.0
+"""How much longer an answer waits for the range, s."""
+
+
+class Ping(msgspec.Struct, frozen=True, kw_only=True):
+    """One ping."""
+
+    number: int
+    """Which, from 1 on."""
+    answer: PingAnswer | None
+    """What it has found out; None: no answer in time."""
+    unix_s: float
+    """When it was over."""
+
+
+class Pinger(ABC):
+    """Sends pings."""
+
+    @abstractmethod
+    async def ping(self, node: int, timeout_s: float) -> PingAnswer:
+        """Ping a node once.
+
+        Raises:
+            CallTimeoutError: No answer in time.
+            DeliveryError, LocalError: It cannot be asked.
+        """
+
+
+class GatewayPinger(Pinger):
+    """Has the local gateway ask.
+
+    Args:
+        island: A session on its network.
+    """
+
+    def __init__(self, island: Island) -> None:
+        self._island = island
+
+    async def ping(self, node: int, timeout_s: float) -> PingAnswer:
+        """Ask the local gateways; the responsible one pings."""
+        key, parameters = ping_selector(node, timeout_s)
+        loop = asyncio.get_running_loop()
+        ended = asyncio.Event()
+        question = Question(key, lambda _: tell_loop(loop, ended.set))
+
+        def ask() -> None:
+            question.ask(
+                self._island,
+                None,
+                parameters=parameters,
+                priority=Priority.DATA,
+                timeout_s=timeout_s + _BEHIND_S,
+            )
+
+        await self._island.worker.run(ask)
+        await ended.wait()
+        if question.good is not None:
+            return msgspec.json.decode(question.good[0], type=PingAnswer)
+        if question.error is None:
+            raise DeliveryError(
+                f"no gateway that knows node {node} is on this island",
+                hint="is it running, and is --connect its router?",
+            )
+        failure, text = question.error
+        if failure is CallFailure.TIMED_OUT:
+            raise CallTimeoutError(text)
+        raise DeliveryError(text)
+
+
+class LinkPinger(Pinger):
+    """Asks on its own link.
+
+    Args:
+        node: A node in direct mode, open.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+
+    async def ping(self, node: int, timeout_s: float) -> PingAnswer:
+        """Ask the node for its state, and then its modem for the range."""
+        assert self._node.address is not None
+        if node == self._node.address:
+            raise DeliveryError(f"node {node} is this node")
+        began_s = time.monotonic()
+        answer = PingAnswer(address=node, by=self._node.address)
+        left_s = timeout_s
+        try:
+            with contextlib.suppress(ServiceError):  # a refusal is an answer
+                await self._node.order(node, Order(), timeout_s=timeout_s)
+            round_trip_s = time.monotonic() - began_s
+            answer = msgspec.structs.replace(answer, round_trip_s=round_trip_s)
+            left_s = max(min(timeout_s - round_trip_s, RANGE_LIMIT_S), 0.001)
+        except LocalError:
+            pass  # no remote commands on this wire: the range must do
+        try:
+            found = await self._node.range(node, timeout_s=left_s)
+        except (CallTimeoutError, RangeUnavailableError):
+            if answer.round_trip_s is None:
+                raise
+            return answer
+        return msgspec.structs.replace(
+            answer,
+            propagation_s=found.propagation_s,
+            range_m=found.range_m,
+            range_age_s=round(found.age_s(time.monotonic_ns()), 3),
+            integrity=found.integrity,
+        )
+
+
+@contextlib.asynccontextmanager
+async def gateway_pinger(
+    config: Config | None, connect: Sequence[str] | None
+) -> AsyncIterator[Pinger]:
+    """Open a session to ping through a local gateway.
+
+    Raises:
+        SessionError: No router is reached.
+    """
+    island = await Island.open(session_config(config, connect))
+    try:
+        yield GatewayPinger(island)
+    finally:
+        await island.close()
+
+
+async def pings(
+    pinger: Pinger, node: int, *, count: int, interval_s: float, timeout_s: float
+) -> AsyncIterator[Ping]:
+    """Ping a node several times, one after the other.
+
+    Args:
+        pinger: How.
+        node: Its address.
+        count: How often.
+        interval_s: Least time between two, s.
+        timeout_s: How long an answer is awaited, s.
+
+    Raises:
+        DeliveryError, LocalError: It cannot be asked.
+    """
+    loop = asyncio.get_running_loop()
+    for number in range(1, count + 1):
+        due_at = loop.time() + interval_s
+        try:
+            answer = await pinger.ping(node, timeout_s)
+        except (TimeoutError, zenoh.ZError):
+            answer = None
+        yield Ping(number=number, answer=answer, unix_s=time.time())
+        if number < count:
+            await asyncio.sleep(due_at - loop.time())
+
+
+class Spread(msgspec.Struct, frozen=True, kw_only=True):
+    """Several measurements of one thing."""
+
+    least: float
+    """The smallest."""
+    mean: float
+    """Their mean."""
+    most: float
+    """The greatest."""
+    deviation: float
+    """Standard deviation of them all."""
+
+
+class PingStatistics(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of all pings."""
+
+    sent: int
+    """How many there were."""
+    answered: int
+    """How many of them were answered."""
+    round_trip_s: Spread | None
+    """Round trips, s."""
+    range_m: Spread | None
+    """Ranges, m."""
+
+
+def statistics_of(done: Sequence[Ping]) -> PingStatistics:
+    """Return what came of pings."""
+    answers = [ping.answer for ping in done if ping.answer is not None]
+    return PingStatistics(
+        sent=len(done),
+        answered=len(answers),
+        round_trip_s=_spread([each.round_trip_s for each in answers]),
+        range_m=_spread([each.range_m for each in answers]),
+    )
+
+
+def _spread(found: Sequence[float | None]) -> Spread | None:
+    values = [value for value in found if value is not None]
+    if not values:
+        return None
+    mean = math.fsum(values) / len(values)
+    variance = math.fsum((value - mean) ** 2 for value in values) / len(values)
+    return Spread(least=min(values), mean=mean, most=max(values), deviation=math.sqrt(variance))

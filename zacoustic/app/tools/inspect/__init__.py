@@ -1,0 +1,1 @@
+"""For whoever looks at what happened: frames and recordings."""

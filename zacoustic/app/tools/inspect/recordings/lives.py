@@ -1,0 +1,154 @@
+"""The boot epochs of nodes in a recording, one message after the other."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.tap import call_engine
+from zacoustic.core.values.types import TypeTable
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.run.recording.calls import TYPES, CallReader, Recorded, outcome_of
+from zacoustic.run.recording.life import FORMAT, Life, decode_life
+from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.text.digits import whole_number
+
+_RECORD_HINT: Final = "record with --record at the gateway, the Node or zacoustic sim"
+
+
+class NewLife(msgspec.Struct, frozen=True):
+    """A node has begun a boot epoch."""
+
+    life: Life
+    """What its engine was made of."""
+
+
+class Calls(msgspec.Struct, frozen=True):
+    """Calls of a node's present boot epoch."""
+
+    node: int
+    """Which."""
+    calls: tuple[Recorded, ...]
+    """In their order."""
+
+
+Part = NewLife | Calls
+
+
+class _Written(msgspec.Struct):
+    """A message of the channel of an engine."""
+
+    life: msgspec.Raw = msgspec.Raw()
+    calls: msgspec.Raw = msgspec.Raw()
+
+
+class LifeReader:
+    """Takes the messages of a recording and finds boot epochs and calls in them."""
+
+    def __init__(self) -> None:
+        self.lives = 0
+        """How many have begun."""
+        self._readers: dict[int, CallReader] = {}
+        self._decoder = msgspec.msgpack.Decoder(_Written)
+
+    def read(self, message: ReadMessage) -> Part | None:
+        """Return the boot epoch or the calls of a message; None: it has none.
+
+        Raises:
+            ConfigError: It was recorded by a program that this one does not understand.
+        """
+        if not message.topic.endswith("/engine") or message.encoding != "msgpack":
+            return None
+        try:
+            written = self._decoder.decode(message.data)
+        except msgspec.DecodeError as error:
+            raise ConfigError(f"{message.topic}: {error}") from error
+        if len(bytes(written.life)):
+            life = decode_life(bytes(written.life))
+            if life.format != FORMAT:
+                raise ConfigError(
+                    f"{message.topic}: format {life.format}; allowed: {FORMAT}",
+                    hint=f"replay it with zacoustic {life.program}",
+                )
+            self.lives += 1
+            self._readers[life.address] = CallReader(life.calls)
+            return NewLife(life)
+        node = whole_number(message.metadata.get("node", ""))
+        reader = self._readers.get(node) if node is not None else None
+        if reader is None or node is None:
+            return None  # of a boot epoch whose beginning is not in the file
+        return Calls(node, tuple(reader.read(bytes(written.calls))))
+
+
+def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:
+    """Read boot epochs and calls of a recording.
+
+    Args:
+        path: The file.
+        tells: Log that it ends early.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no life in it.
+    """
+    reader = LifeReader()
+    for message in RecordingReader(path, tells=tells):
+        part = reader.read(message)
+        if part is not None:
+            yield part
+    must_have_lives(reader, str(path))
+
+
+def must_have_lives(reader: LifeReader, name: str) -> None:
+    """Complain about a recording without any boot epoch.
+
+    Raises:
+        ConfigError: There was none.
+    """
+    if not reader.lives:
+        raise no_engine(name)
+
+
+def no_engine(name: str) -> ConfigError:
+    """Return the complaint about a recording that should have an engine and has none."""
+    return ConfigError(f"{name}: no engine was recorded in it", hint=_RECORD_HINT)
+
+
+def nodes_of(path: str | Path) -> list[int]:
+    """Return the addresses of the nodes whose engines are in a recording.
+
+    Raises:
+        ConfigError: The file is none of ours, or has no life in it.
+    """
+    # The caller reads the file once more, for the contents of these boot epochs.
+    parts = read_parts(path, tells=False)
+    return sorted({part.life.address for part in parts if isinstance(part, NewLife)})
+
+
+class Done(msgspec.Struct, frozen=True):
+    """A call that was made again."""
+
+    result: Any
+    """What came of it; None where it raised."""
+    outcome: bytes
+    """The same, as recordings have it."""
+    fault: Exception | None = None
+    """An exception that an engine must not raise."""
+
+
+def make_call(engine: Engine, call: Recorded) -> Done:
+    """Call an engine as it was called before."""
+    arguments = call.arguments
+    if call.name == "declare":
+        arguments = dict(arguments)
+        types = arguments.pop(TYPES, None)
+        if types:
+            engine.table.types = TypeTable(types)
+    try:
+        result = call_engine(engine, call.name, arguments)
+    except (ZacousticError, ValueError) as error:
+        return Done(None, outcome_of(None, error))
+    except Exception as error:  # any error is the result
+        return Done(None, outcome_of(None, error), error)
+    return Done(result, outcome_of(result))

@@ -1,0 +1,271 @@
+"""`zacoustic record`: a Zenoh network into a file, from any machine on it.
+
+What is on the island is kept as it was, and beside that as values that other tools read: typed
+topics of the configuration as JSON, topics of ROS as CDR with their definitions, health documents
+as the JSON that they are. A gateway on that network puts its frames as soon as it sees somebody
+subscribe to them, so no gateway has to be restarted to be recorded.
+"""
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+import zenoh
+
+from zacoustic.config import Config
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.errors import PayloadInvalidError
+from zacoustic.ros.streams import RosTopic
+from zacoustic.run.recording.channels import (
+    JSON,
+    Channel,
+    FrameRecord,
+    ReportRecord,
+    document_channel,
+    records_channel,
+    value_channel,
+)
+from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.samples import (
+    SampleRecord,
+    encode_table,
+    samples_channel,
+    table_channel,
+)
+from zacoustic.run.recording.schemas import as_json
+from zacoustic.run.recording.values import encode_value, ros_channel
+from zacoustic.run.recording.writing import RecordingFile
+from zacoustic.zenoh.gateway.dialect.translation import from_island
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.marker import read_marker
+from zacoustic.zenoh.session.session import WORDS, Island
+
+_ASK_S = 2.0
+
+_logger = logging.getLogger(__name__)
+
+
+class RecordedKeys(msgspec.Struct, kw_only=True):
+    """What a recording has got."""
+
+    file: str
+    """Its name."""
+    messages: dict[str, int]
+    """How many samples, by key."""
+    dropped: int = 0
+    """Messages that the disk was too slow for."""
+    failure: str = ""
+    """What has ended the recording early; empty: nothing."""
+    gaps: int = 0
+    """How often the router was gone for a while."""
+
+
+class IslandRecorder:
+    """Records what a session hears.
+
+    Args:
+        file: Takes it.
+        config: The topics; None: only what `record_network` is told.
+        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
+    """
+
+    def __init__(
+        self,
+        file: RecordingFile,
+        config: Config | None,
+        heard: Callable[[str], None] | None = None,
+    ) -> None:
+        self._file = file
+        self._heard = heard
+        self._config = config
+        self._guard = threading.Lock()
+        self._channels: dict[str, Channel] = {}
+        self._samples = samples_channel()
+        self.counts: dict[str, int] = {}
+        """How many samples, by key."""
+        self.gaps = 0
+        """How often the router was gone."""
+        self._is_up = True
+        self._has_ended = False
+        if config is not None:
+            table = encode_table(Table.of(config.table))
+            file.put(table_channel(), time.time_ns(), table)
+
+    def topics(self) -> dict[str, Stream | None]:
+        """Return the key expressions of the topics of the config."""
+        if self._config is None:
+            return {}
+        found: dict[str, Stream | None] = {}
+        for stream in self._config.table:
+            if isinstance(stream.spec, TopicSpec):
+                found[self._key(stream, stream.keys.expression(None))] = stream
+        return found
+
+    def take(self, stream: Stream | None, sample: zenoh.Sample) -> None:
+        """Record a sample; on a thread of Zenoh's."""
+        key, now_ns = str(sample.key_expr), time.time_ns()
+        payload, attachment = sample.payload.to_bytes(), sample.attachment
+        mark = read_marker(attachment)
+        record = SampleRecord(
+            key=key,
+            payload=payload,
+            encoding=str(sample.encoding),
+            attachment=None if attachment is None else attachment.to_bytes(),
+            deleted=sample.kind == zenoh.SampleKind.DELETE,
+            source=None if mark is None else mark.acoustic,
+            age_s=None if mark is None else mark.age_s,
+        )
+        with self._guard:  # callbacks of several subscribers come on several threads
+            self.counts[key] = self.counts.get(key, 0) + 1
+            self._file.put(self._samples, now_ns, as_json(record))
+            if not record.deleted:
+                self._show(stream, key, record, now_ns)
+        self._tell(key)
+
+    def take_document(self, sample: zenoh.Sample) -> None:
+        """Record a health document, a frame or a report; on a thread of Zenoh's."""
+        key = str(sample.key_expr)
+        with self._guard:
+            self.counts[key] = self.counts.get(key, 0) + 1
+            self._file.put(self._document(key), time.time_ns(), sample.payload.to_bytes())
+        self._tell(key)
+
+    def note_connection(self, is_up: bool) -> None:
+        """Say when the router is gone, and when it is back; on a thread of Zenoh's."""
+        with self._guard:
+            if self._has_ended or is_up == self._is_up:
+                return
+            self._is_up = is_up
+            self.gaps += not is_up
+        _logger.warning("%s", WORDS[is_up])
+
+    def end(self) -> None:
+        """The session is about to close: that is no gap."""
+        with self._guard:
+            self._has_ended = True
+
+    def _tell(self, key: str) -> None:
+        if self._heard is not None:
+            self._heard(key)
+
+    def _show(self, stream: Stream | None, key: str, record: SampleRecord, now_ns: int) -> None:
+        """Write a sample so that others can read it."""
+        topic = f"/{key}"
+        ros = None
+        if stream is not None and self._config is not None and self._config.ros is not None:
+            ros = self._config.ros.streams.get(stream.stream_id)
+        if stream is not None and isinstance(ros, RosTopic):
+            make = partial(ros_channel, topic, stream, ros)
+            self._file.put(self._channel(topic, make), now_ns, record.payload)
+        elif stream is not None:
+            try:
+                value, _ = from_island(
+                    record.payload, record.encoding, stream.type, stream.encoding
+                )
+            except PayloadInvalidError:
+                return  # it is among the samples, as it came
+            channel = self._channel(topic, partial(value_channel, topic, stream))
+            self._file.put(channel, now_ns, encode_value(stream, value, record.encoding))
+        elif record.encoding.startswith(("application/json", "text/json")) and _is_object(
+            record.payload
+        ):
+            channel = self._channel(topic, partial(document_channel, key))
+            self._file.put(channel, now_ns, record.payload)
+
+    def _channel(self, topic: str, make: Callable[[], Channel]) -> Channel:
+        known = self._channels.get(topic)
+        if known is None:
+            known = self._channels[topic] = make()
+        return known
+
+    def _document(self, key: str) -> Channel:
+        kinds: dict[str, type[FrameRecord] | type[ReportRecord]]
+        kinds = {"frames": FrameRecord, "reports": ReportRecord}
+        place, _, name = key.rpartition("/")
+        if name in kinds:
+            return self._channel(key, partial(records_channel, f"/{place}", name, kinds[name]))
+        return self._channel(key, partial(document_channel, key))
+
+    def _key(self, stream: Stream, key: str) -> str:
+        ros = None if self._config is None else self._config.ros
+        found = None if ros is None else ros.streams.get(stream.stream_id)
+        if ros is None or not isinstance(found, RosTopic):
+            return key
+        return str(found.key(ros.domain, key))
+
+
+async def record_network(
+    path: str | Path,
+    *,
+    config: Config | None,
+    connect: Sequence[str] | None,
+    keys: Sequence[str],
+    stop: asyncio.Event,
+    ready: Callable[[Path, Sequence[str]], None],
+    heard: Callable[[str], None] | None = None,
+) -> RecordedKeys:
+    """Record until told to stop.
+
+    Args:
+        path: The file; one that is there is not touched.
+        config: Topics, and where the router is; or None.
+        connect: Endpoints of the router, instead of those.
+        keys: Key expressions beside the topics of the config.
+        stop: Set to end it.
+        ready: Told the file and the key expressions when everything is subscribed to.
+        heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
+
+    Raises:
+        ConfigError: The file cannot be made.
+        SessionError: No router is reached.
+    """
+    file = await asyncio.to_thread(RecordingFile, path)
+    try:
+        recorder = IslandRecorder(file, config, heard)
+        island = await Island.open(session_config(config, connect))
+        try:
+            island.watch(recorder.note_connection)
+            wanted: dict[str, Stream | None] = {**dict.fromkeys(keys), **recorder.topics()}
+            await island.worker.run(partial(_declare, island, recorder, wanted))
+            ready(file.path, [*wanted, f"{PREFIX}/**"])
+            await stop.wait()
+        finally:
+            recorder.end()
+            await island.close()
+    finally:
+        await asyncio.to_thread(file.close)
+    return RecordedKeys(
+        file=str(file.path),
+        messages=dict(sorted(recorder.counts.items())),
+        dropped=file.dropped,
+        failure=file.failure,
+        gaps=recorder.gaps,
+    )
+
+
+def _declare(island: Island, recorder: IslandRecorder, wanted: dict[str, Stream | None]) -> None:
+    for expression, stream in wanted.items():
+        island.session.declare_subscriber(
+            zenoh.KeyExpr(expression), island.callback(partial(recorder.take, stream))
+        )
+    island.session.declare_subscriber(
+        zenoh.KeyExpr(f"{PREFIX}/**"), island.callback(recorder.take_document)
+    )
+    # What was put before is known as well: what the link can do, above all.
+    for reply in island.session.get(f"{PREFIX}/*/*", timeout=_ASK_S):
+        if reply.ok is not None and str(reply.ok.encoding).startswith(f"application/{JSON}"):
+            recorder.take_document(reply.ok)
+
+
+def _is_object(payload: bytes) -> bool:
+    try:
+        return isinstance(msgspec.json.decode(payload), dict)
+    except (msgspec.DecodeError, RecursionError):
+        return False

@@ -1,0 +1,127 @@
+"""A web page of ours, served until it is interrupted. Needs nicegui, the extra `console`.
+
+NiceGUI and uvicorn serve it. Three things are otherwise here than there, since a console and a
+screen on the bridge run for days, and what they say on standard error is read:
+
+- A browser that leaves before its answer has begun is nobody's error. Starlette makes one of it
+  where a middleware waits for the answer, and so does Engine.IO, both with a traceback.
+- Whoever speaks no HTTP to the port, such as a Zenoh node that looks for its router, is not worth a
+  warning.
+- The first interrupt ends everything in order; those that follow while it does, and after it, are
+  nothing. Uvicorn would raise the signal once more when all is over, and not wait at a second one.
+"""
+
+import math
+import signal
+import time
+from collections.abc import Awaitable, Callable, Collection
+from types import FrameType
+from typing import Any, Final
+
+from nicegui import app, ui
+from nicegui.events import GenericEventArguments
+
+from zacoustic.app.tools.pages.truth import SCRIPT, STYLE, Alarm, beat_html
+from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
+
+CURRENT_S: Final = 4.0
+"""What was pressed longer ago than this is not done any more, s."""
+_BEATS_KEPT: Final = 64
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+def serve_page(
+    root: Callable[[], None],
+    *,
+    host: str,
+    port: int,
+    start: Callable[[], Awaitable[None]],
+    stop: Callable[[], Awaitable[None]],
+    names: Collection[str] = (),
+    **look: Any,  # noqa: ANN401 (of NiceGUI)
+) -> None:
+    """Serve a page until SIGINT or SIGTERM.
+
+    Args:
+        root: Builds the page, for each browser that comes.
+        host: Where it listens.
+        port: Where it listens.
+        start: Is awaited on the loop before anybody is served.
+        stop: Is awaited on the loop when nobody is any more.
+        names: Names under which browsers find it, besides this computer's own (`visitors`).
+        look: What else `ui.run` takes.
+    """
+
+    async def begin() -> None:
+        for number in _SIGNALS:
+            signal.signal(number, _interrupted)
+        stack = app.middleware_stack
+        assert stack is not None
+        app.middleware_stack = Gatekeeper(Visitors(stack), own_names(host, *names))
+        await start()
+
+    app.on_startup(begin)
+    app.on_shutdown(stop)
+    ui.run(
+        root,
+        host=host,
+        port=port,
+        reload=False,
+        show=False,
+        show_welcome_message=False,
+        uvicorn_logging_level="error",
+        **look,
+    )
+    for number in _SIGNALS:  # nothing is left that could be interrupted
+        signal.signal(number, signal.SIG_IGN)
+
+
+class Banner:
+    """The banner of one page, in which it says what is dead (`truth`); made with the page.
+
+    Args:
+        what: Begins it when the page's server is gone.
+    """
+
+    def __init__(self, what: str) -> None:
+        ui.add_css(STYLE)
+        ui.add_body_html(f"<script>{SCRIPT}</script>")
+        self._what = what
+        self._number = 0
+        self._sent_at_s: dict[int, float] = {}
+        self._echoed: int | None = None
+        ui.on("za-echo", self._hear)
+        self._element = ui.html(sanitize=False).style("display: none").mark("beat")
+
+    def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
+        """Say that the server lives; at least every second.
+
+        Args:
+            alarm: What it knows to be dead; None: nothing.
+            taken: Number of the last order of this page that was taken.
+        """
+        self._number += 1
+        self._sent_at_s[self._number] = time.monotonic()
+        self._sent_at_s.pop(self._number - _BEATS_KEPT, None)
+        self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
+
+    def is_current(self) -> bool:
+        """Tell whether what the browser says now was meant for now.
+
+        What was pressed while the connection hung comes when it is back, perhaps minutes later.
+        The browser echoes each beat, so what comes behind an old echo is old.
+        """
+        if self._echoed is None:
+            return True
+        sent_at_s = self._sent_at_s.get(self._echoed, -math.inf)
+        return time.monotonic() - sent_at_s < CURRENT_S
+
+    def _hear(self, event: GenericEventArguments) -> None:
+        if isinstance(event.args, int):
+            self._echoed = event.args
+
+
+def _interrupted(number: int, _: FrameType | None) -> None:
+    """End everything, in order; at most some seconds."""
+    app.shutdown()

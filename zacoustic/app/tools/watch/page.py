@@ -1,0 +1,285 @@
+"""The dashboard: gateways as a web page. Needs nicegui, the extra `console`.
+
+NiceGUI brings everything that the browser needs: the page works without internet.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from nicegui import ui
+
+from zacoustic.app.tools.pages.webpage import Banner
+from zacoustic.app.tools.watch.drawing import (
+    STYLE,
+    cause_bars,
+    event_lines,
+    figure,
+    load_chart,
+    transfer_bars,
+)
+from zacoustic.app.tools.watch.lookout import Lookout
+from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.words import (
+    LOSING,
+    NOTHING,
+    alarm_of,
+    error_words,
+    frame_words,
+    is_quiet,
+    is_well,
+    number_words,
+    range_words,
+    rate_words,
+    share_words,
+    signal_words,
+    size_words,
+    state_words,
+    stream_words,
+    time_words,
+    title_words,
+    trouble_words,
+    troubled_first,
+)
+
+REFRESH_S: Final = 0.5
+"""Time between two looks, s."""
+
+_STREAM_COLUMNS: Final = (
+    ("id", "id", False), ("name", "stream", True), ("kind", "kind", True),
+    ("sent", "sent", False), ("sent_ago", "last", False), ("sent_rate", "rate", False),
+    ("heard", "heard", False), ("heard_ago", "last", False), ("heard_rate", "rate", False),
+    ("age", "age", False), ("waiting", "waits", False), ("refused", "refused", False),
+    ("expired", "expired", False), ("airtime", "airtime", False),
+    ("trouble", "", True),
+)  # fmt: skip
+_PEER_COLUMNS: Final = (
+    ("node", "node", True), ("heard", "heard", False), ("range", "range", False),
+    ("signal", "signal", False), ("lost", "frames lost", False), ("trouble", "", True),
+)  # fmt: skip
+_FRAME_COLUMNS: Final = (
+    ("ago", "began", False), ("what", "what", True), ("bytes", "bytes", False),
+    ("airtime", "airtime", False), ("outcome", "", True),
+)  # fmt: skip
+FRAMES_SHOWN: Final = 8
+"""The newest so many frames of each gateway."""
+_AGE_CELL: Final = """<q-td :props="props"><span v-if="props.value" data-form="short"
+  :data-age="props.row.%(name)s_s">{{ props.value }}</span>%(behind)s</q-td>"""
+_WARN_CELL: Final = '<q-td :props="props" class="warn">{{ props.value }}</q-td>'
+_BAD_CELL: Final = '<q-td :props="props" class="bad">{{ props.value }}</q-td>'
+
+
+_AGO: Final = '<span v-if="props.value !== &quot;never&quot;"> ago</span>'
+
+
+class Page:
+    """One browser's view of all gateways.
+
+    Args:
+        lookout: What it shows.
+    """
+
+    def __init__(self, lookout: Lookout) -> None:
+        self._lookout = lookout
+        self._sections: dict[int, _Section] = {}
+        ui.page_title("zacoustic")
+        self._banner = Banner("NOT CURRENT")
+        ui.add_css(STYLE)
+        ui.dark_mode(value=None)  # as the browser likes it
+        ui.colors(primary="#155e7c")
+        with ui.header().classes("items-center q-py-sm"):
+            ui.label("zacoustic").classes("text-h6")
+            self._where = ui.label().classes("opacity-80")
+        with ui.column().classes("za w-full gap-6"):
+            self._trouble = ui.label().classes("text-h6 bad").mark("trouble")
+            self._body = ui.column().classes("w-full gap-8 za-live")
+        ui.timer(REFRESH_S, self.refresh)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show what is known now."""
+        lookout = self._lookout
+        addresses = lookout.addresses()
+        number = f"{len(addresses)} gateway{'' if len(addresses) == 1 else 's'}"
+        self._where.set_text(f"{number} on {lookout.where}")
+        views = [lookout.board.view(address) for address in addresses]
+        self._banner.beat(alarm_of(views, lookout.trouble))
+        # Above the gateways the banner shows it.
+        trouble = "" if addresses else lookout.trouble or "no gateway has been heard yet"
+        self._trouble.set_text(trouble)
+        self._trouble.set_visibility(bool(trouble))
+        for view in views:
+            if view.address not in self._sections:
+                with self._body:
+                    self._sections[view.address] = _Section()
+            history = lookout.histories.get(view.address)
+            chart = load_chart(history.points if history else (), view.unix_s)
+            self._sections[view.address].show(view, chart)
+
+
+class _Section:
+    """One gateway; made inside of the element that holds it."""
+
+    def __init__(self) -> None:
+        with ui.card().classes("w-full gap-3"):
+            with ui.row().classes("items-center gap-3"):
+                self._title = ui.label().classes("text-h5")
+                self._state = ui.badge().classes("text-body2 q-pa-xs").mark("state")
+                self._modem = ui.label().classes("za-dim")
+            self._figures = ui.html(sanitize=False).classes("w-full").mark("figures")
+            with ui.row().classes("w-full items-start gap-6"):
+                with ui.column().classes("gap-3").style("flex: 3 1 42rem; min-width: 0"):
+                    _heading("streams")
+                    self._streams = _table(_STREAM_COLUMNS, sent_ago="", heard_ago="", age="").mark(
+                        "streams"
+                    )
+                    self._quiet = ui.checkbox("quiet streams as well").mark("quiet")
+                    _heading("nodes")
+                    self._peers = _table(_PEER_COLUMNS, heard=_AGO).mark("peers")
+                    _heading("last frames")
+                    self._frames = _table(_FRAME_COLUMNS, ago=_AGO).mark("frames")
+                with ui.column().classes("gap-3").style("flex: 2 1 22rem; min-width: 0"):
+                    _heading("on the air")
+                    self._chart = ui.html(sanitize=False).classes("w-full").mark("chart")
+                    _heading("airtime went for")
+                    self._causes = ui.html(sanitize=False).classes("w-full").mark("causes")
+                    _heading("large samples")
+                    self._transfers = ui.html(sanitize=False).classes("w-full").mark("transfers")
+                    _heading("events")
+                    self._events = ui.html(sanitize=False).classes("w-full").mark("events")
+
+    def show(self, view: GatewayView, chart: str) -> None:
+        """Show what holds now."""
+        self._title.set_text(title_words(view))
+        self._state.set_text(state_words(view))
+        self._state.props(f"color={'positive' if is_well(view) else 'negative'}")
+        self._modem.set_text(_modem_words(view))
+        self._figures.set_content(_figures(view))
+        wanted = [each for each in view.streams if self._quiet.value or not is_quiet(each)]
+        shown = troubled_first(wanted)
+        _fill(self._streams, [stream_row(each) for each in shown])
+        _fill(self._peers, [peer_row(each) for each in view.peers])
+        _fill(self._frames, frame_rows(view))
+        self._chart.set_content(chart)
+        self._causes.set_content(cause_bars(view.causes))
+        self._transfers.set_content(transfer_bars(view.transfers))
+        self._events.set_content(event_lines(view.events))
+
+
+def stream_row(stream: StreamView) -> dict[str, Any]:
+    """Return the row of a stream."""
+    return {
+        "id": stream.id,
+        "name": stream.name,
+        "kind": stream.kind,
+        "sent": stream.sent or "",
+        "sent_ago": _unless_never(stream.sent_ago_s),
+        "sent_ago_s": stream.sent_ago_s,
+        "sent_rate": _or_nothing(rate_words(stream.sent_rate_hz)),
+        "heard": stream.heard or "",
+        "heard_ago": _unless_never(stream.heard_ago_s),
+        "heard_ago_s": stream.heard_ago_s,
+        "heard_rate": _or_nothing(rate_words(stream.heard_rate_hz)),
+        "age": _unless_never(stream.age_s),
+        "age_s": stream.age_s,
+        "waiting": stream.waiting or "",
+        "refused": stream.refused or "",
+        "expired": stream.expired or "",
+        "airtime": share_words(stream.airtime_share) if stream.airtime_bytes else "",
+        "trouble": stream_words(stream),
+    }
+
+
+def peer_row(peer: PeerView) -> dict[str, Any]:
+    """Return the row of a node."""
+    return {
+        "id": peer.address,
+        "node": f"{peer.address} {peer.name}".rstrip(),
+        "heard": _unless_never(peer.heard_ago_s) or "never",
+        "heard_s": peer.heard_ago_s,
+        "range": range_words(peer),
+        "signal": signal_words(peer),
+        "lost": error_words(peer) + (" !" if (peer.per or 0) > LOSING else ""),
+        "trouble": trouble_words(peer),
+    }
+
+
+def frame_rows(view: GatewayView) -> list[dict[str, Any]]:
+    """Return the rows of the last frames, that which is being sent on top."""
+    now = [] if view.transmitting is None else [(view.transmitting, "being sent")]
+    rows = [
+        *now,
+        *((frame, frame.outcome.replace("_", " ")) for frame in view.frames[:FRAMES_SHOWN]),
+    ]
+    return [
+        {
+            "id": number,
+            "ago": time_words(frame.ago_s),
+            "ago_s": frame.ago_s,
+            "what": frame_words(frame),
+            "bytes": frame.size_bytes,
+            "airtime": f"{frame.airtime_s:.2f} s",
+            "outcome": outcome,
+        }
+        for number, (frame, outcome) in enumerate(rows)
+    ]
+
+
+def _figures(view: GatewayView) -> str:
+    damaged = f"{view.frames_damaged} damaged" if view.frames_damaged else ""
+    journal = "bad" if view.journal not in ("kept", "none") else ""
+    window = f"of the last {time_words(view.window_s)}" if view.window_s else ""
+    busy = "warn" if (view.utilisation or 0) > 0.5 else ""
+    sent = f"{size_words(view.bytes_sent)}, {view.airtime_s:.0f} s"
+    figures = [
+        figure("on the air", share_words(view.utilisation), note=window, kind=busy),
+        figure("waiting", str(view.waiting), note="samples, calls, goals"),
+        figure("frames sent", str(view.frames_sent), note=sent),
+        figure("frames heard", str(view.frames_heard), note=damaged or "none damaged",
+               kind="warn" if damaged else ""),
+        figure("journal", view.journal, kind=journal),
+        figure("runs for", time_words(view.uptime_s), note=f"zacoustic {view.version}"),
+    ]  # fmt: skip
+    if view.battery_v is not None:
+        figures.append(figure("modem", number_words(view.battery_v, "V"), note=view.firmware))
+    return f'<div style="display:flex;gap:.6rem;flex-wrap:wrap">{"".join(figures)}</div>'
+
+
+def _modem_words(view: GatewayView) -> str:
+    words = [view.link, view.wire]
+    if view.mtu_bytes and view.bit_rate_bps:
+        words.append(f"{view.mtu_bytes} B at {view.bit_rate_bps:.0f} bit/s")
+    words.append(f"table {view.digest}" if view.digest else "")
+    return " · ".join(word for word in words if word)
+
+
+def _heading(text: str) -> None:
+    ui.label(text).classes("za-h")
+
+
+def _table(columns: Sequence[tuple[str, str, bool]], **ages: str) -> ui.table:
+    """Make a table; `ages` names the columns that count on, and what stands behind them."""
+    told = [
+        {"name": name, "field": name, "label": label, "align": "left" if is_left else "right"}
+        for name, label, is_left in columns
+    ]
+    made = ui.table(columns=told, rows=[], row_key="id", pagination=0)
+    made.props("dense flat hide-pagination wrap-cells").classes("w-full")
+    made.add_slot("body-cell-trouble", _BAD_CELL)
+    for name in ("refused", "expired"):
+        made.add_slot(f"body-cell-{name}", _WARN_CELL)
+    for name, behind in ages.items():
+        made.add_slot(f"body-cell-{name}", _AGE_CELL % {"name": name, "behind": behind})
+    return made
+
+
+def _fill(table: ui.table, rows: list[dict[str, Any]]) -> None:
+    if table.rows != rows:
+        table.rows = rows
+
+
+def _unless_never(seconds: float | None) -> str:
+    return "" if seconds is None else time_words(seconds)
+
+
+def _or_nothing(words: str) -> str:
+    return "" if words == NOTHING else words

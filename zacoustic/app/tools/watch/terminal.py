@@ -1,0 +1,281 @@
+"""Views of gateways drawn on a terminal. Needs rich, the extra `terminal`.
+
+A name in a view is data: it comes into a picture through `_cell`, never as a text of rich's, in
+which brackets are markup.
+"""
+
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Final, Self
+
+from rich import box
+from rich.columns import Columns
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.live import Live
+from rich.measure import Measurement
+from rich.rule import Rule
+from rich.table import Table
+from rich.text import Text
+
+from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.words import (
+    LOSING,
+    LOST_OUTCOMES,
+    OLD_S,
+    error_words,
+    frame_words,
+    is_quiet,
+    is_well,
+    load_words,
+    now_words,
+    range_words,
+    rate_words,
+    share_words,
+    signal_words,
+    size_words,
+    state_words,
+    stream_words,
+    time_words,
+    title_words,
+    transfer_words,
+    trouble_words,
+)
+from zacoustic.text.safetext import one_line
+
+EVENTS_SHOWN: Final = 6
+"""The newest so many events of each gateway."""
+TROUBLES_SHOWN: Final = 3
+"""Of those before them the newest so many that were trouble."""
+FRAMES_SHOWN: Final = 5
+"""The newest so many frames of each gateway."""
+_BAR_CELLS: Final = 18
+_WIDEST: Final = 1000
+# What a narrow terminal does not show of streams, by place: the rates, then the airtime as well,
+# then when something was sent and heard last.
+_LACKING: Final = tuple(map(frozenset, ((), (2, 5), (2, 5, 8), (1, 2, 4, 5, 8))))
+_GOOD, _BAD, _WEAK, _DIM = "green", "bold red", "yellow", "dim"
+
+
+class Terminal:
+    """Draws again and again in one place; a context manager.
+
+    Args:
+        console: Where to; a new one on standard output unless given.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console()
+        self._live = Live(
+            console=self._console, auto_refresh=False, screen=self._console.is_terminal
+        )
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._live.stop()
+
+    def show(self, picture: RenderableType) -> None:
+        """Draw; where there is no terminal, one below the other."""
+        if self._console.is_terminal:
+            self._live.update(picture, refresh=True)
+        else:
+            self._console.print(picture)
+            self._console.file.flush()
+
+
+def waiting_picture(where: str) -> RenderableType:
+    """Draw that no gateway has been heard yet."""
+    return _cell(f"no gateway has been heard on {where} yet; Ctrl-C ends", _WEAK)
+
+
+def picture(views: Sequence[GatewayView], *, is_complete: bool = False) -> RenderableType:
+    """Draw gateways, one below the other.
+
+    Args:
+        views: What holds of each.
+        is_complete: With the streams that are quiet.
+    """
+    return Group(*(_gateway(view, is_complete=is_complete) for view in views))
+
+
+def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
+    return Group(
+        Rule(_cell(f" {title_words(view)} ", "bold"), align="left"),
+        _head(view),
+        _streams(view, is_complete=is_complete),
+        *([_peers(view)] if view.peers else []),
+        Columns([_causes(view), _transfers(view)], padding=(0, 4)),
+        *([_frames(view)] if view.frames else []),
+        _events(view),
+    )
+
+
+def _head(view: GatewayView) -> RenderableType:
+    state = _cell(state_words(view), _GOOD if is_well(view) else _BAD)
+    modem = [view.link, view.wire, *([view.firmware] if view.firmware else [])]
+    if view.mtu_bytes and view.bit_rate_bps:
+        modem.append(f"{view.mtu_bytes} B at {view.bit_rate_bps:.0f} bit/s")
+    if view.battery_v is not None:
+        modem.append(f"{view.battery_v:.1f} V")
+    state.append_text(_cell(f"   {' · '.join(word for word in modem if word)}", _DIM))
+    line = Text("on the air ", style=_DIM)
+    line.append(load_words(view), style=_WEAK if (view.utilisation or 0) > 0.5 else "")
+    damaged = f", {view.frames_damaged} damaged" if view.frames_damaged else ""
+    line.append(f"   frames {view.frames_sent} sent, {view.frames_heard} heard{damaged}")
+    line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
+    line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
+    line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
+    return Group(state, line)
+
+
+def _cell(text: str, style: str = "") -> Text:
+    """Return words with a name in them as something that rich only shows."""
+    return Text(one_line(text), style=style)
+
+
+def _table(*left: str, right: Sequence[str] = ()) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))
+    for name in left:
+        table.add_column(name, no_wrap=True, overflow="ellipsis")
+    for name in right:
+        table.add_column(name, no_wrap=True, justify="right")
+    return table
+
+
+class _Fitting:
+    """The first of several pictures that is not wider than there is room; else the last one."""
+
+    def __init__(self, *pictures: RenderableType) -> None:
+        self._pictures = pictures
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        room = options.update(max_width=_WIDEST)
+        yield next(
+            (
+                each
+                for each in self._pictures
+                if Measurement.get(console, room, each).maximum <= options.max_width
+            ),
+            self._pictures[-1],
+        )
+
+
+def _streams(view: GatewayView, *, is_complete: bool) -> RenderableType:
+    shown = [each for each in view.streams if is_complete or not is_quiet(each)]
+    quiet = len(view.streams) - len(shown)
+    table = _Fitting(*(_stream_table(shown, lacking) for lacking in _LACKING))
+    if not quiet:
+        return table
+    names = Text(f"quiet: {quiet} stream{'s' if quiet > 1 else ''}", style=_DIM)
+    return Group(table, names) if shown else names
+
+
+def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Table:
+    """Draw streams, without some of the columns on the right."""
+    right = ("sent", "ago", "rate", "heard", "ago", "rate", "age", "waits", "airtime")
+    kept = [index for index in range(len(right)) if index not in lacking]
+    table = _table("id", "stream", right=[right[index] for index in kept])
+    table.add_column("")
+    for stream in streams:
+        cells = (
+            *_crossed(stream.sent, stream.sent_ago_s, stream.sent_rate_hz),
+            *_crossed(stream.heard, stream.heard_ago_s, stream.heard_rate_hz),
+            "" if stream.age_s is None else time_words(stream.age_s),
+            Text(str(stream.waiting) if stream.waiting else "", style=_WEAK),
+            share_words(stream.airtime_share) if stream.airtime_bytes else "",
+        )
+        words = _cell(stream_words(stream), _BAD)
+        table.add_row(str(stream.id), _cell(stream.name), *(cells[index] for index in kept), words)
+    return table
+
+
+def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[str, str, str]:
+    if ago_s is None and not times:
+        return "", "", ""
+    return str(times), time_words(ago_s), rate_words(rate_hz)
+
+
+def _peers(view: GatewayView) -> RenderableType:
+    table = _table("node", right=("heard", "range", "signal", "frames lost"))
+    table.add_column("")
+    for peer in view.peers:
+        table.add_row(
+            _cell(f"{peer.address} {peer.name}".rstrip()),
+            Text(_heard(peer), style=_WEAK if (peer.heard_ago_s or 0) > OLD_S else ""),
+            range_words(peer),
+            signal_words(peer),
+            Text(error_words(peer), style=_WEAK if (peer.per or 0) > LOSING else ""),
+            _cell(trouble_words(peer), _BAD),
+        )
+    return table
+
+
+def _heard(peer: PeerView) -> str:
+    return "never" if peer.heard_ago_s is None else f"{time_words(peer.heard_ago_s)} ago"
+
+
+def _causes(view: GatewayView) -> RenderableType:
+    if not view.causes:
+        return Text("nothing transmitted", style=_DIM)
+    table = _table("airtime for", right=("s", "share"))
+    table.add_column("")
+    for cause in view.causes:
+        cells = round(cause.share * _BAR_CELLS)
+        bar = Text("█" * cells, style="cyan").append("·" * (_BAR_CELLS - cells), style=_DIM)
+        table.add_row(_cell(cause.cause), f"{cause.airtime_s:.1f}", share_words(cause.share), bar)
+    return table
+
+
+def _transfers(view: GatewayView) -> RenderableType:
+    if not view.transfers:
+        return Text("")
+    table = _table("large samples")
+    for transfer in view.transfers:
+        style = _DIM if transfer.outcome is not None else ""
+        words = _cell(transfer_words(transfer), style)
+        if transfer.outcome is None and transfer.total_bytes:
+            cells = round(min(transfer.done_bytes / transfer.total_bytes, 1) * _BAR_CELLS)
+            words.append(f"  {'█' * cells}", style="cyan").append("·" * (_BAR_CELLS - cells))
+        table.add_row(words)
+    return table
+
+
+def _frames(view: GatewayView) -> RenderableType:
+    table = _table("last frames", right=("bytes", "airtime", "ago"))
+    table.add_column("")
+    for frame in view.frames[:FRAMES_SHOWN]:
+        is_lost = frame.outcome in LOST_OUTCOMES
+        table.add_row(
+            _cell(frame_words(frame), "cyan" if frame.way == "out" else ""),
+            str(frame.size_bytes),
+            f"{frame.airtime_s:.2f} s",
+            time_words(frame.ago_s),
+            _cell(frame.outcome.replace("_", " "), _WEAK if is_lost else _DIM),
+        )
+    return table
+
+
+def _events(view: GatewayView) -> RenderableType:
+    older = [event for event in view.events[EVENTS_SHOWN:] if event.is_trouble][:TROUBLES_SHOWN]
+    lines = [
+        Text(f"{time_words(event.ago_s):>8} ago  ", style=_DIM).append_text(
+            _cell(event.text, _BAD if event.is_trouble else "")
+        )
+        for event in (*view.events[:EVENTS_SHOWN], *older)
+    ]
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(view.dropped.items()))
+    if dropped:
+        lines.append(_cell(f"dropped off the water: {dropped}", _WEAK))
+    if view.bytes_sent:
+        lines.append(
+            Text(f"{size_words(view.bytes_sent)} in {view.airtime_s:.1f} s of airtime", style=_DIM)
+        )
+    return Group(*lines)

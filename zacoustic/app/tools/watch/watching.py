@@ -1,0 +1,178 @@
+"""The watch: a Zenoh session that keeps a board up to date."""
+
+import asyncio
+import contextlib
+import re
+import threading
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any, Final, Self
+
+import zenoh
+
+from zacoustic.app.tools.watch.board import Board, addresses_in
+from zacoustic.config import Config
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.session.asking.orders import PREFIX
+from zacoustic.zenoh.session.doorbell import Doorbell, tell_loop
+from zacoustic.zenoh.session.session import Island
+
+PULSE_S: Final = 0.5
+"""Time between two questions whether the gateways live, s: who hangs leaves no other trace."""
+PULSE_LIMIT_S: Final = 1.2
+"""A gateway that has not answered that within this time is gone until it does, s."""
+ASK_S: Final = 30.0
+"""Everything is asked for again after so long, s: a put may be lost, and clocks drift."""
+_ANSWER_LIMIT_S: Final = 5.0
+# Documents that wait for the loop: one of each key. More keys than this are no fleet's.
+_KEYS_LIMIT: Final = 16_384
+_TOKEN: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway")
+
+
+class Watch:
+    """Watches all gateways of an island; an asynchronous context manager, for the loop.
+
+    Args:
+        config: Tells where the router is, or None.
+        connect: Endpoints of the router, instead of those.
+        ask_s: Time after which everything is asked for again, s.
+    """
+
+    def __init__(
+        self, config: Config | None, connect: Sequence[str] | None, *, ask_s: float = ASK_S
+    ) -> None:
+        self.board = Board()
+        """What is known."""
+        self.changed = asyncio.Event()
+        """Set when something was heard; cleared by whoever waits for it."""
+        self.island: Island
+        """The session."""
+        self._settings = session_config(config, connect)
+        self._ask_s = ask_s
+        self._loop = asyncio.get_running_loop()
+        self._doorbell = Doorbell(self._loop, self._attend)
+        self._guard = threading.Lock()
+        self._news: dict[str, bytes] = {}
+        self._alive: dict[int, bool] = {}
+        self.is_connected = True
+        """There is a router, or another peer."""
+        self._feeling: asyncio.Task[None] | None = None
+        self._asking: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        """Open the session; returns when every gateway that is there has answered.
+
+        Raises:
+            SessionError: No router is reached.
+        """
+        self.island = await Island.open(self._settings)
+        try:
+            await self.island.worker.run(self._declare)
+            await self.ask()
+        except BaseException:
+            await self.island.close()
+            raise
+        self._asking = asyncio.create_task(self._ask_again())
+        self._feeling = asyncio.create_task(self._feel_pulses())
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        tasks = [task for task in (self._asking, self._feeling) if task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await self.island.close()
+
+    async def ask(self) -> None:
+        """Ask all gateways for everything, and wait until they have answered."""
+        await self._get("**", _ANSWER_LIMIT_S)
+
+    async def _get(self, what: str, limit_s: float) -> set[int]:
+        """Ask for documents, and wait for the answers; returns the addresses of who gave one."""
+        ended = asyncio.Event()
+        answered: set[int] = set()
+
+        def take(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                answered.update(addresses_in(str(reply.ok.key_expr)))
+                self._take_sample(reply.ok)
+
+        def get() -> None:
+            self.island.session.get(
+                zenoh.KeyExpr(f"{PREFIX}/{what}"),
+                self.island.callback(take, lambda: tell_loop(self._loop, ended.set)),
+                timeout=limit_s,
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+
+        await self.island.worker.run(get)
+        await ended.wait()
+        self._attend()
+        return answered
+
+    def _declare(self) -> None:
+        session = self.island.session
+        session.declare_subscriber(
+            zenoh.KeyExpr(f"{PREFIX}/**"), self.island.callback(self._take_sample)
+        )
+        self.island.watch(lambda is_up: tell_loop(self._loop, lambda: self._note_router(is_up)))
+        session.liveliness().declare_subscriber(
+            zenoh.KeyExpr(f"{PREFIX}/*/gateway"), self.island.callback(self._see), history=True
+        )
+
+    async def _ask_again(self) -> None:
+        while True:
+            await asyncio.sleep(self._ask_s)
+            with contextlib.suppress(zenoh.ZError):  # the router is gone; it may come back
+                await self.ask()
+
+    async def _feel_pulses(self) -> None:
+        """See who lives: a process that hangs keeps its session, and puts nothing any more."""
+        while True:
+            await asyncio.sleep(PULSE_S)
+            known = self.board.addresses()
+            answered: set[int] = set()
+            with contextlib.suppress(zenoh.ZError):
+                answered = await self._get("*/clock", PULSE_LIMIT_S)
+            for address in known:
+                self.board.note_answer(address, has_answered=address in answered)
+            self.changed.set()
+
+    def _note_router(self, is_up: bool) -> None:
+        self.is_connected = is_up
+        self.changed.set()
+
+    # On threads of Zenoh's
+
+    def _take_sample(self, sample: Any) -> None:  # noqa: ANN401 (Zenoh's stubs differ in it)
+        key = str(sample.key_expr)
+        with self._guard:
+            if key not in self._news and len(self._news) >= _KEYS_LIMIT:
+                return
+            self._news[key] = sample.payload.to_bytes()
+        self._doorbell.ring()
+
+    def _see(self, sample: zenoh.Sample) -> None:
+        found = _TOKEN.fullmatch(str(sample.key_expr))
+        if found is None:
+            return
+        with self._guard:
+            self._alive[int(found[1])] = sample.kind == zenoh.SampleKind.PUT
+        self._doorbell.ring()
+
+    # On the loop
+
+    def _attend(self) -> None:
+        with self._guard:
+            news, self._news = self._news, {}
+            alive, self._alive = self._alive, {}
+        for key, payload in news.items():
+            self.board.take(key, payload)
+        for address, is_alive in alive.items():
+            self.board.note_alive(address, is_alive=is_alive)
+        self.changed.set()

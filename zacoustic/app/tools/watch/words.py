@@ -1,0 +1,215 @@
+"""Numbers of a view as short words, the same on terminal and page."""
+
+from collections.abc import Sequence
+from typing import Final
+
+from zacoustic.app.tools.pages.truth import Alarm
+from zacoustic.app.tools.watch.views import (
+    FrameView,
+    GatewayView,
+    PeerView,
+    StreamView,
+    TransferView,
+)
+
+NOTHING: Final = "–"
+"""Stands for what is not known, or has not happened."""
+LOSING: Final = 0.2
+"""A packet error rate above this is worth a colour."""
+LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
+"""What a modem says of a frame that nobody has."""
+OLD_S: Final = 120.0
+"""A node that was not heard for longer than this is worth a colour, s."""
+
+_SILENT: Final = "SILENT by order or by a quiet window"
+_MINUTE_S: Final = 60
+_HOUR_S: Final = 3600
+_DAY_S: Final = 86_400
+
+
+def time_words(seconds: float | None) -> str:
+    """Return a time with its unit: ``0.4 s``, ``12 s``, ``5 min``, ``3.1 h``, ``2.0 d``."""
+    if seconds is None:
+        return NOTHING
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    if seconds < 2 * _MINUTE_S:
+        return f"{seconds:.0f} s"
+    if seconds < 2 * _HOUR_S:
+        return f"{seconds / _MINUTE_S:.0f} min"
+    if seconds < 2 * _DAY_S:
+        return f"{seconds / _HOUR_S:.1f} h"
+    return f"{seconds / _DAY_S:.1f} d"
+
+
+def rate_words(hz: float | None) -> str:
+    """Return how often, with the unit that makes a number of some size: ``2.0/s``, ``12/min``."""
+    if hz is None:
+        return NOTHING
+    for unit, seconds in (("s", 1), ("min", _MINUTE_S)):
+        if hz * seconds >= 1:
+            return f"{_two_digits(hz * seconds)}/{unit}"
+    return f"{_two_digits(hz * _HOUR_S)}/h"
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def size_words(size_bytes: int | None) -> str:
+    """Return a size: ``812 B``, ``4.2 kB``."""
+    if size_bytes is None:
+        return NOTHING
+    if size_bytes < 10_000:
+        return f"{size_bytes} B"
+    if size_bytes < 10_000_000:
+        return f"{size_bytes / 1e3:.1f} kB"
+    return f"{size_bytes / 1e6:.1f} MB"
+
+
+def share_words(share: float | None) -> str:
+    """Return a share, 0…1, in percent."""
+    return NOTHING if share is None else f"{share * 100:.1f} %"
+
+
+def number_words(value: float | None, unit: str, digits: int = 1) -> str:
+    """Return a number with its unit."""
+    return NOTHING if value is None else f"{value:.{digits}f} {unit}"
+
+
+def title_words(view: GatewayView) -> str:
+    """Return who it is."""
+    return f"{view.address} {view.name}".rstrip()
+
+
+def state_words(view: GatewayView) -> str:
+    """Return how it is, in a few words: what keeps frames from the water comes first."""
+    if not view.is_alive:
+        return "gone: it does not answer on this network"
+    words = [f"link {view.link_state}"]
+    if view.link_detail:
+        words.append(view.link_detail)
+    if view.is_silent:
+        words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
+    if view.journal not in ("kept", "none"):
+        words.append(f"journal fails: {view.journal}")
+    if view.journal_doubt:
+        words.append(f"journal in doubt: {view.journal_doubt}")
+    return ", ".join(words)
+
+
+def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
+    """Return what is dead of all that is shown; None: nothing.
+
+    Args:
+        views: The gateways.
+        trouble: Why none of them is reached; empty: they may be.
+    """
+    if trouble:
+        return Alarm(f"NOT CURRENT: {trouble}")
+    gone = [view for view in views if not view.is_alive]
+    down = [view for view in views if view.is_alive and view.link_state != "up"]
+    words = [f"gateway {title_words(view)} gone" for view in gone]
+    words += [f"link of gateway {title_words(view)} {view.link_state}" for view in down]
+    if not words:
+        return None
+    since_s = gone[0].gone_s if len(words) == 1 and gone else None
+    return Alarm(f"NOT CURRENT: {', '.join(words)}", since_s)
+
+
+def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
+    """Return streams with those on top that fail, then those that have lost something."""
+
+    def rank(stream: StreamView) -> tuple[bool, bool]:
+        return not stream_words(stream), not (stream.refused or stream.expired)
+
+    return sorted(streams, key=rank)
+
+
+def is_well(view: GatewayView) -> bool:
+    """Tell whether nothing keeps frames from the water."""
+    is_up = view.is_alive and view.link_state == "up"
+    return is_up and not view.is_silent and view.journal in ("kept", "none")
+
+
+def load_words(view: GatewayView) -> str:
+    """Return how much of the time it is on the air."""
+    if view.utilisation is None:
+        return NOTHING
+    return f"{share_words(view.utilisation)} of the last {time_words(view.window_s)}"
+
+
+def signal_words(peer: PeerView) -> str:
+    """Return what the modem measured of a node's signal."""
+    words = [
+        number_words(value, unit, digits)
+        for value, unit, digits in (
+            (peer.snr_db, "dB SNR", 1),
+            (peer.received_level_db, "dB", 1),
+            (peer.integrity, "integrity", 0),
+        )
+        if value is not None
+    ]
+    return ", ".join(words) or NOTHING
+
+
+def range_words(peer: PeerView) -> str:
+    """Return how far away a node is, and when that was measured."""
+    if peer.range_m is not None:
+        return f"{peer.range_m:.0f} m, {time_words(peer.range_ago_s)} ago"
+    if peer.propagation_s is not None:
+        return f"{peer.propagation_s:.3f} s, {time_words(peer.range_ago_s)} ago"
+    return NOTHING
+
+
+def error_words(peer: PeerView) -> str:
+    """Return the packet error rate, and of how many frames."""
+    return NOTHING if peer.per is None else f"{share_words(peer.per)} of {peer.exchanges}"
+
+
+def trouble_words(peer: PeerView) -> str:
+    """Return what is wrong with a node; empty: nothing is."""
+    words = ["LOST"] if peer.is_lost else []
+    words += ["another table"] if peer.same_table is False else []
+    words += [f"late: {', '.join(peer.late)}"] if peer.late else []
+    return ", ".join(words)
+
+
+def stream_words(stream: StreamView) -> str:
+    """Return what is wrong with a stream; empty: nothing is."""
+    words = []
+    if stream.differs_at:
+        words.append(f"differs at {', '.join(map(str, stream.differs_at))}: stopped")
+    if stream.deadline_missed:
+        words.append(f"late {stream.deadline_missed} times")
+    return ", ".join(words)
+
+
+def frame_words(frame: FrameView) -> str:
+    """Return where a frame goes, or whence it comes, and what is in it."""
+    peer = "all" if frame.peer is None else str(frame.peer)
+    where = f"→ {peer}" if frame.way == "out" else f"← {'?' if frame.peer is None else peer}"
+    return f"{where}: {', '.join(frame.streams) or 'acknowledgements and the like'}"
+
+
+def now_words(view: GatewayView) -> str:
+    """Return what is being sent now; empty: nothing is."""
+    frame = view.transmitting
+    return "" if frame is None else f"sending {frame.size_bytes} B {frame_words(frame)}"
+
+
+def is_quiet(stream: StreamView) -> bool:
+    """Tell whether nothing of a stream has crossed, waits or is wrong."""
+    has_crossed = stream.sent or stream.heard or stream.published or stream.airtime_bytes
+    return not (has_crossed or stream.waiting or stream_words(stream))
+
+
+def transfer_words(transfer: TransferView) -> str:
+    """Return which large sample it is, and how it ended or how far it is."""
+    peer = "all" if transfer.peer is None else str(transfer.peer)
+    head = f"{transfer.stream or 'beginning'} {transfer.direction} {peer}"
+    if transfer.outcome is not None:
+        return f"{head}: {transfer.outcome}, {size_words(transfer.total_bytes)}"
+    sent = "" if transfer.sent_bytes is None else f", {size_words(transfer.sent_bytes)} sent"
+    done = f"{size_words(transfer.done_bytes)} of {size_words(transfer.total_bytes)}"
+    return f"{head}: {done} there{sent}"

@@ -1,6 +1,0 @@
-"""A stream of bytes to a device, TCP or a serial port, which reconnects by itself."""
-
-from zacoustic.bytestream.occupants import holders
-from zacoustic.bytestream.stream import ByteStream, ByteStreamReceiver, ByteStreamState
-
-__all__ = ["ByteStream", "ByteStreamReceiver", "ByteStreamState", "holders"]

@@ -1,0 +1,227 @@
+"""JSON5 files, read through Zenoh's own parser: one grammar for all files of a user.
+
+Zenoh's parser reads a whole `Config` and keeps one part of it free-form, `metadata`; a text is
+wrapped into that part and read back as JSON. Four of its ways show through: keys come back sorted;
+of duplicate keys only the last survives (so what has order or identity is an array); NaN and
+Infinity, which JSON lacks, come back as None; a character beyond U+FFFF must be written as itself,
+since a pair of escapes becomes another character.
+
+The text is parsed twice. The first pass is over the bare text, so that the line and the column of a
+syntax error are those of the user's file, and so that no text can close the wrapper and write into
+the rest of the config. The parser checks the grammar of everything before it looks at a single
+field: complaints of the first pass about fields mean only that the text is no Zenoh config, and are
+ignored.
+
+Where Zenoh is not installed, a parser in Python reads the same, slower, and nobody looks at the
+fields that are Zenoh's own.
+"""
+
+import json
+import math
+import re
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Final
+
+from zacoustic.errors import ConfigError
+
+if TYPE_CHECKING:  # importing it costs 20 ms and its shared library; only what reads a file pays
+    import zenoh
+
+ACOUSTIC_SECTION: Final = "plugins/acoustic"
+"""Where the gateway's part lives in a Zenoh config."""
+DEPTH_LIMIT: Final = 200
+"""Objects and arrays within each other; the parser's stack overflows somewhere above 5000."""
+
+_BRACKET: Final = re.compile(r"[\[\]{}]")
+_SECTION_HINT: Final = (
+    "add plugins: { acoustic: { address: 1, links: [ { locator: ... } ], streams: [ ... ] } }"
+)
+_SCENARIO_HINT: Final = (
+    "it looks like a scenario, which zacoustic sim, plan, medium and emulate take"
+)
+# How the parser words an error of grammar, and one of a field, which has no place when the file is
+# YAML.
+_GRAMMAR: Final = re.compile(r"-->\s*(\d+):(\d+).*=\s*(.*)", re.DOTALL)
+_FIELD: Final = re.compile(
+    r'JSON error: Message \{ msg: "(.*)", location: '
+    r"(?:None|Some\(Location \{ line: (\d+), column: (\d+) \}\))",
+    re.DOTALL,
+)
+_PLAIN: Final = re.compile(r"<string>:(\d+) (.*) at column (\d+)", re.DOTALL)
+_WHERE_IN_ZENOH: Final = re.compile(r" at \S+\.rs:\d+\.?")
+_OS_ERROR: Final = re.compile(r" \(os error \d+\)")
+
+
+def parse_json5(text: str, *, source: str) -> object:
+    """Parse a JSON5 text.
+
+    Args:
+        text: Any JSON5 value, with comments and trailing commas.
+        source: Name of the file or of the argument, for the messages.
+
+    Returns:
+        Plain objects: dict with sorted keys, list, str, int, float, bool, None.
+
+    Raises:
+        ConfigError: The text is not JSON5: names source, line, column and what was expected.
+    """
+    _check_depth(text, source)
+    zenoh = _zenoh()
+    if zenoh is None:
+        return _parse_without_zenoh(text, source)
+    try:
+        zenoh.Config.from_json5(text)
+    except zenoh.ZError as error:
+        if _GRAMMAR.search(str(error)):
+            raise _config_error(error, source) from error
+    try:
+        # The line break ends a comment that has none of its own.
+        wrapped = zenoh.Config.from_json5("{metadata:" + text + "\n}")
+        return json.loads(wrapped.get_json("metadata"))
+    except zenoh.ZError as error:
+        raise _config_error(error, source) from error
+
+
+def read_json5(path: str | Path) -> object:
+    """Read and parse a JSON5 file, UTF-8.
+
+    Raises:
+        ConfigError: The file is missing, not readable or not JSON5.
+    """
+    return parse_json5(_read_text(path), source=str(path))
+
+
+def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config | None, object]":
+    """Read a Zenoh config file that has a section `plugins.acoustic`.
+
+    Args:
+        path: A `.json5`, `.json` or `.yaml` file.
+
+    Returns:
+        The config for `zenoh.open`, None where Zenoh is not installed; and the section as plain
+        objects with sorted keys.
+
+    Raises:
+        ConfigError: The file is missing, not readable, no Zenoh config, or has no such section.
+    """
+    text = _read_text(path)
+    _check_depth(text, str(path))
+    zenoh = _zenoh()
+    if zenoh is None:
+        return None, _section_without_zenoh(text, path)
+    try:
+        config = zenoh.Config.from_file(str(path))
+    except zenoh.ZError as error:
+        if _is_scenario(text):
+            raise ConfigError(
+                f"{path}: no section plugins.acoustic", hint=_SCENARIO_HINT
+            ) from error
+        raise _config_error(error, str(path)) from error
+    try:
+        return config, json.loads(config.get_json(ACOUSTIC_SECTION))
+    except zenoh.ZError as error:
+        raise ConfigError(f"{path}: no section plugins.acoustic", hint=_SECTION_HINT) from error
+
+
+def _zenoh() -> ModuleType | None:
+    """Return Zenoh; None: it is not installed."""
+    try:
+        import zenoh
+    except ModuleNotFoundError:
+        return None
+    return zenoh
+
+
+def _section_without_zenoh(text: str, path: str | Path) -> object:
+    """Find the section in a file that Zenoh cannot read.
+
+    Raises:
+        ConfigError: It is no JSON5, or has no such section.
+    """
+    if Path(path).suffix in (".yaml", ".yml"):
+        raise ConfigError(f"{path}: YAML is read by Zenoh", hint="pip install eclipse-zenoh")
+    whole = _parse_without_zenoh(text, str(path))
+    plugins = whole.get("plugins") if isinstance(whole, dict) else None
+    if not isinstance(plugins, dict) or "acoustic" not in plugins:
+        hint = _SCENARIO_HINT if _is_scenario(text) else _SECTION_HINT
+        raise ConfigError(f"{path}: no section plugins.acoustic", hint=hint)
+    return plugins["acoustic"]
+
+
+def _parse_without_zenoh(text: str, source: str) -> object:
+    import json5
+
+    try:
+        return _as_zenoh_has_it(json5.loads(text))
+    except ValueError as error:
+        found = _PLAIN.fullmatch(str(error))
+        place = f":{found[1]}:{found[3]}" if found else ""
+        raise ConfigError(f"{source}{place}: {found[2] if found else error}") from None
+    except RecursionError:
+        raise ConfigError(f"{source}: nested too deep to be read without Zenoh") from None
+
+
+def _as_zenoh_has_it(value: object) -> object:
+    """Sort keys, and leave out what JSON lacks."""
+    if isinstance(value, dict):
+        return {_text(key): _as_zenoh_has_it(value[key]) for key in sorted(value)}
+    if isinstance(value, list):
+        return [_as_zenoh_has_it(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return _text(value) if isinstance(value, str) else value
+
+
+def _text(text: str) -> str:
+    """Join what was written as two escapes; half of such a pair is no character."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
+def _is_scenario(text: str) -> bool:
+    """Tell whether a text that is no Zenoh config is of another kind of our files."""
+    try:
+        found = parse_json5(text, source="")
+    except ConfigError:
+        return False
+    return (
+        isinstance(found, dict) and "plugins" not in found and isinstance(found.get("nodes"), list)
+    )
+
+
+def _read_text(path: str | Path) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8") from error
+
+
+def _check_depth(text: str, source: str) -> None:
+    """Refuse what would overflow the parser's stack, which ends the process.
+
+    Brackets in strings and comments count too: files of people do not come near the limit.
+    """
+    depth = 0
+    for bracket in _BRACKET.finditer(text):
+        depth += 1 if bracket.group() in "[{" else -1
+        if depth > DEPTH_LIMIT:
+            line = text.count("\n", 0, bracket.start()) + 1
+            raise ConfigError(f"{source}:{line}: nested {depth} deep; allowed: {DEPTH_LIMIT}")
+
+
+def _config_error(error: Exception, source: str) -> ConfigError:
+    """Turn an error of Zenoh's parser into one line about the user's file."""
+    text = _WHERE_IN_ZENOH.sub("", str(error))
+    if grammar := _GRAMMAR.search(text):
+        line, column, expected = grammar.groups()
+        plain = expected.strip().replace("EOI", "the end of the file")
+        return ConfigError(f"{source}:{line}:{column}: {plain}")
+    if field := _FIELD.search(text):
+        message, line, column = field.groups()
+        place = f":{line}:{column}" if line else ""
+        return ConfigError(f"{source}{place}: {' '.join(message.split())}")
+    if "error parsing integer" in text or "error parsing number" in text:
+        return ConfigError(f"{source}: a number is too large; allowed: 64 bits")
+    return ConfigError(f"{source}: {' '.join(_OS_ERROR.sub('', text).split())}")

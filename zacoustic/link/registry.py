@@ -1,0 +1,228 @@
+"""Links and verbs by name: what is installed, found through entry points.
+
+Nothing in `zacoustic` names a link. A package, ours or anybody's, registers a class in the group
+`zacoustic.links` and, if it brings verbs for the command line, in `zacoustic.commands`. Our own
+links go the same way, so the way of third parties is the tested one.
+
+A link is addressed by a locator::
+
+    NAME/ADDRESS#key=value&key=value        evologics/serial:/dev/ttyUSB0#baudrate=19200
+"""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from importlib import metadata
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ConfigError, LinkUnavailableError, ZacousticError
+from zacoustic.link.command import Command
+from zacoustic.link.contract import LINK_API, Link, convert_config
+
+LINK_GROUP: Final = "zacoustic.links"
+"""Entry-point group of links: name → subclass of `Link`."""
+COMMAND_GROUP: Final = "zacoustic.commands"
+"""Entry-point group of verbs: name → subclass of `Command`; `GROUP.NAME` is a sub-verb of GROUP."""
+
+_INSTALL_HINT: Final = "pip install zacoustic, or in a checkout: pip install -e ."
+
+
+class Locator(msgspec.Struct, frozen=True):
+    """A locator, taken apart; what the address and the settings mean is the link's."""
+
+    name: str
+    """Name of the link."""
+    address: str
+    """What stands between `NAME/` and `#`."""
+    settings: dict[str, str]
+    """What stands behind `#`, as text."""
+
+
+class LinkDescription(msgspec.Struct, frozen=True, kw_only=True):
+    """One installed link, for `zacoustic links`."""
+
+    name: str
+    """Name in the locator."""
+    package: str
+    """Distribution that brings it, and its version."""
+    summary: str = ""
+    """First line of the class's docstring; empty when it cannot be imported."""
+    settings: dict[str, str] = {}
+    """Settings of the locator with their default values as text; `required` where there is none."""
+    error: str = ""
+    """Why it cannot be used; empty when it can."""
+
+
+def parse_locator(locator: str) -> Locator:
+    """Take a locator apart.
+
+    Raises:
+        ConfigError: It has no name, or a setting is not `key=value` or is given twice.
+    """
+    head, _, tail = locator.partition("#")
+    name, slash, address = head.partition("/")
+    if not (name and slash):
+        raise ConfigError(
+            f"locator {locator!r} names no link",
+            hint="write NAME/ADDRESS#key=value, such as sim/127.0.0.1:7000",
+        )
+    settings: dict[str, str] = {}
+    for item in tail.split("&") if tail else ():
+        key, equals, value = item.partition("=")
+        if not (key and equals):
+            raise ConfigError(f"locator {locator!r}: setting {item!r} is not key=value")
+        if key in settings:
+            raise ConfigError(f"locator {locator!r}: setting {key!r} is given twice")
+        settings[key] = value
+    return Locator(name, address, settings)
+
+
+def names() -> list[str]:
+    """Names of all installed links, sorted; imports none of them."""
+    return sorted({point.name for point in metadata.entry_points(group=LINK_GROUP)})
+
+
+def load(name: str) -> type[Link]:
+    """Import the class of a link.
+
+    Raises:
+        LinkUnavailableError: Not installed, not importable, no `Link`, or written for another
+            contract.
+    """
+    points = metadata.entry_points(group=LINK_GROUP, name=name)
+    if not points:
+        installed = names()
+        if not installed:
+            raise LinkUnavailableError("no links are installed", hint=_INSTALL_HINT)
+        raise LinkUnavailableError(f"no link {name!r}; installed: {', '.join(installed)}")
+    point = next(iter(points))
+    loaded = _import(point, f"link {name!r}")
+    if not (isinstance(loaded, type) and issubclass(loaded, Link)):
+        raise LinkUnavailableError(f"link {name!r}: {point.value} is not a subclass of Link")
+    if loaded.link_api != LINK_API:
+        raise LinkUnavailableError(
+            f"link {name!r} was written for link contract {loaded.link_api}, this is {LINK_API}",
+            hint=f"pip install --upgrade zacoustic {_distribution(point)}",
+        )
+    return loaded
+
+
+def create(locator: str, node_address: int) -> Link:
+    """Build the link that a locator names; it is not open yet.
+
+    Args:
+        locator: `NAME/ADDRESS#key=value&key=value`.
+        node_address: Acoustic address of this node, 1…254.
+
+    Raises:
+        ConfigError: The locator, its address or a setting is wrong.
+        LinkUnavailableError: No such link, or it cannot be used.
+    """
+    parts = parse_locator(locator)
+    link_type = load(parts.name)
+    config = convert_config(link_type.config_type, parts.settings, source=locator)
+    return link_type.from_locator(parts.address, config, node_address=node_address)
+
+
+def describe() -> list[LinkDescription]:
+    """Describe all installed links, sorted; an unusable one is described by its error."""
+    return [_describe(name) for name in names()]
+
+
+def commands() -> Mapping[str, Command]:
+    """All installed verbs by name, sorted; each is imported when it is looked up.
+
+    One that cannot be used is an `UnavailableCommand`.
+    """
+    points = sorted(metadata.entry_points(group=COMMAND_GROUP), key=lambda point: point.name)
+    return _InstalledCommands({point.name: point for point in points})
+
+
+class _InstalledCommands(Mapping[str, Command]):
+    """Verbs that are imported when they are looked up."""
+
+    def __init__(self, points: Mapping[str, metadata.EntryPoint]) -> None:
+        self._points = points
+
+    def __getitem__(self, name: str) -> Command:
+        return _load_command(self._points[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._points)
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+
+class UnavailableCommand(Command):
+    """Stands for a verb that is installed and cannot be imported, so that all others still work."""
+
+    def __init__(self, name: str, error: ZacousticError) -> None:
+        # Of this verb alone, not of the class: each stands for another one.
+        self.name = name  # type: ignore[misc]
+        self.summary = f"not available: {error}"  # type: ignore[misc]
+        self.error = error
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Accept anything: the error is to be shown, not a complaint about arguments."""
+        parser.add_argument("ignored", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+
+    def run(self, arguments: argparse.Namespace) -> int:
+        """Raise why it cannot be used."""
+        raise self.error
+
+
+def _load_command(point: metadata.EntryPoint) -> Command:
+    try:
+        loaded = _import(point, f"command {point.name!r}")
+        if not (isinstance(loaded, type) and issubclass(loaded, Command)):
+            raise LinkUnavailableError(f"command {point.name!r}: {point.value} is not a Command")
+    except ZacousticError as error:
+        return UnavailableCommand(point.name, error)
+    return loaded()
+
+
+def _import(point: metadata.EntryPoint, what: str) -> object:
+    """Import what an entry point names, with an error that says what to install."""
+    try:
+        loaded: object = point.load()
+    except ImportError as error:
+        needs = f"needs {error.name}" if error.name else f"cannot be imported: {error}"
+        extra = point.name.rpartition(".")[2]
+        hint = f"pip install {_distribution(point)}[{extra}]"
+        raise LinkUnavailableError(f"{what} {needs}", hint=hint) from error
+    except AttributeError as error:
+        raise LinkUnavailableError(f"{what}: {point.value} does not exist: {error}") from error
+    except Exception as error:  # the package's own fault must not take the other packages with it
+        reason = f"{type(error).__name__}: {error}".partition("\n")[0]
+        raise LinkUnavailableError(f"{what}: {point.value} cannot be imported: {reason}") from error
+    return loaded
+
+
+def _describe(name: str) -> LinkDescription:
+    point = next(iter(metadata.entry_points(group=LINK_GROUP, name=name)))
+    package = f"{_distribution(point)} {point.dist.version if point.dist else ''}".rstrip()
+    try:
+        link_type = load(name)
+    except LinkUnavailableError as error:
+        return LinkDescription(name=name, package=package, error=str(error))
+    summary = (link_type.__doc__ or "").strip().partition("\n")[0]
+    settings = {
+        field.encode_name: "required" if field.required else _default(field)
+        for field in msgspec.structs.fields(link_type.config_type)
+    }
+    return LinkDescription(name=name, package=package, summary=summary, settings=settings)
+
+
+def _default(field: msgspec.structs.FieldInfo) -> str:
+    """The default value as one would write it in a locator."""
+    if field.default is not msgspec.NODEFAULT:
+        default = field.default
+    else:
+        default = field.default_factory()
+    return str(default).lower() if isinstance(default, bool) else str(default)
+
+
+def _distribution(point: metadata.EntryPoint) -> str:
+    return point.dist.name if point.dist else "zacoustic"

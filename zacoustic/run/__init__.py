@@ -1,0 +1,1 @@
+"""What runs an engine on a link: `runner`, with journal, recording, permit log and clocks."""

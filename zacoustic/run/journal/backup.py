@@ -1,0 +1,139 @@
+"""A copy of a journal, also of one that is in use; and what is to be said of a journal's files.
+
+The files of a node that runs change while they are read. A copy counts only when it is whole by
+its own checks (`inspection`), so that all of it is of one instant; otherwise it is made again.
+A copy says that it is one: a node that finds it in the place of its journal begins a life that
+knows that it has forgotten something.
+"""
+
+import os
+import sqlite3
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.errors import ConfigError, ZacousticError
+from zacoustic.run.journal.file import JournalFile
+from zacoustic.run.journal.inspection import Found, inspect, log_path, one_line
+from zacoustic.run.journal.mark import read_mark
+
+_ATTEMPTS: Final = 50
+
+
+class BackupError(ZacousticError):
+    """No copy could be made."""
+
+
+class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What is in the files of a journal."""
+
+    path: str
+    """The file."""
+    address: int | None
+    """Of which node it is; None: it does not say."""
+    commits: int
+    """How many commits there were."""
+    entries: dict[str, int]
+    """How many entries are right, by the first part of their key."""
+    is_backup: bool
+    """It is a copy that `backup` has made."""
+    doubt: str
+    """Why it is not what the node has written last; empty: it is, or it is a copy in order."""
+
+    def lines(self) -> list[str]:
+        """Return it as lines for people."""
+        node = "a node that it does not name" if self.address is None else f"node {self.address}"
+        kind = "copy of the journal" if self.is_backup else "journal"
+        verdict = f"IN DOUBT: {self.doubt}" if self.doubt else "in order"
+        parts = ", ".join(f"{count} {key}" for key, count in sorted(self.entries.items()))
+        return [
+            f"{self.path}: {kind} of {node}: {verdict}",
+            f"commits {self.commits}, entries: {parts or 'none'}",
+        ]
+
+
+def check(path: Path, address: int | None = None) -> JournalReport:
+    """Look at the files of a journal; changes nothing, whether a node runs on it or not.
+
+    Args:
+        path: The file.
+        address: The node that it is to be of; None: any.
+
+    Raises:
+        ConfigError: There is no such file, or it cannot be read.
+    """
+    found = _look(path, address)
+    is_backup = found.node is not None and found.node.is_backup
+    return JournalReport(
+        path=str(path),
+        address=None if found.node is None else found.node.address,
+        commits=0 if found.node is None else found.node.commits,
+        entries=_counts(found),
+        is_backup=is_backup,
+        doubt="" if is_backup and found.is_whole else found.doubt,
+    )
+
+
+def backup(path: Path, copy: Path) -> JournalReport:
+    """Make a copy of a journal in one file, also while its node runs; returns what is in it.
+
+    Args:
+        path: File of the journal.
+        copy: The copy; must not be there yet.
+
+    Raises:
+        ConfigError: There is no such journal, or there is something in the place of the copy.
+        BackupError: It is damaged, or cannot be copied.
+    """
+    if copy.exists():
+        raise ConfigError(f"{copy}: is there already", hint="name a file that is not")
+    for _ in range(_ATTEMPTS):
+        found = _look(path, None)
+        if found.is_whole and not found.fault:
+            break
+    else:
+        raise BackupError(f"journal {path}: {found.fault or 'no instant of it is whole'}")
+    node = found.node
+    assert node is not None
+    coming = copy.with_name(f"{copy.name}.coming")
+    try:
+        coming.touch(mode=0o600, exist_ok=False)
+        file = JournalFile(coming, None, node.address, commits=node.commits - 1)
+        try:
+            file.commit(dict(found.entries), is_backup=True)
+            file.into_one_file()
+        finally:
+            file.close()
+        os.link(coming, copy)
+    except FileExistsError:
+        raise ConfigError(f"{copy}: is there already", hint="name a file that is not") from None
+    except (sqlite3.Error, OSError) as error:
+        raise BackupError(f"{copy}: cannot be written: {one_line(error)}") from error
+    finally:
+        for left in (coming, log_path(coming)):
+            left.unlink(missing_ok=True)
+    return check(copy)
+
+
+def _look(path: Path, address: int | None) -> Found:
+    try:
+        marked = read_mark(path)
+        found = inspect(path, address, marked)
+        if found.doubt and read_mark(path) != marked:  # a commit came between the two files
+            found = inspect(path, address, marked)
+    except OSError as error:
+        raise ConfigError(f"journal {path}: cannot be read: {error.strerror or error}") from error
+    if not found.has_file and not found.doubt:
+        raise ConfigError(
+            f"journal {path}: there is none", hint="name the file, such as node-2.sqlite"
+        )
+    return found
+
+
+def _counts(found: Found) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for key in found.entries:
+        kind = key.split("/")[0]
+        counts[kind] = counts.get(kind, 0) + 1
+    return counts

@@ -1,0 +1,198 @@
+"""The file of a journal: how it is made, opened and written.
+
+An SQLite database with two tables: `entry`, with a check of its own in each row, since SQLite has
+none on its pages; and `node`, one row: which node, how many commits, and the sum of the checks of
+all entries, so that a part that is missing or old is seen (`inspection`). `application_id` says
+that it is a journal, `user_version` in which format.
+
+How it is written, and why:
+
+- `journal_mode` WAL. A commit appends to one file and waits for the disk once; the rollback journal
+  needs three or four waits, each tens of milliseconds on the cards of small computers. Each frame
+  of the log carries a running check, so a log that was cut short or torn by a loss of power ends
+  with its last whole commit.
+- `synchronous` FULL: the wait is at the end of each commit, not at the next checkpoint. On macOS
+  also the disk's own cache is flushed.
+- ``psow=0``: each commit is filled up to the end of a disk sector. So no later write touches a
+  sector that holds an earlier commit: a loss of power may damage a sector that is being written.
+- `locking_mode` EXCLUSIVE: a second process is refused, the kernel takes the lock away with the
+  process, and no memory is shared, which file systems of networks cannot.
+"""
+
+import contextlib
+import os
+import secrets
+import sqlite3
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from zacoustic.run.journal.image import PAGE_BYTES
+from zacoustic.run.journal.inspection import APPLICATION_ID, FORMAT, Node, added, check_of
+from zacoustic.run.privatefile import keep_private
+
+LIMIT_BYTES: Final = 64 * 1024 * 1024
+"""Size that a file may have; its log may have as much again while a commit that large runs."""
+
+_SCHEMA: Final = (
+    "CREATE TABLE node (address INTEGER NOT NULL, identity BLOB NOT NULL,"
+    " commits INTEGER NOT NULL, entries_sum INTEGER NOT NULL, is_backup INTEGER NOT NULL,"
+    " checksum INTEGER NOT NULL)",
+    "CREATE TABLE entry (key TEXT PRIMARY KEY, value BLOB NOT NULL, checksum INTEGER NOT NULL)"
+    " WITHOUT ROWID",
+    f"PRAGMA application_id = {APPLICATION_ID}",
+    f"PRAGMA user_version = {FORMAT}",
+)
+_PUT: Final = (
+    "INSERT INTO entry VALUES (?, ?, ?) ON CONFLICT (key)"
+    " DO UPDATE SET value = excluded.value, checksum = excluded.checksum"
+)
+_SET_NODE: Final = "UPDATE node SET commits = ?, entries_sum = ?, is_backup = ?, checksum = ?"
+_IDENTITY_BYTES: Final = 8
+
+
+class JournalFile:
+    """The file of a journal, open and locked.
+
+    Args:
+        path: The file; made if it is not there, with nothing in it before the first commit.
+        node: What it says of itself; None: it is a new one.
+        address: The node.
+        commits: How many commits there were at least, in whatever file.
+        limit_bytes: Size beyond which it does not grow.
+
+    Raises:
+        sqlite3.Error: It cannot be opened, or is in use.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        node: Node | None,
+        address: int,
+        *,
+        commits: int = 0,
+        limit_bytes: int = LIMIT_BYTES,
+    ) -> None:
+        self.path = path
+        self._is_made = node is not None
+        node = node or Node(address, secrets.token_bytes(_IDENTITY_BYTES), 0, 0, False)
+        self.node = msgspec.structs.replace(node, commits=max(node.commits, commits))
+        """What it says of itself."""
+        keep_private(path)  # SQLite gives its log the mode of the file
+        with contextlib.ExitStack() as unless_ready:
+            # Transactions are begun by hand; each call may be on another thread, one at a time.
+            self._store = store = sqlite3.connect(
+                f"{path.absolute().as_uri()}?psow=0",
+                uri=True,
+                timeout=0.0,
+                isolation_level=None,
+                check_same_thread=False,
+            )
+            unless_ready.callback(store.close)
+            store.execute("PRAGMA locking_mode = EXCLUSIVE")
+            # Takes the lock at once: of two that start together one has to have it.
+            store.execute("BEGIN EXCLUSIVE")
+            store.execute("ROLLBACK")
+            store.execute(f"PRAGMA page_size = {PAGE_BYTES}")
+            store.execute("PRAGMA journal_mode = WAL")
+            store.execute("PRAGMA synchronous = FULL")
+            store.execute("PRAGMA fullfsync = ON")
+            store.execute("PRAGMA checkpoint_fullfsync = ON")
+            store.execute(f"PRAGMA max_page_count = {max(1, limit_bytes // PAGE_BYTES)}")
+            unless_ready.pop_all()
+
+    def commit(self, values: Mapping[str, bytes | None], *, is_backup: bool = False) -> None:
+        """Write these entries, all or none; None deletes one.
+
+        Raises:
+            sqlite3.Error, UnicodeError: None of them was written.
+        """
+        with self._transaction():
+            if not self._is_made:
+                self._make()
+            entries_sum = self.node.entries_sum
+            for key, value in values.items():
+                before = self._store.execute("SELECT checksum FROM entry WHERE key = ?", (key,))
+                for (checksum,) in before.fetchall():
+                    entries_sum = added(entries_sum, -checksum)
+                if value is None:
+                    self._store.execute("DELETE FROM entry WHERE key = ?", (key,))
+                else:
+                    checksum = check_of(key, value)
+                    entries_sum = added(entries_sum, checksum)
+                    self._store.execute(_PUT, (key, value, checksum))
+            node = msgspec.structs.replace(
+                self.node,
+                commits=self.node.commits + 1,
+                entries_sum=entries_sum,
+                is_backup=is_backup,
+            )
+            self._store.execute(
+                _SET_NODE, (node.commits, node.entries_sum, node.is_backup, node.check)
+            )
+        self.node, self._is_made = node, True
+
+    def into_one_file(self) -> None:
+        """Take the log into the file, and delete it."""
+        self._store.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        self._store.execute("PRAGMA journal_mode = DELETE")
+
+    def room(self) -> tuple[int, int]:
+        """Return how many bytes are in use, and how many may be."""
+        (pages,) = self._store.execute("PRAGMA page_count").fetchone()
+        (page_bytes,) = self._store.execute("PRAGMA page_size").fetchone()
+        (most,) = self._store.execute("PRAGMA max_page_count").fetchone()
+        (free,) = self._store.execute("PRAGMA freelist_count").fetchone()
+        return (pages - free) * page_bytes, most * page_bytes
+
+    def close(self) -> None:
+        """Release the file."""
+        self._store.close()
+
+    def _make(self) -> None:
+        for statement in _SCHEMA:
+            self._store.execute(statement)
+        node = self.node
+        self._store.execute(
+            "INSERT INTO node VALUES (?, ?, ?, ?, ?, ?)",
+            (node.address, node.identity, 0, 0, False, node.check),
+        )
+
+    @contextlib.contextmanager
+    def _transaction(self) -> Iterator[None]:
+        """Commit what is done inside, all or none."""
+        self._store.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._store.execute("COMMIT")
+        except BaseException:
+            # SQLite has rolled back by itself after some errors.
+            with contextlib.suppress(sqlite3.Error):
+                self._store.execute("ROLLBACK")
+            raise
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, so that a loss of power does not take it away again.
+
+    Raises:
+        OSError: It cannot be made.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for made in missing:
+        sync_folder(made.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Bring the names in a folder to the disk."""
+    if not hasattr(os, "O_DIRECTORY"):  # Windows: folders are not opened, nor synced
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

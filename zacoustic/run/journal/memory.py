@@ -1,0 +1,34 @@
+"""A store that lives as long as its object."""
+
+from collections.abc import Sequence
+
+from zacoustic.core.base.journal import EPOCH_KEY, JournalWrite
+from zacoustic.run.journal.port import JournalState, begin_life
+
+
+class MemoryJournal:
+    """Keeps nothing beyond the process.
+
+    Lives of one object differ in their epoch. Of two processes in a row the second draws the epoch
+    of the first once in 65 536 starts; peers then take the one for the other.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[str, bytes] = {}
+
+    def recover(self) -> JournalState:
+        """Begin a life: the next epoch, and what was committed."""
+        self._entries = begin_life(self._entries).entries
+        epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
+        return JournalState(boot_epoch=epoch, entries=dict(self._entries))
+
+    def commit(self, writes: Sequence[JournalWrite]) -> None:
+        """Keep the writes for as long as this object lives."""
+        for write in writes:
+            if write.value is None:
+                self._entries.pop(write.key, None)
+            else:
+                self._entries[write.key] = write.value
+
+    def close(self) -> None:
+        """Do nothing."""

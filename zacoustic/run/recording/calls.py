@@ -1,0 +1,198 @@
+"""Calls of an engine as bytes and back, and what came of them in a form that can be compared.
+
+One call is an array: number of its name, arguments by parameter, what came of it, what was raised.
+Calls between two services of the engine share a message. A value of the application is kept as
+plain parts: what `TypeSpec.validate` takes. A result is kept as what can be compared, a write to
+the journal as a digest of its content, since what it says is not needed to go on.
+"""
+
+import enum
+import hashlib
+import typing
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.engine.tap import CALLS, EngineCall, method_of
+from zacoustic.core.values.types import TypeSpec
+from zacoustic.core.values.types.scalars import enum_name
+from zacoustic.errors import ConfigError
+from zacoustic.run.recording.life import exact_spec
+
+TYPES: Final = "zacoustic_types"
+"""Argument of a recorded `declare` beside its own: the types that the table has then."""
+
+_LATER: Final = "then"
+"""Argument that is a function of the application; it is told, and answers nothing."""
+_VALUES: Final = ("value",)
+"""Arguments that are of any type, as the application has them."""
+
+
+class Recorded(msgspec.Struct, frozen=True):
+    """A call as it was recorded."""
+
+    name: str
+    """One of `CALLS`."""
+    arguments: dict[str, Any]
+    """By parameter, for `call_engine`."""
+    outcome: bytes
+    """What came of it, as `outcome_of` writes it."""
+
+    @property
+    def now(self) -> int | None:
+        """Instant of the call, ns, where it has one."""
+        now = self.arguments.get("now")
+        return now if isinstance(now, int) else None
+
+
+def plain(value: object) -> object:
+    """Return a value of the application in plain parts."""
+    if isinstance(value, msgspec.Struct):
+        return {name: plain(getattr(value, name)) for name in value.__struct_fields__}
+    if isinstance(value, Mapping):
+        return {name: plain(part) for name, part in value.items()}
+    if isinstance(value, enum.Enum):
+        return enum_name(value)
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    if isinstance(value, bytearray | memoryview):
+        return bytes(value)
+    return value
+
+
+def _foreign(value: object) -> object:
+    """What msgspec cannot write: numbers and arrays of numpy, sets."""
+    convert = getattr(value, "tolist", None)
+    if convert is not None:
+        return convert()
+    if isinstance(value, frozenset | set):
+        return sorted(value)
+    raise NotImplementedError(type(value).__name__)
+
+
+_encoder: Final = msgspec.msgpack.Encoder(enc_hook=_foreign)
+_UNREADABLE: Final = (TypeError, ValueError, OverflowError, NotImplementedError, RecursionError)
+
+
+def outcome_of(result: object, error: Exception | None = None) -> bytes:
+    """Write what came of a call so that two of them can be compared, byte for byte.
+
+    Args:
+        result: What was returned.
+        error: What was raised instead.
+    """
+    if error is not None:
+        return _encoder.encode(["raised", type(error).__name__])
+    if result is None or isinstance(result, bool | int):
+        return _encoder.encode(result)
+    if isinstance(result, JournalWrite):
+        content = None if result.value is None else hashlib.sha256(result.value).digest()[:8]
+        return _encoder.encode(["JournalWrite", result.write_id, result.key, content])
+    if isinstance(result, msgspec.Struct):
+        return _encoder.encode([type(result).__name__, result])
+    return _encoder.encode([type(result).__name__])  # a Stream, of which the spec is an argument
+
+
+def read_outcome(outcome: bytes) -> Any:  # noqa: ANN401 (as it was written)
+    """Return what came of a call, in plain parts; None where it cannot be read."""
+    try:
+        return msgspec.msgpack.decode(outcome)
+    except (msgspec.DecodeError, RecursionError):
+        return None
+
+
+def encode_call(call: EngineCall, types: Sequence[TypeSpec] = ()) -> bytes:
+    """Write a call.
+
+    Args:
+        call: The call.
+        types: Of a `declare`: the types of the table.
+    """
+    arguments = {name: each for name, each in call.arguments.items() if name != _LATER}
+    for name in _VALUES:
+        if name in arguments:
+            arguments[name] = plain(arguments[name])
+    if call.name == "declare":
+        arguments[TYPES] = types
+    outcome = msgspec.Raw(outcome_of(call.result, call.error))
+    number = CALLS.index(call.name)
+    try:
+        return _encoder.encode([number, arguments, outcome])
+    except _UNREADABLE as error:
+        # Such a value the engine has refused; anything that it refuses as well will do.
+        said = {name: each for name, each in arguments.items() if name not in _VALUES}
+        return _encoder.encode([number, {**said, "value": repr(error)}, outcome])
+
+
+class CallReader:
+    """Reads the calls of one life.
+
+    Args:
+        names: Of the calls, by number.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        self._parameters: dict[str, dict[str, Any]] = {}
+        self._decoder = msgspec.msgpack.Decoder(list[tuple[int, dict[str, Any], msgspec.Raw]])
+
+    def read(self, data: bytes) -> Iterator[Recorded]:
+        """Read the calls of a message.
+
+        Raises:
+            ConfigError: It is damaged, or says what this program does not know.
+        """
+        try:
+            for number, arguments, outcome in self._decoder.decode(data):
+                name = self._names[number]
+                yield Recorded(name, self._typed(name, arguments), bytes(outcome))
+        except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
+            raise ConfigError(f"a call of the engine cannot be read: {error}") from error
+
+    def _typed(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
+        parameters = self._parameters.get(name)
+        if parameters is None:
+            parameters = self._parameters[name] = _parameters(name)
+        found: dict[str, Any] = {}
+        for each, written in arguments.items():
+            expected = parameters.get(each, Any)
+            if each in _VALUES or expected is Any:
+                found[each] = written
+            else:
+                found[each] = msgspec.convert(written, _kind(expected, written))
+            if name == "declare" and each == "spec":
+                found[each] = exact_spec(found[each], written)
+        if _LATER in parameters and name == "orders.obey":
+            found[_LATER] = _heed
+        return found
+
+
+def _parameters(name: str) -> dict[str, Any]:
+    """Return the types of the parameters of a call."""
+    if name not in CALLS:
+        raise ConfigError(f'the engine of this program has no "{name}"')
+    hints = typing.get_type_hints(method_of(name))
+    hints.pop("return", None)
+    if name == "declare":
+        hints[TYPES] = tuple[TypeSpec, ...]
+    return hints
+
+
+def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any kind)
+    """Return what to read a parameter as: of records that have no tag the one with its fields."""
+    kinds = [
+        kind
+        for kind in typing.get_args(expected)
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+    ]
+    if len(kinds) < 2 or not isinstance(written, dict):
+        return expected
+    is_tagged = kinds[0].__struct_config__.tag is not None
+    named = (kind for kind in kinds if written.keys() <= {*kind.__struct_fields__})
+    return expected if is_tagged else next(named, kinds[0])
+
+
+def _heed(state: object) -> None:
+    """Do nothing with what holds when an order is written down: the application has."""

@@ -1,0 +1,77 @@
+"""A recording of one node while it runs: opened before its engine is made, closed behind it."""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from zacoustic.core.base.clock import Clock
+from zacoustic.ros.streams import RosStream
+from zacoustic.run.recording.recorder import EngineRecorder
+from zacoustic.run.recording.writing import RecordingFile
+
+
+class LiveRecording:
+    """Makes the engine of a node, recorded; for the loop.
+
+    Args:
+        file: The file, open; closed with this object.
+        clock: Where the engine's instants come from.
+        ros: What streams are in ROS, by id.
+    """
+
+    def __init__(
+        self,
+        file: RecordingFile,
+        *,
+        clock: Clock = time.monotonic_ns,
+        ros: Mapping[int, RosStream] | None = None,
+    ) -> None:
+        self._file = file
+        self._recorder = EngineRecorder(file, lambda address: time.time_ns() - clock(), ros=ros)
+        self.make = self._recorder.make
+        """Makes the engine; a `MakeEngine`."""
+
+    @property
+    def path(self) -> Path:
+        """The file: as it was named, or with the time in its name where that was taken."""
+        return self._file.path
+
+    @property
+    def dropped(self) -> int:
+        """Messages that are not in the file: the disk was too slow, or is full."""
+        return self._file.dropped
+
+    async def close(self) -> None:
+        """Finish the file, off the loop; the engine must not be called any more."""
+        self._recorder.finish()
+        await asyncio.to_thread(self._file.close)
+
+
+async def open_recording(
+    path: str | Path,
+    *,
+    clock: Clock = time.monotonic_ns,
+    ros: Mapping[int, RosStream] | None = None,
+    trouble: Callable[[str], None] | None = None,
+) -> LiveRecording:
+    """Open a recording, off the loop.
+
+    Args:
+        path: The file.
+        clock: Where the engine's instants come from.
+        ros: What streams are in ROS, by id.
+        trouble: Told, on the loop, what is not recorded and why; None: logged.
+
+    Raises:
+        ConfigError: The file cannot be made, or the extra is missing.
+    """
+    loop = asyncio.get_running_loop()
+
+    def tell(text: str) -> None:
+        if trouble is not None and not loop.is_closed():
+            loop.call_soon_threadsafe(trouble, text)
+
+    told = tell if trouble is not None else None
+    file = await asyncio.to_thread(RecordingFile, path, trouble=told)
+    return LiveRecording(file, clock=clock, ros=ros)

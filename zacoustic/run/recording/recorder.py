@@ -1,0 +1,243 @@
+"""Makes engines whose every call goes into a recording, with what people want to see of it."""
+
+import random
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import msgspec
+
+from zacoustic.core.base.linktypes import LinkState, ReceivedFrame, Transmission, TransmitReport
+from zacoustic.core.base.trace import TraceSink
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.engine.tap import EngineCall, Tap
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.ros.streams import RosStream
+from zacoustic.run.recording.calls import encode_call, plain
+from zacoustic.run.recording.channels import (
+    Channel,
+    LedgerRecord,
+    LedgerRow,
+    engine_channel,
+    events_channel,
+    frames_channel,
+    ledger_channel,
+    link_record,
+    links_channel,
+    received_frame,
+    report_record,
+    reports_channel,
+    sent_frame,
+)
+from zacoustic.run.recording.life import encode_life
+from zacoustic.run.recording.schemas import as_json
+from zacoustic.run.recording.values import ValueWriter, key_of
+from zacoustic.run.recording.writing import MessageSink, program
+
+LEDGER_NS: Final = 10_000_000_000
+"""How often a ledger is written, ns, as long as the engine is called at all."""
+_BATCH_BYTES: Final = 32 << 10
+
+UtcOffset = Callable[[int], int]
+"""Takes an address; returns UTC less the clock of the engine that is about to be made there, ns."""
+
+
+class EngineRecorder:
+    """Makes engines; its method `make` is a `MakeEngine`.
+
+    Args:
+        sink: Takes what they do.
+        utc_offset: Tells what their clocks are worth.
+        ros: What streams are in ROS, by id: their values are recorded as such.
+    """
+
+    def __init__(
+        self,
+        sink: MessageSink,
+        utc_offset: UtcOffset,
+        *,
+        ros: Mapping[int, RosStream] | None = None,
+    ) -> None:
+        self._sink = sink
+        self._utc_offset = utc_offset
+        self.ros: Mapping[int, RosStream] = ros or {}
+        """What streams are in ROS, by id, of the engines that are made from now on."""
+        self._lives: dict[int, _LifeRecorder] = {}
+
+    def make(
+        self,
+        *,
+        address: int,
+        table: StreamTable,
+        epoch: int,
+        rng: random.Random,
+        rules: TransmitRules,
+        stored: Mapping[str, bytes],
+        trace: TraceSink | None,
+    ) -> Engine:
+        """Return a new engine that is recorded."""
+        offset_ns = self._utc_offset(address)
+        life = encode_life(
+            address=address,
+            table=table,
+            epoch=epoch,
+            rng=rng,
+            rules=rules,
+            stored=stored,
+            utc_offset_ns=offset_ns,
+            program=program(),
+        )
+        engine = Engine(
+            address=address, table=table, epoch=epoch, rng=rng, rules=rules, stored=stored,
+            trace=trace,
+        )  # fmt: skip
+        values = ValueWriter(self._sink, address, table, self.ros)
+        recorder = _LifeRecorder(self._sink, engine, life, offset_ns, values)
+        former = self._lives.pop(address, None)
+        if former is not None:
+            former.finish()
+        self._lives[address] = recorder
+        Tap(engine, recorder.take)
+        return engine
+
+    def finish(self) -> None:
+        """Record what the engines have counted; the sink is closed by who has opened it."""
+        for each in self._lives.values():
+            each.finish()
+        self._lives.clear()
+
+
+class _LifeRecorder:
+    """Records one engine."""
+
+    def __init__(
+        self,
+        sink: MessageSink,
+        engine: Engine,
+        life: bytes,
+        offset_ns: int,
+        values: ValueWriter,
+    ) -> None:
+        self._node = address = engine.address
+        self._sink = sink
+        self._engine = engine
+        self._life: bytes | None = life
+        self._offset_ns = offset_ns
+        self._values = values
+        self._channel = engine_channel(address)
+        self._frames = frames_channel(address)
+        self._reports = reports_channel(address)
+        self._links = links_channel(address)
+        self._events = events_channel(address)
+        self._ledger = ledger_channel(address)
+        self._now = 0
+        self._ledger_at = 0
+        self._batch: list[bytes] = []
+        self._batch_bytes = 0
+        self._is_whole = True
+
+    def take(self, call: EngineCall) -> None:
+        """Record a call."""
+        now = call.arguments.get("now")
+        if isinstance(now, int):
+            self._now = now
+        if self._is_whole:
+            types = tuple(self._engine.table.types) if call.name == "declare" else ()
+            written = encode_call(call, types)
+            self._batch.append(written)
+            self._batch_bytes += len(written)
+        self._show(call)
+        # The last call of each service, and so of all that belongs to one input.
+        if call.name == "poll_timeout" or self._batch_bytes > _BATCH_BYTES:
+            self._flush()
+
+    def finish(self) -> None:
+        """Record what waits, and the last ledger."""
+        self._flush()
+        self._put_ledger()
+
+    def _flush(self) -> None:
+        if self._batch:
+            self._put_calls(self._batch)
+            self._batch, self._batch_bytes = [], 0
+        if self._now - self._ledger_at >= LEDGER_NS:
+            self._put_ledger()
+
+    def _put_calls(self, batch: list[bytes]) -> None:
+        if self._life is not None:
+            life = msgspec.msgpack.encode({"life": msgspec.Raw(self._life)})
+            self._is_whole = self._put(self._channel, life)
+            self._life = None
+        if self._is_whole:
+            calls = {"calls": [msgspec.Raw(each) for each in batch]}
+            self._is_whole = self._put(self._channel, msgspec.msgpack.encode(calls))
+
+    def _show(self, call: EngineCall) -> None:
+        """Record what people look at."""
+        if call.error is not None:
+            return
+        node, arguments, result = self._node, call.arguments, call.result
+        match call.name, arguments:
+            case "poll_transmit", _ if isinstance(result, Transmission):
+                capabilities = self._engine.capabilities
+                self._put_record(self._frames, sent_frame(node, result, self._now, capabilities))
+            case "handle_frame", {"frame": ReceivedFrame() as frame}:
+                self._put_record(self._frames, received_frame(node, frame))
+            case "handle_transmit_report", {"report": TransmitReport() as report}:
+                self._put_record(self._reports, report_record(node, report))
+            case "handle_link_state", {"state": LinkState() as state}:
+                capabilities = arguments.get("capabilities")
+                self._put_record(self._links, link_record(node, state, capabilities))
+            case "poll_event", _ if result is not None:
+                self._put_record(self._events, _event(result, self._key_of(result)))
+                if isinstance(result, SampleReceived) and not result.deleted:
+                    self._values.received(result, self._utc_ns)
+            case "publish", _ if not arguments.get("delete"):
+                self._values.published(arguments, self._utc_ns)
+
+    def _key_of(self, event: object) -> str:
+        stream_id, instance = getattr(event, "stream_id", None), getattr(event, "instance", ())
+        stream = self._engine.table.get(stream_id) if isinstance(stream_id, int) else None
+        if stream is None:
+            return ""
+        return key_of(stream, getattr(event, "source", self._node), instance)
+
+    def _put_ledger(self) -> None:
+        stats, table = self._engine.stats, self._engine.table
+        self._ledger_at = self._now
+        rows = []
+        for entry in stats.ledger():
+            stream = table.get(entry.stream_id)
+            rows.append(
+                LedgerRow(
+                    stream_id=entry.stream_id,
+                    stream=stream.name if stream is not None else "",
+                    cause=entry.cause.value,
+                    transmitted_bytes=entry.transmitted_bytes,
+                )
+            )
+        record = LedgerRecord(
+            node=self._node,
+            epoch=self._engine.epoch,
+            frames=stats.frames_transmitted,
+            bytes=stats.bytes_transmitted,
+            airtime_s=stats.airtime_ns / 1e9,
+            rows=tuple(rows),
+        )
+        self._put_record(self._ledger, record)
+
+    def _put_record(self, channel: Channel, record: object) -> None:
+        self._put(channel, as_json(record))
+
+    def _put(self, channel: Channel, data: bytes) -> bool:
+        return self._sink.put(channel, self._utc_ns, data)
+
+    @property
+    def _utc_ns(self) -> int:
+        return self._now + self._offset_ns
+
+
+def _event(event: msgspec.Struct, key: str) -> dict[str, Any]:
+    fields = {name: plain(getattr(event, name)) for name in event.__struct_fields__}
+    return {"event": type(event).__name__, **({"key": key} if key else {}), **fields}

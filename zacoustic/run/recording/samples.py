@@ -1,0 +1,52 @@
+"""Samples of a Zenoh network in a recording: as they were there, byte for byte, to be put again."""
+
+from typing import Final
+
+import msgspec
+
+from zacoustic.run.recording.channels import JSON, JSON_SCHEMA, MSGPACK, Channel
+from zacoustic.run.recording.life import Table
+from zacoustic.run.recording.schemas import schema_of_struct
+
+SAMPLES_TOPIC: Final = "/samples"
+TABLE_TOPIC: Final = "/table"
+
+
+class SampleRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample."""
+
+    key: str
+    """Its key."""
+    payload: bytes
+    """What it says; empty when it was deleted."""
+    encoding: str = ""
+    """Zenoh encoding."""
+    attachment: bytes | None = None
+    """What goes beside it."""
+    deleted: bool = False
+    """The key was deleted."""
+    source: int | None = None
+    """Of what came off the water: address of the node that has published it."""
+    age_s: float | None = None
+    """The same: how old it was when its frame was composed, s."""
+
+
+def samples_channel() -> Channel:
+    """Return the channel of `SampleRecord`s."""
+    return Channel(
+        topic=SAMPLES_TOPIC,
+        encoding=JSON,
+        schema_name="zacoustic.SampleRecord",
+        schema_encoding=JSON_SCHEMA,
+        schema=schema_of_struct(SampleRecord),
+    )
+
+
+def table_channel() -> Channel:
+    """Return the channel of the stream table, for files without lives."""
+    return Channel(topic=TABLE_TOPIC, encoding=MSGPACK)
+
+
+def encode_table(table: Table) -> bytes:
+    """Write a table as `table_channel` has it."""
+    return msgspec.msgpack.encode({"table": table})

@@ -1,0 +1,101 @@
+"""Values of topics in a recording: JSON by their type, or CDR where the stream is of ROS."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.errors import PayloadInvalidError, ZacousticError
+from zacoustic.ros.streams import RosStream, RosTopic
+from zacoustic.run.recording.calls import plain
+from zacoustic.run.recording.channels import CDR, ROS_SCHEMA, Channel, value_channel
+from zacoustic.run.recording.schemas import OpaqueValue, as_json
+from zacoustic.run.recording.writing import MessageSink
+
+_MOST_CHANNELS: Final = 4096
+
+
+def key_of(stream: Stream, source: int, instance: Instance) -> str:
+    """Return the key of a sample, or the name of its stream where it has none."""
+    try:
+        return stream.keys.key(source, instance)
+    except ZacousticError:
+        return stream.name
+
+
+class ValueWriter:
+    """Writes the values of one node.
+
+    Args:
+        sink: Takes them.
+        node: Address of the node.
+        table: Its streams.
+        ros: What streams are in ROS, by id.
+    """
+
+    def __init__(
+        self, sink: MessageSink, node: int, table: StreamTable, ros: Mapping[int, RosStream]
+    ) -> None:
+        self._sink = sink
+        self._node = node
+        self._table = table
+        self._ros = ros
+        self._channels: dict[str, Channel] = {}
+
+    def received(self, event: SampleReceived, utc_ns: int) -> None:
+        """Write a sample that has arrived."""
+        stream = self._table.by_id(event.stream_id)
+        key = key_of(stream, event.source, event.instance)
+        self._write("received", stream, key, event.value, event.encoding, utc_ns)
+
+    def published(self, arguments: Mapping[str, Any], utc_ns: int) -> None:
+        """Write a sample that was published; `arguments` are those of `Engine.publish`."""
+        stream = self._table.by_id(arguments["stream_id"])
+        key = key_of(stream, self._node, arguments.get("instance", ()))
+        encoding = arguments.get("encoding") or stream.encoding
+        value = arguments.get("value")
+        if stream.type is not None:
+            value = stream.type.validate(value)
+        self._write("published", stream, key, value, encoding, utc_ns)
+
+    def _write(
+        self, word: str, stream: Stream, key: str, value: object, encoding: str, utc_ns: int
+    ) -> None:
+        topic = f"/{self._node}/{word}/{key}"
+        ros = self._ros.get(stream.stream_id)
+        if isinstance(ros, RosTopic):
+            try:
+                data = ros.message.write(value)
+            except PayloadInvalidError:
+                return  # the gateway has complained of it
+        else:
+            ros = None
+            data = encode_value(stream, value, encoding)
+        channel = self._channels.get(topic)
+        if channel is None:
+            if len(self._channels) >= _MOST_CHANNELS:
+                return
+            made = ros_channel(topic, stream, ros) if ros else value_channel(topic, stream)
+            channel = self._channels[topic] = made
+        self._sink.put(channel, utc_ns, data)
+
+
+def encode_value(stream: Stream, value: object, encoding: str = "") -> bytes:
+    """Write a value as `value_channel` says."""
+    if stream.type is not None:
+        return as_json(plain(value))
+    octets = bytes(value) if isinstance(value, bytes | bytearray | memoryview) else b""
+    return as_json(OpaqueValue(data=octets, size_bytes=len(octets), encoding=encoding))
+
+
+def ros_channel(topic: str, stream: Stream, ros: RosTopic) -> Channel:
+    """Return a channel of the messages of a topic of ROS, in CDR."""
+    return Channel(
+        topic=topic,
+        encoding=CDR,
+        schema_name=ros.interface,
+        schema_encoding=ROS_SCHEMA,
+        schema=ros.message.definition().encode(),
+        metadata={"stream_id": str(stream.stream_id), "stream": stream.name},
+    )

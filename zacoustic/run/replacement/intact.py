@@ -1,0 +1,114 @@
+"""`Intact`: the engine of a new life, made of those entries of the journal that it can be made of.
+
+The checks of a store prove that an entry is what was written. They do not prove that this program
+can read it: another version may have written it, for another table, or this one has a bug. One such
+entry must not keep a node from starting. So where an engine raises while it is made, or in its
+first step, the entries are sorted: by halves, until each part that raises is a single entry. The
+engine gets all others, and a reason to doubt what it remembers, so that what it may have executed
+before is refused and not executed twice (`zacoustic.core.peers.doubt`).
+"""
+
+import logging
+from collections.abc import Callable, Mapping, Set
+from typing import Final, TypeAlias
+
+from zacoustic.core.base.journal import BOOT_KEY, DOUBT_KEY, EPOCH_KEY, LIFE_KEY, JournalWrite
+from zacoustic.core.engine.engine import Engine
+from zacoustic.run.journal.thread import NO_WRITE
+
+Renew: TypeAlias = Callable[[int, Mapping[str, bytes]], Engine]
+"""``(epoch, stored)``: makes an engine like the one before, of what the journal has."""
+Trial: TypeAlias = Callable[[Engine], None]
+"""Does the first step with an engine that is thrown away afterwards."""
+
+_OF_THE_LIFE: Final = frozenset({EPOCH_KEY, LIFE_KEY, DOUBT_KEY, BOOT_KEY})
+_LOGGED_BYTES: Final = 256
+_logger = logging.getLogger(__name__)
+
+
+class Intact:
+    """A new engine, and what it could not be made of.
+
+    Args:
+        renew: Makes an engine.
+        epoch: Of the new life.
+        entries: What the journal has.
+        trial: What a new engine has raised in is tried with it; None: to make it is enough.
+
+    Raises:
+        Exception: No engine can be made, whatever the journal has.
+    """
+
+    def __init__(
+        self, renew: Renew, epoch: int, entries: Mapping[str, bytes], trial: Trial | None = None
+    ) -> None:
+        self._renew = renew
+        self._epoch = epoch
+        self._trial = trial
+        self.writes: list[JournalWrite] = []
+        """What the journal has to be told, since it keeps no longer what was refused."""
+        self.entries = dict(entries)
+        """What is left."""
+        if trial is None or not self._raises(self.entries):
+            try:
+                self.engine = renew(epoch, self.entries)
+                return
+            except Exception as error:
+                self._sort(error)
+        else:
+            self._sort(None)
+        self.engine = renew(epoch, self.entries)
+
+    def _sort(self, error: Exception | None) -> None:
+        """Leave out what raises.
+
+        Raises:
+            Exception: `error`, where it is not because of the entries.
+        """
+        known = _OF_THE_LIFE & self.entries.keys()
+        if self._raises(self._only(known)):
+            if error is not None:
+                raise error
+            return  # its first step raises without them, too: they are not the cause
+        refused: list[str] = []
+        waiting = [[key for key in self.entries if key not in known]]
+        while waiting:
+            part = waiting.pop()
+            more = known.union(part)
+            if not self._raises(self._only(more)):
+                known = more
+            elif len(part) == 1:
+                refused += part
+            else:
+                half = len(part) // 2
+                waiting += [part[half:], part[:half]]
+        for key in refused:
+            value = self.entries[key]
+            _logger.error(
+                "journal: no engine can be made of entry %s, which is left out and deleted: %s%s",
+                key,
+                value[:_LOGGED_BYTES].hex(),
+                f"… ({len(value)} bytes)" if len(value) > _LOGGED_BYTES else "",
+            )
+        if not refused:
+            return
+        kinds = ", ".join(sorted({key.split("/")[0] for key in refused}))
+        reason = f"{len(refused)} entries of the journal cannot be used and were left out: {kinds}"
+        self.entries = self._only(known) | {DOUBT_KEY: reason.encode()}
+        changes = dict.fromkeys(refused) | {DOUBT_KEY: reason.encode()}
+        self.writes = [
+            JournalWrite(write_id=NO_WRITE, key=key, value=value) for key, value in changes.items()
+        ]
+
+    def _only(self, keys: Set[str]) -> dict[str, bytes]:
+        """Return some of the entries, in their order."""
+        return {key: each for key, each in self.entries.items() if key in keys}
+
+    def _raises(self, entries: Mapping[str, bytes]) -> bool:
+        try:
+            engine = self._renew(self._epoch, dict(entries))
+            if self._trial is not None:
+                self._trial(engine)
+        except Exception:
+            return True
+        return False

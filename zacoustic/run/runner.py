@@ -1,0 +1,489 @@
+"""The asyncio shell around one engine: its link, one timer, the journal's thread.
+
+`LinkRunner` does what the contract at the top of `core/engine.py` asks of a driver and nothing
+else. Every input and every command ends in `_service`: poll until dry, arm one timer. There is no
+other task and no polling; an idle engine leaves the process asleep.
+
+One thread owns the engine, that of the loop. Two things come from elsewhere:
+
+- Commands of foreign threads (Zenoh's callbacks), by `submit` (`zacoustic.run.inbox`).
+- Commits of the journal, by a future of its one worker thread (`JournalThread`). While one is under
+  way, further writes collect and are committed together; one that fails is told to the engine and
+  tried again.
+
+An exception that nobody expects, in the link or in the journal, is logged with its traceback, stops
+the runner and comes out of `wait_failed`. One out of the engine, or out of the receiver of events,
+may have been caused by anybody who can make a sound, so it does not: it is counted, logged with the
+frame that caused it, and a new engine goes on from the journal, without those entries of it that
+make that one raise as well (`zacoustic.run.replacement`).
+"""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Final, TypeAlias, TypeVar
+
+from zacoustic.core.base.clock import NS_PER_S, Clock
+from zacoustic.core.base.journal import JournalWrite
+from zacoustic.core.base.linktypes import (
+    LinkState,
+    Measurement,
+    ReceivedFrame,
+    Transmission,
+    TransmitReport,
+)
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import Event
+from zacoustic.errors import ConfigError, LinkClosedError, RangeUnavailableError, ZacousticError
+from zacoustic.link.contract import Link
+from zacoustic.run.alarm import Alarm
+from zacoustic.run.hostclock import AskClock, error_asked
+from zacoustic.run.inbox import Inbox
+from zacoustic.run.journal import Journal
+from zacoustic.run.journal.thread import NO_WRITE, JournalThread
+from zacoustic.run.permitlog import PermitLog
+from zacoustic.run.replacement.intact import Intact, Renew
+from zacoustic.run.replacement.replacement import Replacement
+
+# Rounds of polling before other callbacks of the loop get their turn: an application may answer
+# each event with a command that makes the next one.
+_ROUNDS_LIMIT: Final = 1000
+# The engine hears of UTC at least this often while it is driven, and when it was moved by more than
+# reading two clocks one after the other may differ.
+_TELL_CLOCK_NS: Final = 10 * NS_PER_S
+_CLOCK_JITTER_NS: Final = NS_PER_S // 1000
+
+_logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+LinkWatch: TypeAlias = Callable[[ReceivedFrame | Transmission | TransmitReport, int], None]
+"""Sees what crosses between engine and link, with the instant; on the loop, and must not raise."""
+Command: TypeAlias = Callable[[Engine, int], object]
+"""Something to do with the engine, given the instant; runs on the loop and does not block."""
+
+
+class LinkRunner:
+    """Runs one engine on one link.
+
+    All methods but `submit` are for the thread of the loop.
+
+    Args:
+        engine: The engine, with what it could not be made of where it was made of a journal;
+            nobody else may touch it from now on.
+        link: Its link, not open yet.
+        deliver: Takes each event, on the loop; may call `apply`.
+        renew: Makes the next engine when one has raised; None: that stops the runner.
+        clock: Where instants come from; the same as the link's.
+        journal: Where writes go, recovered; None: they count as committed at once. Closed with the
+            runner.
+        wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
+        clock_error_s: How wrong that may be, s, where `ask_clock` tells nothing.
+        ask_clock: Asks how wrong that may be.
+        permit_log: Takes each emission, or None. Closed with the runner.
+    """
+
+    def __init__(
+        self,
+        engine: Engine | Intact,
+        link: Link,
+        deliver: Callable[[Event], None],
+        *,
+        renew: Renew | None = None,
+        clock: Clock = time.monotonic_ns,
+        journal: Journal | None = None,
+        wall_clock: Clock | None = None,
+        clock_error_s: float = 0.0,
+        ask_clock: AskClock | None = None,
+        permit_log: PermitLog | None = None,
+    ) -> None:
+        self._first = engine if isinstance(engine, Intact) else None
+        self.engine = engine = engine.engine if isinstance(engine, Intact) else engine
+        self.link = link
+        self.link_state = LinkState.OPENING
+        self.link_detail = ""
+        self.failure: Exception | None = None
+        self.watch: LinkWatch | None = None
+        """Whoever sets this sees what crosses between engine and link."""
+        self.settled: Callable[[], None] | None = None
+        """Whoever sets this is told each time when all has been done that an input called for."""
+        self._is_foreign_on_air = False
+        self._is_busy = False
+        self._is_beginning = False
+        self._deliver = deliver
+        self._replacement: Replacement | None = None
+        if renew is not None:
+            self._replacement = Replacement(engine, renew)
+            self._deliver = partial(self._replacement.hand_on, deliver, self._instant)
+        self._clock = clock
+        self._now = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._alarm = Alarm(clock, self._expire)
+        self._is_servicing = False
+        self._is_closing = False
+        self._is_deaf = False
+        self._ended = asyncio.Event()
+        self._closed = asyncio.Event()
+        self._inbox: Inbox[Command] = Inbox(self._take_submitted)
+        self._wall_clock = wall_clock
+        self._clock_error = error_asked(ask_clock, clock_error_s)
+        self._offset_ns = 0
+        self._clock_told_at: int | None = None
+        self._permit_log = permit_log
+        self._on_air: Transmission | None = None
+        self._journal: JournalThread | None = None
+        if journal is not None:
+            self._journal = JournalThread(
+                journal,
+                committed=self._committed,
+                state_changed=self._journal_changed,
+                fail=self._fail,
+            )
+
+    async def start(self) -> None:
+        """Open the link and run.
+
+        Raises:
+            LinkOpenError: The link cannot be opened; the runner is closed then.
+            ConfigError: The link cannot do what the config asks of it; the same.
+        """
+        self._loop = asyncio.get_running_loop()
+        self._inbox.open(self._loop)
+        if self._first is not None:
+            self._keep_intact(self._first)
+        self._guarded(self._tell_clock)
+        try:
+            await self.link.open(self)
+            self._guarded(self._service)
+            if isinstance(self.failure, ZacousticError):
+                raise self.failure
+        except BaseException:
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        """Stop the link, then the journal; leaves no task, thread or descriptor.
+
+        May be called again.
+        """
+        if self._is_closing:
+            await self._closed.wait()
+            return
+        self._is_closing = True
+        self._inbox.close()
+        self._alarm.stop()
+        try:
+            try:
+                if self._replacement is not None:
+                    await self._replacement.stop()
+                await self.link.close()
+            finally:
+                if self._journal is not None:
+                    await self._journal.close()
+                if self._permit_log is not None:
+                    await self._permit_log.close()
+        finally:
+            self._closed.set()
+            self._ended.set()
+
+    def stop_hearing(self) -> None:
+        """Drop what the link hears from now on, as if this were closed; it still transmits."""
+        self._is_deaf = True
+
+    def apply(self, command: Callable[[Engine, int], T]) -> T:
+        """Run a command on the engine now, and what follows from it.
+
+        Args:
+            command: Gets the engine and the instant.
+
+        Returns:
+            What the command returns.
+
+        Raises:
+            LinkClosedError: The runner is closed or has failed, or makes a new engine just now.
+        """
+        self._check_running()
+        try:
+            return command(self.engine, self._instant())
+        finally:
+            self._guarded(self._service)
+
+    def keep(self, key: str, value: bytes | None) -> None:
+        """Write something down beside what the engine does, for the next life; None deletes it."""
+        if self._journal is not None:
+            self._journal.put(JournalWrite(write_id=NO_WRITE, key=key, value=value))
+
+    def submit(self, command: Command) -> bool:
+        """Hand a command over from another thread; it runs on the loop soon.
+
+        A `ZacousticError` that it raises is logged.
+
+        Returns:
+            False when `SUBMIT_LIMIT` commands wait already, or the runner does not run.
+        """
+        return self._inbox.put(command)
+
+    async def wait_failed(self) -> None:
+        """Wait until the runner ends.
+
+        Raises:
+            Exception: What has stopped it, if it was not closed.
+        """
+        await self._ended.wait()
+        if self.failure is not None:
+            raise self.failure
+
+    # What the link calls
+
+    def frame_received(self, frame: ReceivedFrame) -> None:
+        """Give a frame to the engine."""
+        if self.watch is not None:
+            self.watch(frame, self._instant())
+        now = self._instant()
+        replacement = self._replacement
+        if self._is_deaf:
+            return
+        if replacement is not None and replacement.faults.refuses(frame.frame_bytes, now):
+            return
+        self._guarded(lambda: self.engine.handle_frame(frame, now), frame=frame.frame_bytes)
+        self._guarded(self._service)
+
+    def transmit_finished(self, report: TransmitReport) -> None:
+        """Give a report to the engine, and to the permit log."""
+        if self.watch is not None:
+            self.watch(report, self._instant())
+        sent, self._on_air = self._on_air, None
+        self._strictly(lambda: self._log_emission(sent, report))
+        if self._is_foreign_on_air:  # a former engine's: the modem is free now
+            self._is_foreign_on_air = False
+            self._guarded(self._connect, self._service)
+            return
+        self._guarded(
+            lambda: self.engine.handle_transmit_report(report, self._instant()), self._service
+        )
+
+    def state_changed(self, state: LinkState, detail: str = "") -> None:
+        """Tell the engine, and people."""
+        is_first = state is LinkState.OPENING and not self.link_detail  # what it waits for follows
+        is_known = is_first or (state, detail) == (self.link_state, self.link_detail)
+        level = logging.INFO if state is LinkState.UP or is_known else logging.WARNING
+        _logger.log(level, "node %d: link %s: %s", self.engine.address, state.value, detail)
+        self.link_state, self.link_detail, self._is_busy = state, detail, False
+        self._guarded(self._connect, self._service)
+
+    def carrier_changed(self, busy: bool) -> None:
+        """Tell the engine whether somebody else is audible."""
+        self._is_busy = busy
+        self._guarded(lambda: self.engine.handle_carrier(busy, self._instant()), self._service)
+
+    def measured(self, measurement: Measurement) -> None:
+        """Give a measurement to the engine."""
+        self._guarded(
+            lambda: self.engine.handle_measurement(measurement, self._instant()), self._service
+        )
+
+    # The driver of the engine
+
+    def _service(self) -> None:
+        """Poll until dry, then arm the timer."""
+        if self._is_servicing:
+            return  # an application's command from within an event: the loop below goes on
+        self._is_servicing = True
+        try:
+            self._tell_clock()
+            for _ in range(_ROUNDS_LIMIT):
+                if not self._poll():
+                    self._alarm.set(None if self._is_closing else self.engine.poll_timeout())
+                    if self.settled is not None:
+                        self.settled()
+                    return
+        finally:
+            self._is_servicing = False
+        assert self._loop is not None
+        self._loop.call_soon(self._guarded, self._service)
+
+    def _poll(self) -> bool:
+        """Take one of each output; returns whether there was any."""
+        write = self.engine.poll_journal()
+        if write is not None:
+            self._keep(write)
+        transmission = None if self._is_closing else self.engine.poll_transmit(self._now)
+        if transmission is not None:
+            self._on_air = transmission
+            if self.watch is not None:
+                self.watch(transmission, self._now)
+            self._strictly(lambda: self.link.transmit(transmission))
+        event = self.engine.poll_event()
+        if event is not None:
+            self._deliver(event)
+        return not (write is None and transmission is None and event is None)
+
+    def _tell_clock(self) -> None:
+        """Tell the engine what UTC is, when it has been moved or was not told for long."""
+        if self._wall_clock is None:
+            return
+        now = self._instant()
+        offset_ns, told_at = self._wall_clock() - self._clock(), self._clock_told_at
+        is_old = told_at is None or now - told_at >= _TELL_CLOCK_NS
+        if is_old or abs(offset_ns - self._offset_ns) > _CLOCK_JITTER_NS:
+            self._offset_ns, self._clock_told_at = offset_ns, now
+            self.engine.handle_clock(offset_ns, self._clock_error(), now)
+
+    def _log_emission(self, sent: Transmission | None, report: TransmitReport) -> None:
+        if self._permit_log is not None and sent is not None and self._wall_clock is not None:
+            offset_ns = self._wall_clock() - self._clock()
+            self._permit_log.note_report(self.engine, sent, report, offset_ns)
+
+    def _expire(self, due_at: int) -> None:
+        # The loop may be early by its resolution: then it is the due instant that counts.
+        self._now = max(self._instant(), due_at)
+        self._guarded(
+            lambda: self.engine.handle_timeout(self._now),
+            self._service,
+            lambda: self._alarm.see_progress(self.engine.poll_timeout(), self._now),
+        )
+
+    def _instant(self) -> int:
+        """Return the present instant; never decreases."""
+        self._now = max(self._now, self._clock())
+        return self._now
+
+    def _take_submitted(self) -> None:
+        if self._is_replacing:
+            return  # the next engine takes them
+        commands = self._inbox.take()
+        if self._is_closing:
+            return
+        # Served once for all of them: they may share a frame.
+        self._guarded(*(lambda command=command: self._obey(command) for command in commands))
+        self._guarded(self._service)
+
+    def _obey(self, command: Command) -> None:
+        try:
+            command(self.engine, self._instant())
+        except ZacousticError as error:
+            _logger.warning("node %d: %s", self.engine.address, error)
+
+    def _keep(self, write: JournalWrite) -> None:
+        """Bring a write to the journal."""
+        if self._journal is None:
+            self._note_kept(write)
+            self.engine.handle_journal_committed(write.write_id, self._now)
+        else:
+            self._journal.put(write)
+
+    def _committed(self, group: Sequence[JournalWrite]) -> None:
+        now = self._instant()
+        for each in group:
+            self._note_kept(each)
+            self._guarded(partial(self.engine.handle_journal_committed, each.write_id, now))
+        self._guarded(self._service)
+
+    def _journal_changed(self, failure: str) -> None:
+        if failure:
+            _logger.error("node %d: what is reliable waits: %s", self.engine.address, failure)
+        else:
+            _logger.info("node %d: the journal can be written again", self.engine.address)
+        self._guarded(
+            lambda: self.engine.handle_journal_state(failure, self._instant()), self._service
+        )
+
+    def _note_kept(self, write: JournalWrite) -> None:
+        if self._replacement is not None:
+            self._replacement.committed(write)
+
+    # When something raises
+
+    def _guarded(self, *steps: Callable[[], None], frame: bytes | None = None) -> None:
+        """Run steps of the engine at the top of a callback: an engine that raises is replaced."""
+        if self.failure is not None or self._is_replacing:
+            return
+        try:
+            for step in steps:
+                step()
+        except (ConfigError, RangeUnavailableError) as error:
+            self._fail(error)  # the link cannot do what the config asks of it
+        except Exception as error:
+            if self._replacement is None:
+                self._fail(error)
+            elif self.failure is None:
+                self._lose_engine(self._replacement, error, frame)
+
+    def _strictly(self, step: Callable[[], None]) -> None:
+        """Run a step that is none of the engine: what it raises stops the runner."""
+        try:
+            step()
+        except Exception as error:
+            self._fail(error)
+
+    def _lose_engine(self, next_one: Replacement, error: Exception, frame: bytes | None) -> None:
+        """Give the engine up, and have the next one made."""
+        self._alarm.stop()
+        self._is_foreign_on_air = self._on_air is not None
+        pause_s = next_one.faults.note(error, self._instant(), frame=frame)
+        trial = self._try if self._is_beginning else None
+
+        def tell(engine: Engine) -> None:
+            for event in next_one.news(engine, error, self._instant()):
+                self._deliver(event)
+            if self._journal is not None and self._journal.failure:
+                engine.handle_journal_state(self._journal.failure, self._instant())
+
+        def begin(made: Intact) -> None:
+            self.engine, self._clock_told_at = made.engine, None
+            self._keep_intact(made)
+            self._is_beginning = True
+            steps = partial(tell, made.engine), self._tell_clock, self._connect, self._service
+            self._guarded(*steps)
+            self._is_beginning = False
+            self._take_submitted()
+
+        next_one.begin(self.engine, pause_s, self._journal, trial, self._instant, begin)
+
+    def _try(self, engine: Engine) -> None:
+        """Do the first step with an engine that is thrown away then: another one has raised in it.
+
+        Raises:
+            Exception: This one does, too.
+        """
+        now, is_up = self._instant(), self.link_state is LinkState.UP
+        engine.handle_link_state(self.link_state, now, self.link.capabilities if is_up else None)
+        while engine.poll_event() is not None:
+            pass
+        engine.poll_transmit(now)
+        engine.poll_timeout()
+
+    def _keep_intact(self, made: Intact) -> None:
+        """Delete from the journal what no engine can be made of."""
+        for write in made.writes:
+            self.keep(write.key, write.value)
+
+    def _connect(self) -> None:
+        """Tell the engine how the link is, unless it transmits a frame of a former engine."""
+        state = self.link_state
+        if self._is_foreign_on_air and state is LinkState.UP:
+            return
+        capabilities = self.link.capabilities if state is LinkState.UP else None
+        self.engine.handle_link_state(state, self._instant(), capabilities)
+        if self._is_busy:
+            self.engine.handle_carrier(True, self._instant())
+
+    @property
+    def _is_replacing(self) -> bool:
+        return self._replacement is not None and self._replacement.is_under_way
+
+    def _fail(self, error: Exception) -> None:
+        if not isinstance(error, ZacousticError):  # those say by themselves what is wrong
+            _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
+        self.failure = error
+        self._alarm.stop()
+        self._ended.set()
+
+    def _check_running(self) -> None:
+        if self.failure is not None:
+            raise LinkClosedError(f"the runner has failed: {self.failure}") from self.failure
+        if self._is_closing or self._loop is None:
+            raise LinkClosedError("the runner is not running")
+        if self._is_replacing:
+            raise LinkClosedError("the engine restarts after an internal error; try again")

@@ -1,0 +1,180 @@
+"""Pings from the island: is the node there, how long does an answer take, how far away is it?
+
+The node itself is asked whether it is silent (an order that changes nothing,
+`zacoustic.core.transport.commands`): what comes back says that its engine lives, not only its
+modem, and a refusal says so as well. Then, where the modem measures ranges and has told none on
+those frames, one is asked for: behind the answer, since a modem that waits for an acknowledgement
+is deaf to it. Where the wire knows no orders the range alone has to do.
+"""
+
+from collections.abc import Iterable
+from functools import partial
+from typing import Final, cast
+
+import msgspec
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
+from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.streams.commands import Order
+from zacoustic.core.values.encoding import JSON
+from zacoustic.errors import LocalError, RangeUnavailableError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.session.asking.pings import (
+    PINGS,
+    PingAnswer,
+    ping_selector,
+    pinged_node,
+    read_ping,
+)
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
+
+RANGE_LIMIT_S: Final = 10.0
+"""How long an answer waits for the range besides, s: three exchanges over 1500 m."""
+
+
+class PingDesk:
+    """Takes pings of the island; for the loop.
+
+    Args:
+        runner: Whose engine asks.
+        siblings: The gateways of this island.
+        clock: Where instants come from.
+    """
+
+    def __init__(self, runner: LinkRunner, siblings: Siblings, *, clock: Clock) -> None:
+        self._runner = runner
+        self._siblings = siblings
+        self._clock = clock
+        self._by_call: dict[int, _Ping] = {}
+        self._by_range: dict[int, _Ping] = {}
+
+    @property
+    def key(self) -> str:
+        """Where nodes are pinged."""
+        return PINGS
+
+    def serve(self, held: HeldQuery) -> None:
+        """Take a query."""
+        # Zenoh's stubs do not say that they can be iterated over.
+        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
+        key = str(held.query.key_expr)
+        target = pinged_node(key)
+        if target is None or not self._is_ours(target):
+            held.answer([])
+            return
+        try:
+            asked = read_ping(key, dict(parameters))
+        except ValueError as error:
+            held.refuse(CallFailure.BAD_REQUEST, str(error))
+            return
+        assert asked is not None
+        node, within_s = asked
+        if node in self._siblings.alive:
+            text = f"node {node} is on this island: there is no water between"
+            held.refuse(CallFailure.BAD_REQUEST, text)
+            return
+        self._runner.apply(partial(self._begin, held, node, within_s))
+
+    def has_sent(self, call_id: int) -> bool:
+        """Tell whether a call is a ping."""
+        return call_id in self._by_call
+
+    def has_asked(self, range_id: int | None) -> bool:
+        """Tell whether a range belongs to a ping."""
+        return range_id in self._by_range
+
+    def answered(self, event: ResponseReceived | CallFailed) -> None:
+        """The node has answered, or not."""
+        ping = self._by_call.pop(event.call_id)
+        if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
+            text = event.text
+            if event.failure is CallFailure.TIMED_OUT:
+                text = f"node {ping.node} has not answered in time"
+            ping.held.refuse(event.failure, text)
+            return
+        now = self._clock()
+        ping.round_trip_s = ns_to_seconds(now - ping.asked_at)
+        left_s = min(ping.within_s - ping.round_trip_s, RANGE_LIMIT_S)
+        known = self._runner.engine.measurements.range(ping.node)
+        has_range = known is not None and known.measured_at >= ping.asked_at
+        if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
+            self._answer(ping)
+
+    def ranged(self, event: RangeMeasured | RangeFailed) -> None:
+        """A range is there, or will not come."""
+        assert event.range_id is not None
+        ping = self._by_range.pop(event.range_id)
+        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
+            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
+        else:
+            self._answer(ping)
+
+    # Below the methods above
+
+    def _is_ours(self, node: int) -> bool:
+        """Tell whether this gateway is to ask, of those on the island."""
+        nodes = self._runner.engine.table.nodes
+        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
+        return is_known and self._siblings.address == self._siblings.alive[0]
+
+    def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
+        ping = _Ping(held, node, within_s, now)
+        try:
+            call_id = engine.orders.send(node, Order(), now, timeout_s=within_s)
+        except LocalError as error:
+            if not self._range(ping, within_s, engine, now):
+                held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")
+        else:
+            self._by_call[call_id] = ping
+
+    def _range(self, ping: "_Ping", within_s: float, engine: Engine, now: int) -> bool:
+        """Ask for the range; False: there is none to be had."""
+        try:
+            range_id = engine.ranging.request(ping.node, now, timeout_s=within_s)
+        except (LocalError, RangeUnavailableError):
+            return False
+        self._by_range[range_id] = ping
+        return True
+
+    def _answer(self, ping: "_Ping") -> None:
+        known = self._runner.engine.measurements
+        found = PingAnswer(
+            address=ping.node,
+            by=self._runner.engine.address,
+            round_trip_s=_rounded(ping.round_trip_s),
+        )
+        if metrics := known.metrics(ping.node):
+            found = msgspec.structs.replace(
+                found,
+                snr_db=metrics.snr_db,
+                received_level_db=metrics.received_level_db,
+                integrity=metrics.integrity,
+            )
+        if measured := known.range(ping.node):
+            found = msgspec.structs.replace(
+                found,
+                propagation_s=_rounded(measured.propagation_s, 6),
+                range_m=_rounded(measured.range_m),
+                range_age_s=_rounded(measured.age_s(self._clock())),
+            )
+        key, _ = ping_selector(ping.node, 1)
+        ping.held.answer([Answer(key=key, payload=msgspec.json.encode(found), encoding=JSON)])
+
+
+class _Ping:
+    """One that waits for its answer."""
+
+    def __init__(self, held: HeldQuery, node: int, within_s: float, asked_at: int) -> None:
+        self.held = held
+        self.node = node
+        self.within_s = within_s
+        self.asked_at = asked_at
+        self.round_trip_s: float | None = None
+        """Of the node's own answer; None: it has not answered, or was not asked."""
+
+
+def _rounded(value: float | None, digits: int = 3) -> float | None:
+    return None if value is None else round(value, digits)

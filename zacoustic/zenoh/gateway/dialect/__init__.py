@@ -1,0 +1,1 @@
+"""Keys and bytes of a stream in the local network: Zenoh's own, or those of ROS 2."""

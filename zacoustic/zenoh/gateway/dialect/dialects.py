@@ -1,0 +1,348 @@
+"""Dialects: how a stream looks on the island.
+
+What crosses the water is the same whoever lives on the island. There, a topic is a key with samples
+of some form, and something beside each that tells what came off the water; a service is a key with
+questions and answers. A dialect is those forms. `PlainTopic` and `PlainService` are what Zenoh
+programs have: keys as the configuration writes them, CBOR or JSON, and a mark (`island.marker`).
+Nodes of ROS 2 have another one: `zacoustic.zenoh.gateway.dialect.ros`.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import msgspec
+import zenoh
+
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.events import CallKey, SampleReceived
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
+from zacoustic.zenoh.gateway.dialect.latched import LatchedKeys
+from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
+from zacoustic.zenoh.gateway.dialect.translation import from_island, to_island
+from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, ActionMessages
+from zacoustic.zenoh.session.latching import latched_subscriber
+from zacoustic.zenoh.session.marker import Marker, is_marked
+from zacoustic.zenoh.session.session import Island
+
+
+class Declared(Protocol):
+    """Something on the island that can be taken back."""
+
+    def undeclare(self) -> Any:  # noqa: ANN401 (Zenoh's own)
+        """Take it back; in the worker."""
+        ...
+
+
+class Reading(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample of the island, read."""
+
+    value: Any
+    """For the engine."""
+    encoding: str | None = None
+    """Its encoding if it is another than the stream's."""
+    age_ns: int | None = None
+    """How old it was when it was read, ns; None: as old as its parcel."""
+
+
+class Written(msgspec.Struct, frozen=True, kw_only=True):
+    """A sample from the water, written."""
+
+    payload: bytes
+    """For the island."""
+    encoding: str
+    """Its Zenoh encoding."""
+    attachment: bytes | None
+    """What goes beside it."""
+
+
+class TopicDialect(ABC):
+    """One topic.
+
+    Args:
+        stream: The topic.
+        island: Where it is.
+    """
+
+    def __init__(self, stream: Stream, island: Island) -> None:
+        self.stream = stream
+        self._island = island
+        self._latched: LatchedKeys | None = None
+        if stream.qos.durability is Durability.TRANSIENT_LOCAL:
+            self._latched = LatchedKeys(stream.qos.depth, island, stream.qos.priority)
+
+    @property
+    def is_latched(self) -> bool:
+        """Tell whether whoever subscribes late gets the last samples."""
+        return self._latched is not None
+
+    def key(self, stream_key: str) -> str:
+        """Return the key on the island of a key, or key expression, of the stream."""
+        return stream_key
+
+    def stream_key(self, key: str) -> str:
+        """Return the key of the stream that a key on the island stands for."""
+        return key
+
+    @abstractmethod
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether what has this beside it came off the water; on any thread."""
+
+    @abstractmethod
+    def read(self, parcel: Parcel) -> Reading:
+        """Read a sample of the island.
+
+        Raises:
+            PayloadInvalidError: It cannot be read.
+        """
+
+    @abstractmethod
+    def write(self, key: str, event: SampleReceived) -> Written:
+        """Write a sample from the water for a key on the island.
+
+        Raises:
+            PayloadInvalidError: It cannot be written.
+        """
+
+    @abstractmethod
+    def mark_of(self, last: LastValue, now: int) -> bytes | None:
+        """Return what goes beside a value that was kept."""
+
+    @abstractmethod
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return what goes beside a value of a former life that is put again."""
+
+    def put(self, key: str, written: Written) -> None:
+        """Put a sample on the island; into a cache where the topic is latched."""
+        if self._latched is not None:
+            self._latched.put(key, written.payload, written.encoding, written.attachment)
+            return
+        self._island.put(
+            key,
+            written.payload,
+            encoding=written.encoding,
+            priority=self.stream.qos.priority,
+            attachment=written.attachment,
+        )
+
+    def delete(self, key: str, source: int) -> None:
+        """Delete a key on the island."""
+        if self._latched is not None:
+            self._latched.forget(key)
+        self._island.delete(
+            key, priority=self.stream.qos.priority, attachment=Marker(acoustic=source).encode()
+        )
+
+    def subscribe(
+        self, expression: str, take: Callable[[zenoh.Sample], None]
+    ) -> Sequence[Declared]:
+        """Hear samples of the island, of a latched topic also those from before; in the worker."""
+        if self._latched is None:
+            subscriber = self._island.session.declare_subscriber(
+                zenoh.KeyExpr(expression),
+                self._island.callback(take),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+            return [subscriber]
+        depth = self.stream.qos.depth
+        return [latched_subscriber(self._island, expression, take, depth)]
+
+    def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
+        """Declare what is put here, by which nodes beyond the water; in the worker."""
+        if self._latched is None:
+            return []
+        self._latched.declare()
+        return [self._latched]
+
+
+class PlainTopic(TopicDialect):
+    """A topic of Zenoh."""
+
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether it is a gateway's mark."""
+        return is_marked(attachment)
+
+    def read(self, parcel: Parcel) -> Reading:
+        """Read CBOR, JSON or bytes, as the encoding says."""
+        stream = self.stream
+        value, encoding = from_island(parcel.payload, parcel.encoding, stream.type, stream.encoding)
+        return Reading(value=value, encoding=encoding)
+
+    def write(self, key: str, event: SampleReceived) -> Written:
+        """Write it in the encoding in which it was published."""
+        stream = self.stream
+        payload, encoding = to_island(event.value, stream.type, event.encoding, stream.encoding)
+        mark = Marker(acoustic=event.source, age_s=event.age_s).encode()
+        return Written(payload=payload, encoding=encoding, attachment=mark)
+
+    def mark_of(self, last: LastValue, now: int) -> bytes | None:
+        """Return a mark with the age of now."""
+        return Marker(acoustic=last.source, age_s=last.age_at(now)).encode()
+
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return a mark with the age that it has."""
+        return Marker(acoustic=last.source, age_s=last.age_s).encode()
+
+
+class ServiceDialect(ABC):
+    """One service.
+
+    Args:
+        stream: The service.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self.stream = stream
+
+    @property
+    def key(self) -> str:
+        """The key on the island."""
+        return self.stream.name
+
+    @abstractmethod
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether a call that has this beside it came off the water."""
+
+    @abstractmethod
+    def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
+        """Read what a program asks; returns the value, and the encoding that it hopes for.
+
+        Raises:
+            PayloadInvalidError: It cannot be read.
+        """
+
+    @abstractmethod
+    def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
+        """Write an answer in the encoding hoped for; returns it with its encoding."""
+
+    @abstractmethod
+    def write_request(self, value: object) -> tuple[bytes, str]:
+        """Write a request for the program that serves; returns it with its encoding."""
+
+    @abstractmethod
+    def read_response(self, payload: bytes, encoding: object) -> object:
+        """Read what the program that serves has answered.
+
+        Raises:
+            PayloadInvalidError: It cannot be read.
+        """
+
+    @abstractmethod
+    def answer_mark(self, asked: bytes | None) -> bytes:
+        """Return what goes beside the answer to a question that had `asked` beside it."""
+
+    @abstractmethod
+    def question_mark(self, call: CallKey) -> bytes:
+        """Return what goes beside a call from the water."""
+
+
+class PlainService(ServiceDialect):
+    """A service of Zenoh."""
+
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether it is a gateway's mark."""
+        return is_marked(attachment)
+
+    def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
+        """Read CBOR, JSON or bytes; a request without payload is an empty one."""
+        stream = self.stream
+        if not payload and stream.type is not None:
+            return {}, stream.encoding
+        value, said = from_island(payload, encoding, stream.type, stream.encoding)
+        return value, said or stream.encoding
+
+    def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
+        """Write it in the encoding of the request."""
+        return to_island(value, self.stream.response_type, encoding, self.stream.encoding)
+
+    def write_request(self, value: object) -> tuple[bytes, str]:
+        """Write it in the encoding of the stream."""
+        stream = self.stream
+        return to_island(value, stream.type, stream.encoding, stream.encoding)
+
+    def read_response(self, payload: bytes, encoding: object) -> object:
+        """Read it as its encoding says."""
+        stream = self.stream
+        return from_island(payload, encoding, stream.response_type, stream.encoding)[0]
+
+    def answer_mark(self, asked: bytes | None) -> bytes:
+        """Return a mark with the address of the server."""
+        assert isinstance(self.stream.spec, ServiceSpec)
+        return Marker(acoustic=self.stream.spec.server).encode()
+
+    def question_mark(self, call: CallKey) -> bytes:
+        """Return a mark with the address of the client, and the call id."""
+        return Marker(acoustic=call.client, call=str(call)).encode()
+
+
+class Dialects:
+    """The dialect of each stream: plain ones, unless a subclass knows better.
+
+    Args:
+        island: Where the streams are.
+    """
+
+    def __init__(self, island: Island) -> None:
+        self._island = island
+
+    def topic(self, stream: Stream) -> TopicDialect:
+        """Make the dialect of a topic."""
+        return PlainTopic(stream, self._island)
+
+    def service(self, stream: Stream) -> ServiceDialect:
+        """Make the dialect of a service."""
+        return PlainService(stream)
+
+    def action(self, stream: Stream) -> ActionForm:
+        """Make the form of what is said about the goals of an action."""
+        return ActionMessages(
+            stream.name, stream.type, stream.feedback_type, stream.response_type, stream.encoding
+        )
+
+    def put_about_goals(
+        self, stream: Stream, form: ActionForm
+    ) -> Callable[[ActionKey, bytes], None]:
+        """Make what puts feedback and status of goals beyond the water."""
+        assert isinstance(stream.spec, ActionSpec)
+        mark = Marker(acoustic=stream.spec.server).encode()
+
+        def put(which: ActionKey, payload: bytes) -> None:
+            self._island.put(
+                form.key(which),
+                payload,
+                encoding=form.encoding,
+                priority=stream.qos.priority,
+                attachment=mark,
+            )
+
+        return put
+
+    # What belongs to a job beside subscribers and queryables
+
+    async def open(self) -> None:
+        """Begin to watch the island, and become visible."""
+
+    def declare(self, job: str, stream: Stream) -> Sequence[Declared]:
+        """Declare what makes a job on a stream visible; in the worker."""
+        return []
+
+    def stands_back(self, stream: Stream) -> bool:
+        """Tell whether not to stand in for the server of a service or an action."""
+        return False
+
+    def note_peer(self, address: int, *, is_lost: bool) -> bool:
+        """Note that a node is lost, or is back; tells whether jobs may have changed."""
+        return False
+
+    def visible(self, stream: Stream) -> bool:
+        """Tell whether calls from the water are made by something that programs can see."""
+        return False
+
+    def settle(self) -> bool:
+        """Take in what was seen of the island; tells whether jobs may have changed."""
+        return False
+
+    def undeclare(self) -> None:
+        """Become invisible; in the worker."""

@@ -1,0 +1,145 @@
+"""Which streams are of ROS 2, and what makes their jobs visible."""
+
+import time
+from collections.abc import Callable, Sequence
+
+from zacoustic.config.ros import RosConfig
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.ros.streams import RosAction, RosService, RosTopic
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import (
+    Declared,
+    Dialects,
+    ServiceDialect,
+    TopicDialect,
+)
+from zacoustic.zenoh.gateway.dialect.ros.actions import RosActionForm, putter
+from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
+from zacoustic.zenoh.gateway.dialect.ros.services import RosServiceDialect
+from zacoustic.zenoh.gateway.dialect.ros.topics import RosTopicDialect
+from zacoustic.zenoh.gateway.jobs import FORWARD, PROXY
+from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey
+from zacoustic.zenoh.session.session import Island
+
+
+class RosDialects(Dialects):
+    """The dialects of an island with nodes of ROS.
+
+    Args:
+        address: Acoustic address of this gateway.
+        table: All streams.
+        ros: Which of them are of ROS.
+        island: Where they are.
+        complaints: Takes what does not fit.
+        ring: Wakes the loop, which then calls `settle`.
+        wall_clock: What time it is, ns since 1970.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        ros: RosConfig,
+        island: Island,
+        complaints: Complaints,
+        ring: Callable[[], None],
+        *,
+        wall_clock: Clock = time.time_ns,
+    ) -> None:
+        super().__init__(island)
+        self._address = address
+        self._table = table
+        self._ros = ros.streams
+        self._complaints = complaints
+        self._wall_clock = wall_clock
+        self._graph = Graph(ros.domain, address, island, complaints, ring)
+        self._topics: dict[int, RosTopicDialect] = {}
+        self._services: dict[int, RosServiceDialect] = {}
+        self._actions: dict[int, RosActionForm] = {}
+        self._lost: set[int] = set()
+
+    def topic(self, stream: Stream) -> TopicDialect:
+        """Make the dialect of a topic."""
+        ros = self._ros.get(stream.stream_id)
+        if not isinstance(ros, RosTopic):
+            return super().topic(stream)
+        made = self._topics[stream.stream_id] = RosTopicDialect(
+            stream, self._island, ros, self._graph, self._complaints, self._wall_clock
+        )
+        made.expect(tuple(self._table.nodes))
+        return made
+
+    def service(self, stream: Stream) -> ServiceDialect:
+        """Make the dialect of a service."""
+        ros = self._ros.get(stream.stream_id)
+        if not isinstance(ros, RosService):
+            return super().service(stream)
+        made = self._services[stream.stream_id] = RosServiceDialect(
+            stream, ros, self._graph, self._wall_clock
+        )
+        return made
+
+    def action(self, stream: Stream) -> ActionForm:
+        """Make the form of what is said about the goals of an action."""
+        ros = self._ros.get(stream.stream_id)
+        if not isinstance(ros, RosAction):
+            return super().action(stream)
+        made = self._actions[stream.stream_id] = RosActionForm(
+            stream, ros, self._graph, self._island, self._wall_clock
+        )
+        return made
+
+    def put_about_goals(
+        self, stream: Stream, form: ActionForm
+    ) -> Callable[[ActionKey, bytes], None]:
+        """Make what puts feedback and status of goals beyond the water."""
+        if stream.stream_id not in self._actions:
+            return super().put_about_goals(stream, form)
+        return putter(form)
+
+    async def open(self) -> None:
+        """Become a node, and see the others."""
+        await self._graph.open()
+
+    def declare(self, job: str, stream: Stream) -> Sequence[Declared]:
+        """Show the endpoints of a job; in the worker."""
+        stream_id = stream.stream_id
+        if isinstance(stream.spec, TopicSpec):
+            topic = self._topics.get(stream_id)
+            return topic.hear(self._address) if topic is not None and job == FORWARD else []
+        ends = self._actions.get(stream_id) or (
+            self._services[stream_id].ends if stream_id in self._services else None
+        )
+        if ends is None:
+            return []
+        return ends.offer() if job == PROXY else ends.use()
+
+    def stands_back(self, stream: Stream) -> bool:
+        """Tell whether a program here serves it itself, or the node that serves it is lost."""
+        if stream.stream_id in self._services:
+            ends = self._services[stream.stream_id].ends
+        elif stream.stream_id in self._actions:
+            ends = self._actions[stream.stream_id].ends[ActionKey.SEND_GOAL]
+        else:
+            return False
+        assert isinstance(stream.spec, ServiceSpec | ActionSpec)
+        return stream.spec.server in self._lost or self._graph.serves(ends.key)
+
+    def note_peer(self, address: int, *, is_lost: bool) -> bool:
+        """Note that a node is lost, or is back: then nobody shall wait for its servers."""
+        (self._lost.add if is_lost else self._lost.discard)(address)
+        return bool(self._services or self._actions)
+
+    def visible(self, stream: Stream) -> bool:
+        """Tell whether calls from the water are made by something that programs can see."""
+        return stream.stream_id in self._services
+
+    def settle(self) -> bool:
+        """Take in what was seen of the island; tells whether jobs may have changed."""
+        return self._graph.take()
+
+    def undeclare(self) -> None:
+        """Become invisible; in the worker."""
+        self._graph.undeclare()

@@ -1,0 +1,195 @@
+"""The graph of ROS on one island: own endpoints, and those of others.
+
+The problem: a client waits until it sees a server, a subscription asks a publisher's cache, and
+`ros2 topic list` lists what has tokens. All of that the gateway has to be for what lives beyond the
+water, without asking anybody there. And where a program on the island itself serves a service, the
+gateway must not: both would execute a call, and the client would get two answers.
+
+So own endpoints have tokens while a job is done, and the tokens of others are watched. Those of
+gateways, who are here for the same reason, are known by their enclave: they serve nobody, and what
+has their gids beside it came off the water.
+"""
+
+import threading
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import zenoh
+
+from zacoustic.ros.names import RosKey, interface_of
+from zacoustic.ros.qos import RosQos
+from zacoustic.ros.tokens import PREFIX, Entity, RosNode, Token, gid_of, read_token
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.session.session import Island
+
+ENCLAVE: Final = "/acoustic"
+"""Of the nodes of gateways."""
+TOKENS_LIMIT: Final = 20_000
+"""Tokens of others that are kept; more are passed over."""
+
+_CALLED: Final = {
+    Entity.PUBLISHER: "publishes",
+    Entity.SUBSCRIPTION: "subscribes to",
+    Entity.SERVER: "serves",
+    Entity.CLIENT: "calls",
+}
+
+
+class Graph:
+    """What is known of the ROS graph of an island.
+
+    Args:
+        domain: ``ROS_DOMAIN_ID``.
+        address: Acoustic address of this gateway.
+        island: Its session.
+        complaints: Takes what does not fit.
+        ring: Wakes the loop, which then calls `take`.
+    """
+
+    def __init__(
+        self,
+        domain: int,
+        address: int,
+        island: Island,
+        complaints: Complaints,
+        ring: Callable[[], None],
+    ) -> None:
+        self.domain = domain
+        self._island = island
+        self._complaints = complaints
+        self._ring = ring
+        self.node = RosNode(
+            domain=domain,
+            zid=str(island.session.zid()).lstrip("0"),
+            number=0,
+            name=f"acoustic_gateway_{address}",
+            enclave=ENCLAVE,
+        )
+        self._numbers = 0
+        self._expected: dict[str, tuple[str, RosKey, RosQos]] = {}
+        self._declared: list[zenoh.LivelinessToken | zenoh.Subscriber[None]] = []
+        self._guard = threading.Lock()
+        self._seen: dict[str, Token] = {}
+        self._servers: dict[str, set[str]] = {}
+        self._news: dict[str, Token] = {}
+        self._has_changed = False
+        self._gids: set[bytes] = set()
+
+    # Own endpoints
+
+    def endpoint(self, kind: Entity, key: RosKey, qos: RosQos) -> Token:
+        """Make the token of an own endpoint; it becomes visible by `announce`."""
+        with self._guard:
+            self._numbers += 1
+            number = self._numbers
+        token = Token(
+            node=self.node,
+            number=number,
+            kind=kind,
+            topic=f"/{key.name}",
+            type=key.type,
+            hash=key.hash,
+            qos=qos,
+        )
+        with self._guard:
+            self._gids.add(gid_of(token))
+        return token
+
+    def announce(self, tokens: Sequence[Token]) -> list[zenoh.LivelinessToken]:
+        """Make endpoints visible; in the worker."""
+        liveliness = self._island.session.liveliness()
+        return [liveliness.declare_token(str(token)) for token in tokens]
+
+    def expect(self, stream: str, key: RosKey, qos: RosQos) -> None:
+        """Complain about endpoints of that name which do not fit what a stream is."""
+        self._expected[f"/{key.name}"] = (stream, key, qos)
+
+    async def open(self) -> None:
+        """Become a node, and see the others."""
+        await self._island.worker.run(self._open)
+
+    def undeclare(self) -> None:
+        """Become invisible; in the worker."""
+        while self._declared:
+            self._declared.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    # Others
+
+    def take(self) -> bool:
+        """Take in what was seen, on the loop; tells whether anybody came or went."""
+        with self._guard:
+            news, self._news = self._news, {}
+            has_changed, self._has_changed = self._has_changed, False
+        for token in news.values():
+            self._compare(token)
+        return has_changed
+
+    def serves(self, key: RosKey) -> bool:
+        """Tell whether a program on this island serves a service."""
+        with self._guard:
+            return bool(self._servers.get(f"/{key.name}"))
+
+    def is_gateway(self, gid: bytes) -> bool:
+        """Tell whether a gid is one of a gateway's endpoints; on any thread."""
+        with self._guard:
+            return gid in self._gids
+
+    # Below the methods above
+
+    def _open(self) -> None:
+        session = self._island.session
+        token = Token(node=self.node, number=self.node.number, kind=Entity.NODE)
+        self._declared.append(session.liveliness().declare_token(str(token)))
+        self._declared.append(
+            session.liveliness().declare_subscriber(
+                zenoh.KeyExpr(f"{PREFIX}/{self.domain}/**"),
+                self._island.callback(self._see),
+                history=True,
+            )
+        )
+
+    def _see(self, sample: zenoh.Sample) -> None:
+        """Note a token that appeared or disappeared; on Zenoh's thread."""
+        key = str(sample.key_expr)
+        token = read_token(key)
+        if token is None or token.kind is Entity.NODE or token.node.zid == self.node.zid:
+            return
+        is_there = sample.kind == zenoh.SampleKind.PUT
+        with self._guard:
+            if token.node.enclave == ENCLAVE:
+                # Kept when it is gone: what it has put may still be on its way.
+                if is_there and len(self._gids) < TOKENS_LIMIT:
+                    self._gids.add(gid_of(key))
+                return
+            if is_there and len(self._seen) < TOKENS_LIMIT:
+                self._seen[key] = token
+                if token.topic in self._expected:
+                    self._news[key] = token
+            elif not is_there:
+                self._seen.pop(key, None)
+                self._news.pop(key, None)
+            if token.kind is Entity.SERVER:
+                keys = self._servers.setdefault(token.topic, set())
+                (keys.add if key in self._seen else keys.discard)(key)
+                if not keys:
+                    del self._servers[token.topic]
+                self._has_changed = True
+        self._ring()
+
+    def _compare(self, token: Token) -> None:
+        """Say what of an endpoint does not fit the stream of its name."""
+        stream, key, qos = self._expected[token.topic]
+        who = f"{token.full_node_name} {_CALLED[token.kind]} it"
+        if token.type != key.type:
+            text = f"{who} as {interface_of(token.type)}, the stream is {interface_of(key.type)}"
+        elif token.hash != key.hash:
+            text = f"{who} with another definition of {interface_of(key.type)}, {token.hash}"
+        elif (
+            token.kind in (Entity.PUBLISHER, Entity.SUBSCRIPTION)
+            and token.qos.durability is not qos.durability
+        ):
+            said, stated = token.qos.durability, qos.durability
+            text = f"{who} as {said.name.lower()}, the stream is {stated.name.lower()}"
+        else:
+            return
+        self._complaints.add(stream, "graph", text)

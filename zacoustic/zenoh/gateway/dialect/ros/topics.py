@@ -1,0 +1,176 @@
+"""Topics of ROS 2: CDR and attachments, under the keys of rmw_zenoh."""
+
+import math
+import threading
+from collections.abc import Sequence
+from typing import Final
+
+from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.table import Stream
+from zacoustic.ros.attachment import Attachment, read_attachment
+from zacoustic.ros.names import RosKey
+from zacoustic.ros.streams import RosTopic
+from zacoustic.ros.tokens import Entity, Token, gid_of
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import Declared, Reading, TopicDialect, Written
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
+from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
+from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
+from zacoustic.zenoh.session.session import Island
+
+CDR: Final = "application/cdr"
+"""Zenoh encoding of what is put; ROS does not read it."""
+
+# Beyond that an age is one of a clock that has never been set, or of a simulation.
+_OLDEST_NS: Final = 3600 * 1_000_000_000
+_AHEAD_NS: Final = 1_000_000_000
+
+
+class Teller:
+    """Numbers what one endpoint says.
+
+    Args:
+        token: Of the endpoint.
+        wall_clock: What time it is, ns since 1970.
+    """
+
+    def __init__(self, token: Token, wall_clock: Clock) -> None:
+        self.token = token
+        self._gid = gid_of(token)
+        self._wall_clock = wall_clock
+        self._sequence = 0
+        self._guard = threading.Lock()
+
+    def attachment(self, age_s: float | None = None) -> bytes:
+        """Return what goes beside the next message, which was made `age_s` ago."""
+        with self._guard:
+            self._sequence += 1
+            sequence = self._sequence
+        is_known = age_s is not None and math.isfinite(age_s)
+        ago_ns = seconds_to_ns(age_s) if age_s is not None and is_known else 0
+        return Attachment(
+            sequence=sequence, stamp_ns=self._wall_clock() - ago_ns, gid=self._gid
+        ).encode()
+
+
+class RosTopicDialect(TopicDialect):
+    """One topic.
+
+    Args:
+        stream: The topic.
+        island: Where it is.
+        topic: What it is in ROS.
+        graph: Its endpoints.
+        complaints: Takes what is wrong with stamps.
+        wall_clock: What time it is, ns since 1970.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        island: Island,
+        topic: RosTopic,
+        graph: Graph,
+        complaints: Complaints,
+        wall_clock: Clock,
+    ) -> None:
+        super().__init__(stream, island)
+        self._topic = topic
+        self._graph = graph
+        self._complaints = complaints
+        self._wall_clock = wall_clock
+        whole = topic.key(graph.domain, "x")
+        self._before, self._behind = f"{whole.domain}/", f"/{whole.type}/{whole.hash}"
+        self._tellers: dict[str, Teller] = {}
+        self._subscriptions: dict[str, Token] = {}
+
+    def key(self, stream_key: str) -> str:
+        """Return the key of rmw_zenoh."""
+        return f"{self._before}{stream_key}{self._behind}"
+
+    def stream_key(self, key: str) -> str:
+        """Return what is left without domain, type and hash."""
+        return key.removeprefix(self._before).removesuffix(self._behind)
+
+    def ros_key(self, stream_key: str) -> RosKey:
+        """Return the parts of the key of rmw_zenoh."""
+        return self._topic.key(self._graph.domain, stream_key)
+
+    def is_marked(self, attachment: bytes) -> bool:
+        """Tell whether the gid beside it is one of a gateway."""
+        read = read_attachment(attachment)
+        return read is not None and self._graph.is_gateway(read.gid)
+
+    def read(self, parcel: Parcel) -> Reading:
+        """Read CDR; a stamp that is to become an age makes the sample as old as it says."""
+        value, stamp_ns = self._topic.message.read(parcel.payload)
+        age_ns = None
+        if stamp_ns is not None:
+            age_ns = self._wall_clock() - stamp_ns
+            if not -_AHEAD_NS <= age_ns <= _OLDEST_NS:
+                text = f"header.stamp is {age_ns / 1e9:.0f} s old by the clock of this computer"
+                self._complaints.add(self.stream.name, "stamp", text)
+                age_ns = None
+        return Reading(value=value, age_ns=None if age_ns is None else max(age_ns, 0))
+
+    def write(self, key: str, event: SampleReceived) -> Written:
+        """Write CDR; an age becomes a stamp by the clock of this computer."""
+        age_s, stamp_ns = event.age_s, None
+        if age_s is not None and math.isfinite(age_s):
+            stamp_ns = self._wall_clock() - seconds_to_ns(age_s)
+        payload = self._topic.message.write(event.value, stamp_ns)
+        teller = self._teller(self.stream_key(key))
+        return Written(payload=payload, encoding=CDR, attachment=teller.attachment(age_s))
+
+    def mark_of(self, last: LastValue, now: int) -> bytes | None:
+        """Return what went beside it."""
+        return last.attachment
+
+    def mark_again(self, last: LastValue) -> bytes:
+        """Return an attachment of the publisher as it is now."""
+        return self._teller(self.stream_key(last.key)).attachment(last.age_s)
+
+    def delete(self, key: str, source: int) -> None:
+        """Have nothing for who joins late; who is there is not told: ROS has no deletes."""
+        if self._latched is not None:
+            self._latched.forget(key)
+
+    def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
+        """Declare the publishers of what comes from beyond the water; in the worker."""
+        names = self._names(sources)
+        if self._latched is not None:
+            # Late joiners look for the caches of the publishers that they see.
+            self._latched.declare(*map(self.key, names))
+        tokens = [self._teller(name).token for name in names]
+        return [*super().offer(sources), *self._graph.announce(tokens)]
+
+    def hear(self, address: int) -> Sequence[Declared]:
+        """Declare the subscription to what this node publishes; in the worker."""
+        (name,) = self._names([address])
+        if name not in self._subscriptions:
+            self._subscriptions[name] = self._graph.endpoint(
+                Entity.SUBSCRIPTION, self.ros_key(name), self._topic.qos
+            )
+        return self._graph.announce([self._subscriptions[name]])
+
+    def expect(self, addresses: Sequence[int]) -> None:
+        """Have it said where an endpoint of the island does not fit."""
+        for name in self._names(addresses):
+            self._graph.expect(self.stream.name, self.ros_key(name), self._topic.qos)
+
+    # Below the methods above
+
+    def _names(self, sources: Sequence[int]) -> list[str]:
+        keys = self.stream.keys
+        if not keys.is_named_by_node:
+            return [self.stream.name]
+        return [keys.key(source, ()) for source in sources if source in keys.node_names]
+
+    def _teller(self, name: str) -> Teller:
+        # Made by the loop or by the worker, whoever is first; `setdefault` is one step.
+        known = self._tellers.get(name)
+        if known is None:
+            token = self._graph.endpoint(Entity.PUBLISHER, self.ros_key(name), self._topic.qos)
+            known = self._tellers.setdefault(name, Teller(token, self._wall_clock))
+        return known

@@ -1,0 +1,330 @@
+"""The life of a gateway: from a config to a junction of session, engine and link, and back.
+
+::
+
+    Zenoh's threads                       the loop                                      the link
+    subscriber ──► Mailbox ──┐                             ┌────────────┐
+    queryable ──► QueryDesk ─┼─► Doorbell ──► Exchange ───►│ LinkRunner │──► transmit
+    token ──────► Presence ──┘                             │   Engine   │
+    put, reply ◄── Island, Worker ◄── Topics, Services ◄───│            │◄── frames
+                                                           └────────────┘
+
+Nothing runs on a thread of Zenoh's but handing over; nothing blocks the loop.
+"""
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AsyncExitStack
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+import zenoh
+
+from zacoustic.config import Config, read_config
+from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.engine import Engine
+from zacoustic.errors import ConfigError
+from zacoustic.link import registry
+from zacoustic.link.contract import Link
+from zacoustic.run.hostclock import HostClock
+from zacoustic.run.journal import Journal, JournalState, MemoryJournal, SqliteJournal, journal_in
+from zacoustic.run.journal.forgotten import forgotten
+from zacoustic.run.journal.thread import recover, release
+from zacoustic.run.permitlog import open_permit_log
+from zacoustic.text.safetext import one_line, without_secrets
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.gateway.junction import Junction
+from zacoustic.zenoh.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.zenoh.session.latching import stamp_samples
+from zacoustic.zenoh.session.session import Island, endpoints_of, listen_at, listen_here, mode_of
+
+if TYPE_CHECKING:
+    from zacoustic.run.recording.live import LiveRecording
+    from zacoustic.zenoh.gateway.status.metrics import MetricsServer
+
+_logger = logging.getLogger(__name__)
+
+
+class Gateway:
+    """Joins the Zenoh network of one session to others through a link; an async context manager.
+
+    It lives once: a closed one is not started again.
+
+    Args:
+        config: What the node is, with the settings of its Zenoh session.
+        link: The modem, not open yet; None: what the config's locator names.
+        journal: What the node remembers across restarts, a store or the folder of its file; None:
+            the folder that the config names, or nothing.
+        record: File into which everything is recorded; None: nothing is. Needs the extra
+            `recording`.
+        notify: Told what people want to know, on the loop; None: logged.
+        metrics: Host and port at which it answers to Prometheus; None: what the config says.
+        clock: Where instants come from; the same as the link's.
+        host: The clock of the computer, which hours of the day and slots go by; None: this one's.
+
+    Raises:
+        ConfigError: The config has no Zenoh settings or no link.
+        LinkUnavailableError: The link is not installed.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        *,
+        link: Link | None = None,
+        journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
+        notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
+        clock: Clock = time.monotonic_ns,
+        host: HostClock | None = None,
+    ) -> None:
+        self.config = config
+        self._zenoh_config = _zenoh_config(config)
+        self._listens_here = listen_here(self._zenoh_config)
+        self._link = link or registry.create(_locator(config), config.address)
+        journal = journal or config.journal or MemoryJournal()
+        if isinstance(journal, str | Path):
+            journal = journal_in(journal, config.address)
+        self._journal: Journal = journal
+        self._notify: Notify = notify or _log
+        self._metrics_place = metrics or config.metrics
+        self._metrics: MetricsServer | None = None
+        self._clock = clock
+        self._host = host or HostClock()
+        self._record = record
+        self._recording: LiveRecording | None = None
+        self._junction: Junction | None = None
+        self._is_closing = False
+        self._closed = asyncio.Event()
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | Path,
+        *,
+        address: int | None = None,
+        locator: str | None = None,
+        journal: str | Path | None = None,
+        listen: Sequence[str] = (),
+        record: str | Path | None = None,
+        notify: Notify | None = None,
+        metrics: tuple[str, int] | None = None,
+    ) -> Self:
+        """Make the gateway of a file.
+
+        Args:
+            path: A Zenoh config with a section `plugins.acoustic`.
+            address: Acoustic address, instead of the file's.
+            locator: Locator of the modem, instead of the file's.
+            journal: Folder of the journal, instead of the file's.
+            listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
+            record: File into which everything is recorded; None: nothing is.
+            notify: Told what people want to know, on the loop; None: logged.
+            metrics: Host and port at which it answers to Prometheus; None: what the file says.
+
+        Raises:
+            ConfigError: The file is wrong, or names no link.
+            LinkUnavailableError: The link is not installed.
+        """
+        config = read_config(path, address=address, locator=locator)
+        if listen:
+            listen_at(_zenoh_config(config), listen)
+        return cls(config, journal=journal, record=record, notify=notify, metrics=metrics)
+
+    async def start(self) -> None:
+        """Open the session and the link, and join them; nothing is left open if that fails.
+
+        Raises:
+            SessionError: Port in use, router unreachable, or the address is taken.
+            LinkOpenError: The link cannot be opened, or the metrics' port is in use.
+            RangeUnavailableError: The file asks for ranges, and the link measures none.
+            ConfigError: The journal cannot be used, or the recording cannot be made.
+        """
+        try:
+            state = await recover(self._journal)
+            if self._record is not None:
+                await self._open_recording(self._record)
+            table, latched = self.config.table, Durability.TRANSIENT_LOCAL
+            if self.config.ros or any(each.qos.durability is latched for each in table):
+                stamp_samples(self._zenoh_config)
+            island = await Island.open(self._zenoh_config)
+            self._junction = junction = await self._join(island, state)
+            await junction.open()
+            await self._serve_metrics(junction)
+            self._notify(self._started(junction))
+        except BaseException:
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        """Stop; leaves no task, no declaration and no session. May be called again."""
+        if self._is_closing:
+            await self._closed.wait()
+            return
+        self._is_closing = True
+        try:
+            async with AsyncExitStack() as last_first:  # each, whatever becomes of the others
+                if self._recording is not None:
+                    last_first.push_async_callback(self._recording.close)
+                if self._junction is not None:
+                    last_first.push_async_callback(self._junction.close)
+                else:
+                    last_first.push_async_callback(release, self._journal)
+                if self._metrics is not None:
+                    last_first.push_async_callback(self._metrics.close)
+            if self._junction is not None:
+                self._notify(Stopped())
+        finally:
+            self._closed.set()
+
+    async def wait_failed(self) -> None:
+        """Wait until the gateway ends.
+
+        Raises:
+            Exception: What has stopped it, if it was not closed.
+        """
+        assert self._junction is not None, "the gateway has not been started"
+        await self._junction.wait_failed()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    def _started(self, junction: Junction) -> Started:
+        config, table = self.config, self.config.table
+        return Started(
+            address=config.address,
+            name=config.name or "",
+            mode=mode_of(self._zenoh_config),
+            zid=str(junction.island.session.zid()),
+            endpoints=tuple(
+                f"{word} {without_secrets(endpoint)}"
+                for word in ("listen", "connect")
+                for endpoint in endpoints_of(self._zenoh_config, word)
+            ),
+            listens_here=self._listens_here,
+            link=self._locator,
+            link_state=junction.runner.link_state.value,
+            streams=tuple(stream.name for stream in table),
+            digest=table.digest.hex(),
+            journal=str(self._journal.path) if isinstance(self._journal, SqliteJournal) else "",
+            forgotten=self._forgotten(),
+            metrics=self._metrics.url if self._metrics is not None else "",
+            recording=str(self._recording.path) if self._recording is not None else "",
+            siblings=tuple(each for each in junction.siblings.alive if each != config.address),
+        )
+
+    @property
+    def _locator(self) -> str:
+        links = self.config.links
+        return without_secrets(links[0].locator) if links else type(self._link).__name__
+
+    def _about(self) -> dict[str, object]:
+        """Return what does not change, for the health report."""
+        config = self.config
+        return {
+            "address": config.address,
+            "name": config.name or "",
+            "version": metadata.version("zacoustic"),
+            "wire": config.table.wire.value,
+            "link": self._locator,
+        }
+
+    async def _serve_metrics(self, junction: Junction) -> None:
+        if self._metrics_place is None:
+            return
+        try:
+            from zacoustic.zenoh.gateway.status.metrics import MetricsServer
+        except ModuleNotFoundError as error:
+            hint = "pip install 'zacoustic[metrics]'"
+            raise ConfigError(
+                f"metrics: needs {error.name}, which is not installed", hint=hint
+            ) from error
+        self._metrics = MetricsServer(*self._metrics_place, junction.documents)
+        await self._metrics.open()
+
+    async def _open_recording(self, path: str | Path) -> None:
+        from zacoustic.run.recording.live import open_recording
+
+        ros = self.config.ros
+        self._recording = await open_recording(
+            path,
+            clock=self._clock,
+            ros=ros.streams if ros is not None else None,
+            trouble=lambda text: self._notify(NotRecorded(detail=text)),
+        )
+
+    async def _join(self, island: Island, state: JournalState) -> Junction:
+        try:
+            return Junction(
+                self.config.address,
+                self.config.table,
+                island=island,
+                link=self._link,
+                journal=self._journal,
+                state=state,
+                ranges=self.config.ranges_to(),
+                rules=self.config.rules,
+                permit_log=open_permit_log(self.config.permit_log),
+                dialects=self._dialects,
+                about=self._about(),
+                notify=self._notify,
+                clock=self._clock,
+                host=self._host,
+                make_engine=Engine if self._recording is None else self._recording.make,
+            )
+        except BaseException:
+            await island.close()
+            raise
+
+    def _dialects(
+        self, island: Island, complaints: Complaints, ring: Callable[[], None]
+    ) -> Dialects:
+        ros, table = self.config.ros, self.config.table
+        if ros is None:
+            return Dialects(island)
+        from zacoustic.zenoh.gateway.dialect.ros import RosDialects
+
+        return RosDialects(self.config.address, table, ros, island, complaints, ring)
+
+    def _forgotten(self) -> str:
+        if not isinstance(self._journal, MemoryJournal):
+            return ""
+        return forgotten(self.config.table, self.config.address)
+
+
+def _zenoh_config(config: Config) -> zenoh.Config:
+    if config.zenoh_config is None:
+        raise ConfigError(
+            f"{config.source}: no Zenoh settings", hint="read it by zacoustic.config.read_config"
+        )
+    return config.zenoh_config
+
+
+def _locator(config: Config) -> str:
+    if not config.links:
+        raise ConfigError(
+            f"{config.source}: plugins.acoustic.links: names no modem",
+            hint='add links: [ { locator: "NAME/ADDRESS" } ], or give --link NAME/ADDRESS',
+        )
+    return config.links[0].locator
+
+
+def _log(notice: Notice) -> None:
+    for line in notice.lines():
+        _logger.info("%s", one_line(line))

@@ -1,0 +1,59 @@
+"""The last things that were worth a line: notices, and what the island gave that was of no use.
+
+``@acoustic/ADDRESS/events`` is a document of the health report: whoever comes later reads what was
+said before, and a monitor shows the last errors.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.text.safetext import one_line
+from zacoustic.zenoh.gateway.notices import Notice
+
+EVENTS_KEPT: Final = 16
+"""The last so many are told."""
+TROUBLES_KEPT: Final = 4
+"""Of those before them the last so many that were trouble: what is usual pushes no error out."""
+_LONGEST_TEXT: Final = 200
+COMPLAINT: Final = "complaint"
+"""Stands for `event` where the island gave something that was of no use."""
+
+
+class Chronicle:
+    """What one gateway has said; for the loop.
+
+    Args:
+        unix_s: The clock of people, s.
+    """
+
+    def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
+        self._unix_s = unix_s
+        self._events: deque[dict[str, object]] = deque()
+        self._troubles: deque[dict[str, object]] = deque(maxlen=TROUBLES_KEPT)
+
+    def note(self, notice: Notice) -> None:
+        """Keep a notice."""
+        lines = [one_line(" ".join(line.split())) for line in notice.lines()]
+        self._keep(notice.event, ", ".join(lines), is_trouble=notice.is_trouble)
+
+    def complain(self, text: str) -> None:
+        """Keep a complaint about the island."""
+        self._keep(COMPLAINT, text, is_trouble=True)
+
+    def document(self) -> dict[str, object]:
+        """Return the document, the oldest first."""
+        return {"events": [*self._troubles, *self._events]}
+
+    def _keep(self, event: str, text: str, *, is_trouble: bool) -> None:
+        self._events.append(
+            {
+                "at_unix_s": round(self._unix_s(), 3),
+                "event": event,
+                "trouble": is_trouble,
+                "text": text[:_LONGEST_TEXT],
+            }
+        )
+        if len(self._events) > EVENTS_KEPT and (oldest := self._events.popleft())["trouble"]:
+            self._troubles.append(oldest)

@@ -1,0 +1,252 @@
+"""The health report for Prometheus: the same documents as metrics, and a server for them.
+
+A scrape comes on a thread of the server; the documents belong to the loop, which is asked for them.
+Counters are those of the documents, so they begin anew with each life of the gateway, as Prometheus
+expects. Labels are bounded by the table of streams, the addresses there are, and words of the code.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent import futures
+from typing import TYPE_CHECKING, Any, Final
+from wsgiref.simple_server import WSGIServer
+
+import msgspec
+from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.link.serving import cannot_listen, place_name
+from zacoustic.zenoh.session.doorbell import tell_loop
+
+if TYPE_CHECKING:
+    Documents = Mapping[str, Any]
+
+ANSWER_LIMIT_S: Final = 5.0
+"""How long a scrape waits for the loop, s."""
+_OUTCOMES: Final = tuple(outcome.value for outcome in DeliveryOutcome)
+
+
+class MetricsServer:
+    """Answers to Prometheus; made and closed on the loop.
+
+    Args:
+        host: Where it listens.
+        port: Where it listens; 0: any port that is free.
+        documents: Returns the documents of the health report; called on the loop.
+    """
+
+    def __init__(self, host: str, port: int, documents: Callable[[], dict[str, object]]) -> None:
+        self._host = host
+        self._port = port
+        self._registry = CollectorRegistry(auto_describe=False)
+        self._registry.register(_HealthCollector(documents, asyncio.get_running_loop()))
+        self._server: WSGIServer | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def url(self) -> str:
+        """Where it answers."""
+        return f"http://{place_name(self._host, self._port)}/metrics"
+
+    async def open(self) -> None:
+        """Listen.
+
+        Raises:
+            LinkOpenError: The place cannot be listened at.
+        """
+        try:
+            server, self._thread = await asyncio.to_thread(
+                start_http_server, self._port, self._host, self._registry
+            )
+        except OSError as error:
+            rival = "another gateway with the same metrics"
+            raise cannot_listen(self._host, self._port, error, rival=rival) from error
+        self._server = server
+        self._port = server.server_port
+
+    async def close(self) -> None:
+        """Listen no more. May be called again."""
+        server, self._server = self._server, None
+        if server is not None and self._thread is not None:
+            await asyncio.to_thread(server.shutdown)
+            await asyncio.to_thread(server.server_close)
+            await asyncio.to_thread(self._thread.join)
+
+
+class _HealthCollector(Collector):
+    """Asks the loop for the documents whenever Prometheus asks."""
+
+    def __init__(
+        self, documents: Callable[[], dict[str, object]], loop: asyncio.AbstractEventLoop
+    ) -> None:
+        self._documents = documents
+        self._loop = loop
+
+    def collect(self) -> Iterable[Metric]:
+        """Return the metrics of now; on the server's thread."""
+        answer: futures.Future[dict[str, Any]] = futures.Future()
+
+        def ask() -> None:
+            try:
+                answer.set_result(msgspec.to_builtins(self._documents(), str_keys=True))
+            except Exception as error:  # handed on to whoever waits, who logs it
+                answer.set_exception(error)
+
+        tell_loop(self._loop, ask)
+        return list(metrics_of(answer.result(ANSWER_LIMIT_S)))
+
+
+def metrics_of(documents: "Documents") -> Iterator[Metric]:
+    """Return the documents of a health report as metrics.
+
+    Args:
+        documents: By the end of their keys, of plain objects.
+    """
+    yield from _node(documents["node"], documents["link"])
+    yield from _link(documents["link"], documents["ledger"])
+    yield from _streams(documents["streams"]["streams"], documents["dropped"])
+    yield from _peers(documents)
+    yield from _rest(documents)
+
+
+def _node(node: "Documents", link: "Documents") -> Iterator[Metric]:
+    about = {name: str(node[name]) for name in ("address", "name", "version", "wire", "link")}
+    yield InfoMetricFamily("zacoustic_gateway", "What the gateway is.", about)
+    yield _gauge("start_time_seconds", "When it was started, Unix time.", node["started_at_unix_s"])
+    yield _gauge("link_up", "1 while frames can be given to the modem.", link["state"] == "up")
+    yield _gauge("silent", "1 while nothing is transmitted, by order or quiet.", link["silent"])
+
+
+def _link(link: "Documents", ledger: "Documents") -> Iterator[Metric]:
+    for name, words, value in (
+        ("frames_transmitted", "Frames given to the modem.", link["frames_transmitted"]),
+        ("frames_received", "Frames that came, damaged ones included.", link["frames_received"]),
+        ("transmitted_bytes", "Bytes given to the modem.", link["bytes_transmitted"]),
+        ("received_bytes", "Bytes that came.", link["bytes_received"]),
+        ("airtime_seconds", "Airtime of what was transmitted.", link["airtime_s"]),
+    ):
+        yield CounterMetricFamily(f"zacoustic_{name}", words, value)
+    reports = _counter("transmit_reports", "Transmissions by how they ended.", "outcome")
+    for outcome, count in link["reports"].items():
+        reports.add_metric([outcome], count)
+    yield reports
+    by_cause = _counter(
+        "ledger_bytes", "Bytes transmitted, by stream and cause.", "stream", "cause"
+    )
+    for entry in ledger["entries"]:
+        by_cause.add_metric([entry["stream"], entry["cause"]], entry["bytes"])
+    yield by_cause
+
+
+def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
+    published = _counter("stream_published", "What the island gave, and was taken.", "stream")
+    transmitted = _counter("stream_transmitted_records", "Records transmitted.", "stream")
+    received = _counter("stream_received_records", "Records that came.", "stream")
+    waiting = _gauges("stream_waiting", "What waits for the water.", "stream")
+    delivering = _gauges("stream_delivering", "Reliable samples that have not ended.", "stream")
+    ended = _counter(
+        "stream_deliveries", "Reliable samples by how they ended.", "stream", "outcome"
+    )
+    missed = _counter("stream_deadlines_missed", "Periods without a sample.", "stream")
+    sent_at = _gauges(
+        "stream_last_transmitted_timestamp_seconds", "When last, Unix time.", "stream"
+    )
+    heard_at = _gauges("stream_last_received_timestamp_seconds", "When last, Unix time.", "stream")
+    for row in rows:
+        labels = [row["name"]]
+        published.add_metric(labels, row["published"])
+        transmitted.add_metric(labels, row["transmitted"])
+        received.add_metric(labels, row["received"])
+        waiting.add_metric(labels, row["waiting"])
+        for family, value in (
+            (delivering, row.get("delivering")),
+            (missed, row.get("deadline_missed")),
+            (sent_at, row["sent_at_unix_s"]),
+            (heard_at, row["heard_at_unix_s"]),
+        ):
+            if value is not None:
+                family.add_metric(labels, value)
+        for outcome in _OUTCOMES:
+            if outcome in row:
+                ended.add_metric([row["name"], outcome], row[outcome])
+    yield from (published, transmitted, received, waiting, delivering, ended, missed)
+    yield from (sent_at, heard_at)
+    discarded = _counter("stream_discarded", "Samples of no use any more.", "stream", "reason")
+    for reason in ("expired", "superseded", "unsubscribed"):
+        for name, count in dropped[reason].items():
+            discarded.add_metric([name, reason], count)
+    yield discarded
+    refused = _counter("island_discarded", "What the island gave in vain.", "stream", "reason")
+    for name, counts in dropped["island"].items():
+        for reason, count in counts.items():
+            refused.add_metric([name, reason], count)
+    yield refused
+
+
+def _peers(documents: "Documents") -> Iterator[Metric]:
+    heard_at = _gauges("peer_last_heard_timestamp_seconds", "When last, Unix time.", "peer")
+    exchanges = _counter(
+        "peer_exchanges", "Frames that its modem was to confirm.", "peer", "outcome"
+    )
+    errors = _gauges(
+        "peer_packet_error_ratio", "Of the last 64 of those, how many were lost.", "peer"
+    )
+    same = _gauges("peer_same_table", "1 if its stream table is ours.", "peer")
+    lost = _gauges("peer_lost", "1 if it was not heard for as long as the file says.", "peer")
+    ranges = _gauges("peer_range_meters", "Slant distance.", "peer")
+    delays = _gauges("peer_propagation_seconds", "Propagation delay, one way.", "peer")
+    snr = _gauges("peer_snr_decibels", "Signal-to-noise ratio.", "peer")
+    level = _gauges("peer_received_level_decibels", "By the modem's own reference.", "peer")
+    integrity = _gauges("peer_signal_integrity", "In the modem's own scale.", "peer")
+    for address, row in documents["peers"].items():
+        metrics = row["metrics"] or {}
+        measured = documents.get(f"peer/{address}/range", {})
+        for outcome in ("delivered", "not_delivered"):
+            exchanges.add_metric([address, outcome], row[outcome])
+        for family, value in (
+            (heard_at, row["heard_at_unix_s"]),
+            (errors, row["per"]),
+            (same, row["same_table"]),
+            (lost, documents.get(f"peer/{address}/lost", {}).get("lost")),
+            (ranges, measured.get("range_m")),
+            (delays, measured.get("propagation_s")),
+            (snr, metrics.get("snr_db")),
+            (level, metrics.get("received_level_db")),
+            (integrity, metrics.get("integrity")),
+        ):
+            if value is not None:
+                family.add_metric([address], value)
+    yield from (heard_at, exchanges, errors, same, lost, ranges, delays, snr, level, integrity)
+
+
+def _rest(documents: "Documents") -> Iterator[Metric]:
+    dropped = _counter("dropped", "What came off the water and was of no use.", "reason")
+    for reason, count in documents["dropped"]["water"].items():
+        dropped.add_metric([reason], count)
+    yield dropped
+    objects = _gauges("objects", "Samples larger than a frame, on their way.", "direction")
+    for direction in ("sending", "receiving"):
+        objects.add_metric([direction], len(documents["objects"][direction]))
+    yield objects
+    journal = documents["journal"]
+    yield _gauge("journal_kept", "1 if anything survives a restart.", journal["kept"])
+    yield _gauge("journal_doubted", "1 if it may miss what was written.", bool(journal["doubt"]))
+    yield _gauge("journal_failing", "1 while it cannot be written.", bool(journal["failure"]))
+    supply_v = documents.get("modem", {}).get("battery_v")
+    if supply_v is not None:
+        yield _gauge("modem_supply_volts", "What the modem says of its supply.", supply_v)
+
+
+def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"zacoustic_{name}", words, value)
+
+
+def _gauges(name: str, words: str, *labels: str) -> GaugeMetricFamily:
+    return GaugeMetricFamily(f"zacoustic_{name}", words, labels=labels)
+
+
+def _counter(name: str, words: str, *labels: str) -> CounterMetricFamily:
+    return CounterMetricFamily(f"zacoustic_{name}", words, labels=labels)

@@ -1,0 +1,138 @@
+"""When each stream crossed, how often, and what became of frames to each node.
+
+Facts that stay true while nothing happens: instants by the clock of people and mean times between
+two, not rates and ages, which an idle gateway would have to put again and again. Whoever shows them
+makes rates and ages of them (`zacoustic.app.tools.watch`).
+
+The memory is that of 255 stream ids and 255 addresses, whatever comes.
+"""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOutcome
+from zacoustic.core.base.trace import TraceRecord
+
+EXCHANGES_KEPT: Final = 64
+"""The error rate of frames to a node is that of the last so many that its modem was to confirm."""
+# The last four intervals or so make the mean: a stream that was tuned shows it soon.
+_WEIGHT: Final = 1 / 4
+
+
+class Pulse:
+    """When something happened last, and how long it takes from one time to the next."""
+
+    def __init__(self) -> None:
+        self.last_at_unix_s: float | None = None
+        """When, s."""
+        self.period_s: float | None = None
+        """Mean time between two, the last ones counting most, s; None: there was one at most."""
+
+    def beat(self, at_unix_s: float, times: int = 1) -> None:
+        """It happens, so many times since the last one."""
+        if self.last_at_unix_s is not None:
+            interval_s = max(at_unix_s - self.last_at_unix_s, 0.0) / times
+            known_s = interval_s if self.period_s is None else self.period_s
+            self.period_s = known_s + (interval_s - known_s) * _WEIGHT
+        self.last_at_unix_s = at_unix_s
+
+
+class Exchanges:
+    """Frames to one node that its modem was to confirm."""
+
+    def __init__(self) -> None:
+        self.delivered = 0
+        """Those that it has confirmed."""
+        self.not_delivered = 0
+        """Those that it has not."""
+        self._last: deque[bool] = deque(maxlen=EXCHANGES_KEPT)
+
+    @property
+    def error_rate(self) -> float | None:
+        """Packet error rate of the last ones, both ways together, 0…1; None: there were none."""
+        return 1 - sum(self._last) / len(self._last) if self._last else None
+
+    def note(self, is_delivered: bool) -> None:
+        """One has ended."""
+        self.delivered += is_delivered
+        self.not_delivered += not is_delivered
+        self._last.append(is_delivered)
+
+
+class Traffic:
+    """What the trace of one engine says of streams and nodes; for the loop.
+
+    Args:
+        unix_s: The clock of people, s.
+    """
+
+    def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
+        self._unix_s = unix_s
+        self._sent: dict[int, Pulse] = {}
+        self._heard: dict[int, Pulse] = {}
+        self._ages_s: dict[int, float] = {}
+        self._heard_at: dict[int, float] = {}
+        self._exchanges: dict[int, Exchanges] = {}
+        self._destination = BROADCAST
+
+    def note(self, record: TraceRecord) -> None:
+        """Take a record of the engine's trace."""
+        match record.what:
+            case "transmit":
+                self._destination = record.peer
+                self._beat(self._sent, record.streams)
+            case "receive":
+                if record.peer != UNKNOWN_SOURCE:
+                    self._heard_at[record.peer] = self._unix_s()
+                self._beat(self._heard, record.streams)
+            case "report":
+                self._note_outcome(record.detail)
+
+    def note_age(self, stream_id: int, age_s: float | None) -> None:
+        """Keep how old a sample was when its frame was composed."""
+        if age_s is not None and age_s != float("inf"):
+            self._ages_s[stream_id] = age_s
+        else:
+            self._ages_s.pop(stream_id, None)
+
+    def heard_at_unix_s(self) -> dict[int, float]:
+        """Return when each node was heard last."""
+        return dict(self._heard_at)
+
+    def of_stream(self, stream_id: int) -> dict[str, float | None]:
+        """Return the facts of a stream, for its row in the document."""
+        sent = self._sent.get(stream_id) or Pulse()
+        heard = self._heard.get(stream_id) or Pulse()
+        return {
+            "sent_at_unix_s": _milli(sent.last_at_unix_s),
+            "sent_period_s": _milli(sent.period_s),
+            "heard_at_unix_s": _milli(heard.last_at_unix_s),
+            "heard_period_s": _milli(heard.period_s),
+            "age_s": _milli(self._ages_s.get(stream_id)),
+        }
+
+    def of_peer(self, address: int) -> dict[str, float | None]:
+        """Return what became of frames to a node, for its row in the document."""
+        exchanges = self._exchanges.get(address) or Exchanges()
+        return {
+            "delivered": exchanges.delivered,
+            "not_delivered": exchanges.not_delivered,
+            "per": _milli(exchanges.error_rate),
+        }
+
+    def _beat(self, pulses: dict[int, Pulse], stream_ids: tuple[int, ...]) -> None:
+        at_unix_s = self._unix_s()
+        for stream_id in set(stream_ids):
+            times = stream_ids.count(stream_id)
+            pulses.setdefault(stream_id, Pulse()).beat(at_unix_s, times)
+
+    def _note_outcome(self, outcome: str) -> None:
+        is_delivered = outcome == TransmitOutcome.DELIVERED.value
+        if is_delivered or outcome == TransmitOutcome.NOT_DELIVERED.value:
+            self._exchanges.setdefault(self._destination, Exchanges()).note(is_delivered)
+
+
+def _milli(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)

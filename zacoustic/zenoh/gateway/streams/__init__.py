@@ -1,0 +1,1 @@
+"""What crosses: topics, services and actions, each with its streams."""

@@ -1,0 +1,142 @@
+"""Latched samples in the journal: what a gateway had for late joiners it has after a restart.
+
+A map that was published once may not come again for hours, so a gateway that begins with empty
+caches has nothing for whoever joins then. Each sample of a latched topic is written down as it was
+put on the island, with the instant by the wall clock, and put there again by the next life. Who was
+there before gets it twice, as from any latched publisher that was restarted.
+
+The room is bounded: of each key as many samples as its topic keeps, and of all together
+`LIMIT_BYTES`; the oldest make room. What arrives while no gateway runs is not there; a reliable
+topic gets it afterwards.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
+
+LIMIT_BYTES: Final = 4 * 1024 * 1024
+"""What is kept of all latched topics, bytes, headers included."""
+_NAME: Final = "latched"
+_HEADER_BYTES: Final = 64
+
+
+class _Entry(msgspec.Struct, frozen=True, array_like=True):
+    """A sample in the journal."""
+
+    digest: bytes
+    key: str
+    payload: bytes
+    encoding: str
+    source: int
+    age_s: float | None
+    received_utc_ns: int
+
+
+class KeptSamples:
+    """The samples of the latched topics of one gateway; for the loop.
+
+    Args:
+        write: Brings a name and a value, or None to delete it, to the journal.
+        clock: Where instants come from.
+        wall_clock: What time it is, ns since 1970.
+        limit_bytes: What is kept at most.
+    """
+
+    def __init__(
+        self,
+        write: Callable[[str, bytes | None], None],
+        *,
+        clock: Clock,
+        wall_clock: Clock,
+        limit_bytes: int = LIMIT_BYTES,
+    ) -> None:
+        self._write = write
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._limit_bytes = limit_bytes
+        self._sizes: dict[tuple[int, str, int], int] = {}
+        """Size of each by ``(stream id, key, serial)``, the oldest first."""
+        self._bytes = 0
+        self._next_serial = 0
+
+    def recover(
+        self, stored: Mapping[str, bytes], table: StreamTable
+    ) -> Iterator[tuple[Stream, LastValue]]:
+        """Yield what a former life has kept, in its order; what nobody reads any more is deleted.
+
+        Args:
+            stored: What the journal has kept.
+            table: The streams.
+        """
+        found = sorted(
+            (int(name.split("/")[2]), name) for name in stored if name.startswith(f"{_NAME}/")
+        )
+        for serial, name in found:
+            self._next_serial = serial + 1
+            entry = msgspec.msgpack.decode(stored[name], type=_Entry)
+            stream = table.get(int(name.split("/")[1]))
+            if stream is None or stream.digest != entry.digest:
+                self._write(name, None)
+                continue
+            self._note((stream.stream_id, entry.key, serial), len(stored[name]))
+            passed_ns = max(0, self._wall_clock() - entry.received_utc_ns)
+            age_s = None if entry.age_s is None else entry.age_s + ns_to_seconds(passed_ns)
+            yield (
+                stream,
+                LastValue(
+                    key=entry.key,
+                    stream_id=stream.stream_id,
+                    payload=entry.payload,
+                    encoding=entry.encoding,
+                    source=entry.source,
+                    age_s=age_s,
+                    received_at=self._clock(),
+                ),
+            )
+
+    def keep(self, stream: Stream, value: LastValue) -> None:
+        """Write down a sample that was put on the island."""
+        received_utc_ns = self._wall_clock() - (self._clock() - value.received_at)
+        entry = msgspec.msgpack.encode(
+            _Entry(
+                stream.digest,
+                value.key,
+                value.payload,
+                value.encoding,
+                value.source,
+                value.age_s,
+                received_utc_ns,
+            )
+        )
+        identity = (stream.stream_id, value.key, self._next_serial)
+        self._next_serial += 1
+        self._note(identity, len(entry))
+        self._write(_name(identity), entry)
+        of_key = [each for each in self._sizes if each[:2] == identity[:2]]
+        for old in of_key[: max(0, len(of_key) - stream.qos.depth)]:
+            self._drop(old)
+        while self._bytes > self._limit_bytes:
+            self._drop(next(iter(self._sizes)))
+
+    def forget(self, stream: Stream, key: str) -> None:
+        """Delete the samples of a key that was deleted."""
+        for old in [each for each in self._sizes if each[:2] == (stream.stream_id, key)]:
+            self._drop(old)
+
+    def _note(self, identity: tuple[int, str, int], entry_bytes: int) -> None:
+        self._sizes[identity] = entry_bytes + _HEADER_BYTES
+        self._bytes += self._sizes[identity]
+
+    def _drop(self, identity: tuple[int, str, int]) -> None:
+        self._bytes -= self._sizes.pop(identity)
+        self._write(_name(identity), None)
+
+
+def _name(identity: tuple[int, str, int]) -> str:
+    stream_id, _, serial = identity
+    return f"{_NAME}/{stream_id}/{serial}"

@@ -1,0 +1,173 @@
+"""Who on the island looks at on-demand topics, so that they are wanted of nodes beyond the water.
+
+Zenoh tells a publisher whether anybody subscribes to its key (*matching*). So for each on-demand
+topic that this gateway delivers a publisher is declared that never puts anything: on the keys of
+the topic, or, where the name of the node is in them, one for each node that may publish. What this
+gateway itself has subscribed to does not count; a sibling that forwards the same topic does, it
+subscribes as anybody.
+
+A subscriber that goes is often back at once: its program is restarted, or the router is. So a
+topic is wanted `GRACE_S` longer than anybody looks at it, and nothing crosses the water for that.
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.session.session import Island
+
+GRACE_S: Final = 10.0
+"""How long a topic is still wanted when nobody looks at it any more, s."""
+_ANY: Final = 0
+
+
+class Lookout:
+    """The publishers of one topic whose matching is watched; made and undeclared in the worker.
+
+    Args:
+        declared: What was declared.
+    """
+
+    def __init__(self, declared: list[Any]) -> None:
+        self._declared = declared
+
+    def undeclare(self) -> None:
+        """Watch no more."""
+        while self._declared:
+            self._declared.pop().undeclare()
+
+
+class Onlookers:
+    """What the island looks at; for the loop, except for `declare`.
+
+    Args:
+        table: All streams.
+        island: Where they look.
+        siblings: Which nodes are on this island.
+        topics: What topics look like there.
+        runner: Whose engine asks for what they want to see.
+        ring: Wakes the loop, which then calls `settle`.
+        grace_s: How long a topic is still wanted when nobody looks at it any more, s.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        island: Island,
+        siblings: Siblings,
+        topics: Topics,
+        runner: LinkRunner,
+        *,
+        ring: Callable[[], None],
+        grace_s: float | None = None,
+    ) -> None:
+        self._table = table
+        self._island = island
+        self._siblings = siblings
+        self._topics = topics
+        self._runner = runner
+        self._ring = ring
+        self._grace_s = GRACE_S if grace_s is None else grace_s
+        self._loop = asyncio.get_running_loop()
+        self._timers: dict[int, asyncio.TimerHandle] = {}
+        self._watched: set[int] = set()
+        self._guard = threading.Lock()
+        self._matching: dict[tuple[int, int], bool] = {}
+
+    def declare(self, stream: Stream) -> Lookout:
+        """Have the subscribers of a topic watched; in the worker."""
+        declared: list[Any] = []
+        dialect = self._topics.dialects[stream.stream_id]
+        nodes: tuple[int, ...] = (_ANY,)
+        if stream.keys.is_named_by_node:
+            others = set(self._table.nodes) - {self._siblings.address}
+            nodes = tuple(each for each in sorted(others) if stream.may_publish(each))
+        for node in nodes:
+            publisher = self._island.session.declare_publisher(
+                zenoh.KeyExpr(dialect.key(stream.keys.expression(node or None))),
+                allowed_destination=zenoh.Locality.REMOTE,
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            declared.append(publisher)
+            place = (stream.stream_id, node)
+            with self._guard:
+                self._matching.pop(place, None)
+            listener = publisher.declare_matching_listener(
+                self._island.callback(partial(self._see, place))
+            )
+            declared.append(listener)
+            status: Any = publisher.matching_status  # an object, not the bool of the stub
+            with self._guard:
+                self._matching.setdefault(place, bool(status.matching))
+        self._ring()
+        return Lookout(declared)
+
+    def watch(self, stream_ids: set[int]) -> None:
+        """Care for these topics, and for no others: what others deliver, others ask for."""
+        for stream_id in self._watched - stream_ids:
+            with self._guard:
+                for place in [each for each in self._matching if each[0] == stream_id]:
+                    del self._matching[place]
+        left, self._watched = self._watched, set(stream_ids)
+        for stream_id in left | self._watched:
+            self._settle(stream_id)
+
+    def settle(self) -> None:
+        """Ask for what is looked at now."""
+        for stream_id in self._watched:
+            self._settle(stream_id)
+
+    def close(self) -> None:
+        """Ask for nothing more; what was asked for stays, for the next life of the gateway."""
+        self._watched.clear()
+        for timer in self._timers.values():
+            timer.cancel()
+        self._timers.clear()
+
+    def _see(self, place: tuple[int, int], status: zenoh.MatchingStatus) -> None:
+        """Note that a topic has got its first subscriber, or lost its last; on Zenoh's thread."""
+        with self._guard:
+            self._matching[place] = bool(status.matching)
+        self._ring()
+
+    def _sources(self, stream: Stream) -> frozenset[int]:
+        """Return the nodes beyond the water of which the island wants to see a topic."""
+        with self._guard:
+            seen = {
+                node
+                for (stream_id, node), is_matching in self._matching.items()
+                if is_matching and stream_id == stream.stream_id
+            }
+        publishers = self._runner.engine.demand.publishers(stream)
+        wanted = publishers if _ANY in seen else publishers & seen
+        return wanted.difference(self._siblings.alive)
+
+    def _settle(self, stream_id: int) -> None:
+        stream = self._table.by_id(stream_id)
+        before = self._runner.engine.demand.wanted(stream_id)
+        after = self._sources(stream)
+        if not after >= before and stream_id not in self._timers:
+            self._timers[stream_id] = self._loop.call_later(
+                self._grace_s, self._withdraw, stream_id
+            )
+        if not after <= before:
+            self._want(stream_id, before | after)
+
+    def _withdraw(self, stream_id: int) -> None:
+        """Ask no longer for what nobody looks at."""
+        del self._timers[stream_id]
+        before = self._runner.engine.demand.wanted(stream_id)
+        after = self._sources(self._table.by_id(stream_id)) & before
+        if after != before:
+            self._want(stream_id, after)
+
+    def _want(self, stream_id: int, sources: frozenset[int]) -> None:
+        self._runner.apply(lambda engine, now: engine.demand.want(stream_id, now, sources))

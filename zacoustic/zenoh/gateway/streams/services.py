@@ -1,0 +1,203 @@
+"""Services: calls of the island to servers beyond the water, and calls from the water.
+
+A call of the island is a `Query` that is held until the engine has the answer or gives up at the
+stream's deadline; then it is answered or refused, never left silent. Zenoh does not tell how long
+the caller waits: 10 s unless it says otherwise, which on sound is short.
+
+A call from the water becomes a `get` on the island. The first good reply is the answer; if there is
+none, the first error. If there is nothing at all, then nobody serves; but if somebody was there
+when it was asked, that one has ended without an answer, and what it has done is unknown.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import (
+    CallFailed,
+    CallFailure,
+    CallKey,
+    RequestReceived,
+    ResponseReceived,
+)
+from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.errors import PayloadInvalidError, PayloadTooLargeError, ZacousticError
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.session import Island
+
+# Zenoh refuses a limit of 0.
+_LEAST_LIMIT_S: Final = 0.001
+
+# What a server on the island can say of itself; anything else is text of its handler.
+_SAID_BY_SERVERS: Final = (
+    CallFailure.NO_SERVER,
+    CallFailure.BAD_REQUEST,
+    CallFailure.UNKNOWN,
+)
+
+
+class Services:
+    """The services of one gateway; for the loop.
+
+    Args:
+        table: All streams.
+        island: Where servers are asked.
+        complaints: Takes what is wrong with answers of the island.
+        dialects: What they look like on the island.
+        clock: Where instants come from.
+        ring: Wakes the loop, which then calls `drain`.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        island: Island,
+        complaints: Complaints,
+        dialects: Dialects,
+        *,
+        clock: Clock,
+        ring: Callable[[], None],
+    ) -> None:
+        self._table = table
+        self._island = island
+        self._complaints = complaints
+        self._clock = clock
+        self._ring = ring
+        self.dialects = {
+            stream.stream_id: dialects.service(stream)
+            for stream in table
+            if isinstance(stream.spec, ServiceSpec)
+        }
+        """What each service looks like on the island, by stream id."""
+        # Own calls: call id → who waits, and in which encoding.
+        self._calls: dict[int, tuple[HeldQuery, str]] = {}
+        # Questions to the island: who asks, and whether a server was there.
+        self._asked: dict[Question, tuple[CallKey, bool]] = {}
+        self._watched: dict[int, Any] = {}
+        self._settled: deque[Question] = deque()
+
+    def watch(self, address: int) -> None:
+        """Watch whether the servers of this node's services are there; in the worker."""
+        for stream in self._table:
+            if isinstance(stream.spec, ServiceSpec) and stream.spec.server == address:
+                self._watched[stream.stream_id] = self._island.session.declare_querier(
+                    zenoh.KeyExpr(self.dialects[stream.stream_id].key),
+                    allowed_destination=zenoh.Locality.REMOTE,
+                )
+
+    def call(self, held: HeldQuery, stream_id: int, engine: Engine, now: int) -> None:
+        """Bring a call of the island to the water."""
+        stream = self._table.by_id(stream_id)
+        dialect = self.dialects[stream_id]
+        query = held.query
+        if str(query.key_expr) != dialect.key:
+            # Whoever looks around with a wildcard does not mean to run a service on a vehicle.
+            text = f"a wildcard calls no service, only {dialect.key} itself does"
+            held.refuse(CallFailure.BAD_REQUEST, text)
+            return
+        if query.attachment is not None and dialect.is_marked(query.attachment.to_bytes()):
+            text = "the call came off the water, it does not go back"
+            held.refuse(CallFailure.NO_SERVER, text)
+            return
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        try:
+            value, encoding = dialect.read_request(payload, query.encoding)
+            call_id = engine.call(stream_id, value, now)
+        except ZacousticError as error:
+            is_wrong = isinstance(error, PayloadInvalidError | PayloadTooLargeError)
+            failure = CallFailure.BAD_REQUEST if is_wrong else CallFailure.NO_SERVER
+            self._complaints.add(stream.name, "request", str(error))
+            held.refuse(failure, str(error))
+            return
+        self._calls[call_id] = (held, encoding)
+
+    def respond(self, event: ResponseReceived) -> None:
+        """Answer a call of the island."""
+        dialect = self.dialects[event.stream_id]
+        held, encoding = self._calls.pop(event.call_id)
+        try:
+            payload, encoding = dialect.write_response(event.value, encoding)
+        except PayloadInvalidError as error:
+            held.refuse(CallFailure.BAD_RESPONSE, str(error))
+            return
+        asked = held.query.attachment
+        mark = dialect.answer_mark(asked.to_bytes() if asked is not None else None)
+        held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])
+
+    def fail(self, event: CallFailed) -> None:
+        """Refuse a call of the island."""
+        held, _ = self._calls.pop(event.call_id)
+        held.refuse(event.failure, event.text)
+
+    def serve(self, event: RequestReceived) -> None:
+        """Ask the island for an answer to a call from the water."""
+        stream = self._table.by_id(event.call.stream_id)
+        dialect = self.dialects[stream.stream_id]
+        payload, encoding = dialect.write_request(event.value)
+        left_s = ns_to_seconds(event.deadline_at - self._clock())
+        question = Question(dialect.key, self._settle)
+        watched = self._watched.get(stream.stream_id)
+        is_there = watched is not None and bool(watched.matching_status.matching)
+        self._asked[question] = event.call, is_there
+        self._island.worker.submit(
+            partial(
+                question.ask,
+                self._island,
+                payload,
+                encoding=encoding,
+                priority=stream.qos.priority,
+                timeout_s=max(left_s, _LEAST_LIMIT_S),
+                attachment=dialect.question_mark(event.call),
+            )
+        )
+
+    def drain(self, engine: Engine, now: int) -> None:
+        """Bring the answers of the island to the water."""
+        while self._settled:
+            question = self._settled.popleft()
+            asked = self._asked.pop(question, None)
+            if asked is not None:
+                call, was_there = asked
+                self._answer(engine, call, question, now, was_there=was_there)
+
+    def close(self) -> None:
+        """Stop to ask the island."""
+        questions = list(self._asked)
+        self._asked.clear()
+        for question in questions:
+            self._island.worker.submit(question.cancel)
+
+    def _settle(self, question: Question) -> None:
+        self._settled.append(question)
+        self._ring()
+
+    def _answer(
+        self, engine: Engine, call: CallKey, question: Question, now: int, *, was_there: bool
+    ) -> None:
+        stream = self._table.by_id(call.stream_id)
+        if question.good is None:
+            ended = CallFailure.UNKNOWN if was_there else CallFailure.NO_SERVER
+            failure, text = question.error or (ended, "")
+            said = failure if failure in _SAID_BY_SERVERS else CallFailure.HANDLER
+            engine.reply_error(call, said, text, now)
+            return
+        payload, encoding = question.good
+        try:
+            value = self.dialects[call.stream_id].read_response(payload, encoding)
+        except PayloadInvalidError as error:
+            self._complaints.add(stream.name, "response", str(error))
+            engine.reply_error(call, CallFailure.HANDLER, f"bad response: {error}", now)
+            return
+        try:
+            engine.reply(call, value, now)
+        except ZacousticError as error:  # the engine has told the caller
+            self._complaints.add(stream.name, "response", str(error))

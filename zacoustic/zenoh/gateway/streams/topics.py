@@ -1,0 +1,222 @@
+"""Topics: samples of the island to the engine, samples from the water to the island.
+
+What they look like there is a matter of the topic's dialect. A sample that cannot be read or that
+its type does not allow is counted and complained about; it harms nothing.
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import msgspec
+import zenoh
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
+from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.qos import Priority, Reliability
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.errors import PayloadInvalidError, ZacousticError
+from zacoustic.zenoh.gateway.complaints import Complaints
+from zacoustic.zenoh.gateway.dialect.dialects import Dialects, Reading, Written
+from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
+from zacoustic.zenoh.gateway.dialect.mailbox import Mailbox, Parcel
+from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.streams.kept import KeptSamples
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
+
+_APART_S: Final = 0.1
+"""Between the frames of two gateways of one island: for the time that an event takes to both."""
+
+
+class Topics:
+    """The topics of one gateway; for the loop, except for `post`.
+
+    Args:
+        table: All streams.
+        siblings: Who does what on this island.
+        complaints: Takes what is wrong with samples of the island.
+        dialects: What they look like on the island.
+        kept: Samples of latched topics, in the journal.
+        clock: Where instants come from.
+        ring: Wakes the loop, which then calls `drain`.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        siblings: Siblings,
+        complaints: Complaints,
+        dialects: Dialects,
+        kept: KeptSamples,
+        *,
+        clock: Clock,
+        ring: Callable[[], None],
+    ) -> None:
+        self.last_values = LastValues()
+        self._alarm: asyncio.TimerHandle | None = None
+        self._kept = kept
+        self._table = table
+        self._siblings = siblings
+        self._complaints = complaints
+        self._clock = clock
+        self._ring = ring
+        self.dialects = {
+            stream.stream_id: dialects.topic(stream)
+            for stream in table
+            if isinstance(stream.spec, TopicSpec)
+        }
+        """What each topic looks like on the island, by stream id."""
+        self._mailboxes = {
+            stream_id: Mailbox(dialect.stream.qos.depth)
+            for stream_id, dialect in self.dialects.items()
+        }
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Have for late joiners what a former life of this gateway had."""
+        for stream, value in self._kept.recover(stored, self._table):
+            dialect = self.dialects.get(stream.stream_id)
+            if dialect is None or not dialect.is_latched:
+                self._kept.forget(stream, value.key)
+                continue
+            attachment = dialect.mark_again(value)
+            self.last_values.keep(msgspec.structs.replace(value, attachment=attachment))
+            dialect.put(
+                value.key,
+                Written(payload=value.payload, encoding=value.encoding, attachment=attachment),
+            )
+
+    def post(self, stream_id: int, sample: zenoh.Sample) -> None:
+        """Keep a sample of the island for the loop; on Zenoh's thread."""
+        attachment = sample.attachment
+        dialect = self.dialects[stream_id]
+        if attachment is not None and dialect.is_marked(attachment.to_bytes()):
+            return  # it came off the water
+        self._mailboxes[stream_id].post(
+            Parcel(
+                str(sample.key_expr),
+                sample.payload.to_bytes(),
+                str(sample.encoding),
+                sample.kind == zenoh.SampleKind.DELETE,
+                self._clock(),
+            )
+        )
+        self._ring()
+
+    def drain(self, engine: Engine, now: int) -> None:
+        """Publish what the island has sent, when it is the turn of this gateway."""
+        later: list[int] = []
+        for stream_id, mailbox in self._mailboxes.items():
+            stream = self._table.by_id(stream_id)
+            due_at = (mailbox.oldest_at or now) + self._turn_ns(stream, engine.capabilities)
+            if due_at > now:
+                later.append(due_at)
+                continue
+            for parcel in mailbox.take():
+                self._forward(engine, stream, parcel, now)
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+        if later:
+            later_s = ns_to_seconds(min(later) - now)
+            self._alarm = asyncio.get_running_loop().call_later(later_s, self._ring)
+
+    def deliver(self, event: SampleReceived) -> None:
+        """Put a sample from the water on the island, and keep it for `answer`."""
+        if self._siblings.shares_island(event.source):
+            return
+        dialect = self.dialects[event.stream_id]
+        stream = dialect.stream
+        key = dialect.key(stream.keys.key(event.source, event.instance))
+        delivers = self._siblings.delivers(stream)
+        if event.deleted:
+            self.last_values.forget(key)
+            self._kept.forget(stream, key)
+            if delivers:
+                dialect.delete(key, event.source)
+            return
+        try:
+            written = dialect.write(key, event)
+        except PayloadInvalidError as error:
+            self._complaints.add(stream.name, "payload", str(error))
+            return
+        value = LastValue(
+            key=key,
+            stream_id=stream.stream_id,
+            payload=written.payload,
+            encoding=written.encoding,
+            source=event.source,
+            age_s=event.age_s,
+            received_at=event.received_at,
+            attachment=written.attachment,
+        )
+        self.last_values.keep(value)
+        if dialect.is_latched:
+            self._kept.keep(stream, value)
+        if delivers:
+            dialect.put(key, written)
+
+    def answer(self, held: HeldQuery, stream_id: int) -> None:
+        """Answer a `get` on a topic with the last values that it asks for."""
+        asked = held.query.key_expr
+        now = self._clock()
+        dialect = self.dialects[stream_id]
+        held.answer(
+            [
+                Answer(
+                    key=last.key,
+                    payload=last.payload,
+                    encoding=last.encoding,
+                    attachment=dialect.mark_of(last, now),
+                )
+                for last in self.last_values.of(stream_id)
+                if asked.intersects(last.key)
+            ]
+        )
+
+    def losses(self) -> dict[str, dict[str, int]]:
+        """Return what mailboxes have lost, by stream and reason, where there is any."""
+        found = {}
+        for stream_id, mailbox in self._mailboxes.items():
+            lost = {"superseded": mailbox.superseded, "oversized": mailbox.oversized}
+            if any(lost.values()):
+                name = self._table.by_id(stream_id).name
+                found[name] = {reason: count for reason, count in lost.items() if count}
+        return found
+
+    def _turn_ns(self, stream: Stream, link: LinkCapabilities | None) -> int:
+        """How long a sample waits for what gateways before this one make of the same event."""
+        can_wait = (
+            stream.qos.reliability is Reliability.BEST_EFFORT
+            and stream.qos.priority is not Priority.REAL_TIME
+        )
+        if link is None or not can_wait:
+            return 0
+        frame_ns = link.airtime_ns(link.mtu_bytes) + seconds_to_ns(link.gap_s + _APART_S)
+        return self._siblings.rank * frame_ns
+
+    def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
+        dialect = self.dialects[stream.stream_id]
+        instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
+        if instance is None:
+            text = f"the key {parcel.key} is none of this stream's"
+            self._complaints.add(stream.name, "unknown_key", text)
+            return
+        try:
+            reading = Reading(value=None) if parcel.deleted else dialect.read(parcel)
+            queued_at = parcel.arrived_at if reading.age_ns is None else now - reading.age_ns
+            engine.publish(
+                stream.stream_id,
+                reading.value,
+                now,
+                instance=instance,
+                encoding=reading.encoding,
+                delete=parcel.deleted,
+                queued_at=queued_at,
+            )
+        except PayloadInvalidError as error:
+            self._complaints.add(stream.name, "payload", str(error))
+        except ZacousticError as error:
+            self._complaints.add(stream.name, "refused", str(error))

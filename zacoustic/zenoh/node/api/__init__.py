@@ -1,0 +1,1 @@
+"""What a program uses: the node, its publishers, subscriptions, clients and services."""

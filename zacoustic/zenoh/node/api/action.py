@@ -1,0 +1,440 @@
+"""Actions: clients that send goals, and servers that pursue them, by functions of the application.
+
+The nouns are those of ROS 2. A goal is accepted or rejected; while it runs its client gets feedback
+and may cancel it; in the end there is a status, and a result.
+"""
+
+import asyncio
+import inspect
+import logging
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, Generic, Protocol, TypeVar
+
+import msgspec
+
+from zacoustic.core.engine.events import GoalFailure, GoalStatus
+from zacoustic.errors import DeliveryError, LocalError, ZacousticError
+from zacoustic.zenoh.node.api.service import Spawn
+from zacoustic.zenoh.node.carrier import Carrier
+from zacoustic.zenoh.node.goals import GoalEnd, SentGoal, TakenGoal
+from zacoustic.zenoh.node.routes import ActionRoute
+
+_logger = logging.getLogger(__name__)
+
+Goal = TypeVar("Goal")
+Feedback = TypeVar("Feedback")
+Result = TypeVar("Result")
+GoalType = TypeVar("GoalType", covariant=True)
+FeedbackType = TypeVar("FeedbackType", covariant=True)
+ResultType = TypeVar("ResultType", covariant=True)
+
+
+class ActionType(Protocol[GoalType, FeedbackType, ResultType]):
+    """What names the three types of an action, as in ROS: a class with three classes inside.
+
+    ``class Goto:``, and in it ``class Goal(msgspec.Struct)``, ``class Feedback(msgspec.Struct)``
+    and ``class Result(msgspec.Struct)``.
+    """
+
+    # Methods, because that is how a type checker sees a class inside a class.
+    def Goal(self, *args: Any, **kwargs: Any) -> GoalType:  # noqa: ANN401, N802
+        """Make a goal."""
+        ...
+
+    def Feedback(self, *args: Any, **kwargs: Any) -> FeedbackType:  # noqa: ANN401, N802
+        """Make feedback."""
+        ...
+
+    def Result(self, *args: Any, **kwargs: Any) -> ResultType:  # noqa: ANN401, N802
+        """Make a result."""
+        ...
+
+
+class GoalResult(msgspec.Struct, Generic[Result], frozen=True, kw_only=True):
+    """How a goal ended."""
+
+    status: GoalStatus
+    """SUCCEEDED, CANCELED, ABORTED; or UNKNOWN, when its server died while it ran."""
+    result: Result | None
+    """The result; None: the server gave none."""
+    text: str = ""
+    """One line for people, where the status does not say all."""
+
+
+FeedbackCallback = Callable[[Feedback], Awaitable[None] | None]
+"""Takes each feedback, on the loop; may be a coroutine function."""
+
+
+class GoalHandle(Generic[Goal, Feedback, Result]):
+    """A goal that was sent. Made by `ActionClient`.
+
+    Args:
+        route: Its action.
+        sent: Its carrier's side.
+    """
+
+    def __init__(self, route: ActionRoute[Goal, Feedback, Result], sent: SentGoal) -> None:
+        self.name = route.name
+        """The action."""
+        self._route = route
+        self._sent = sent
+
+    @property
+    def accepted(self) -> bool:
+        """The server has accepted it. Of a goal of a former life that is not known at once."""
+        return self._sent.accepted
+
+    @property
+    def text(self) -> str:
+        """Why it was rejected, one line; empty: it was not."""
+        return self._sent.text
+
+    @property
+    def tag(self) -> bytes:
+        """What was given with it to `ActionClient.send_goal`."""
+        return self._sent.tag
+
+    async def cancel(self) -> bool:
+        """Ask the server to end it, before everything else that waits; wait for the answer.
+
+        Returns:
+            True when it will end, or has ended so; the result follows.
+
+        Raises:
+            LocalError: It had ended before.
+            LinkClosedError: The node was closed.
+        """
+        accepted, _ = await self._sent.cancel()
+        return accepted
+
+    async def result(self, *, timeout_s: float | None = None) -> GoalResult[Result]:
+        """Wait for its end; may be called several times.
+
+        Args:
+            timeout_s: How long to wait, s; None: until it ends, or is given up.
+
+        Raises:
+            TimeoutError: It has not ended in time; it goes on.
+            CallTimeoutError: Nothing was heard of it for the action's `result_timeout_s`.
+            DeliveryError: It was rejected, or the two ends do not understand each other.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        async with asyncio.timeout(timeout_s):
+            end = await self._sent.end()
+        if end.error is not None:
+            raise end.error
+        if end.status is GoalStatus.UNKNOWN and not self.accepted and self.text:
+            raise DeliveryError(f"{self.name}: the goal was rejected: {self.text}")
+        return GoalResult(status=end.status, result=self._build(end), text=end.text)
+
+    def _build(self, end: GoalEnd) -> Result | None:
+        if end.value is None:
+            return None
+        try:
+            return self._route.result.build(end.value)
+        except (ValueError, TypeError) as error:  # from a check of the application's class
+            raise DeliveryError(f"{self.name}: the result is refused: {error}") from error
+
+
+class ActionClient(Generic[Goal, Feedback, Result]):
+    """Sends goals of one action. Made by `Node.create_action_client`.
+
+    Args:
+        route: Where goals go.
+        carrier: What carries them.
+        spawn: Starts callbacks that are coroutines.
+    """
+
+    def __init__(
+        self, route: ActionRoute[Goal, Feedback, Result], carrier: Carrier, spawn: Spawn
+    ) -> None:
+        self.name = route.name
+        """The action."""
+        self._route = route
+        self._carrier = carrier
+        self._spawn = spawn
+        self._is_closed = False
+
+    async def send_goal(
+        self,
+        goal: Goal,
+        *,
+        feedback_callback: FeedbackCallback[Feedback] | None = None,
+        timeout_s: float | None = None,
+        tag: bytes = b"",
+    ) -> GoalHandle[Goal, Feedback, Result]:
+        """Send a goal, and wait until the server has accepted or rejected it.
+
+        Cancelling this cancels the goal.
+
+        Args:
+            goal: As the client's type says.
+            feedback_callback: Takes feedback.
+            timeout_s: Time to wait for the answer, s, > 0; the action's own at most, and unless
+                given.
+            tag: Any bytes, such as the number of a mission: a node with a journal gives it back
+                with the goal after a restart (`recovered`).
+
+        Returns:
+            The goal; look at `GoalHandle.accepted`.
+
+        Raises:
+            CallTimeoutError: No answer in time; whether the goal runs is unknown.
+            DeliveryError: Nobody serves it, or the two ends do not understand each other.
+            PayloadInvalidError: The type does not allow the goal.
+            PayloadTooLargeError: The goal fits no frame of this link.
+            QueueFullError: Too many goals are under way.
+            JournalUnavailableError: The goal cannot be written down.
+            LocalError: The client is closed, or this node is the server itself.
+        """
+        if self._is_closed:
+            raise LocalError(f"the client of {self.name} is closed")
+        if timeout_s is not None and not 0 < timeout_s < float("inf"):
+            raise LocalError(f"timeout_s is {timeout_s}; allowed: above 0")
+        feed = self._feeder(feedback_callback)
+        sent = await self._carrier.goals.send(self._route, goal, timeout_s, feed, tag)
+        return GoalHandle(self._route, sent)
+
+    def recovered(
+        self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
+    ) -> list[GoalHandle[Goal, Feedback, Result]]:
+        """Return the goals that a former life of this node has sent, each once.
+
+        Direct mode with a journal; on Zenoh the gateway keeps them.
+        """
+        found = self._carrier.goals.recovered(self._route, self._feeder(feedback_callback))
+        return [GoalHandle(self._route, sent) for sent in found]
+
+    def close(self) -> None:
+        """Withdraw the client; goals go on. May be called again."""
+        self._is_closed = True
+
+    def _feeder(self, callback: FeedbackCallback[Feedback] | None) -> Callable[[object], None]:
+        def feed(value: object) -> None:
+            if callback is None:
+                return
+            try:
+                taken = callback(self._route.feedback.build(value))
+            except Exception as error:
+                _logger.warning("%s: the callback of feedback failed", self.name, exc_info=error)
+                return
+            if inspect.isawaitable(taken):
+                self._spawn(self._attend(taken), f"feedback of {self.name}")
+
+        return feed
+
+    async def _attend(self, taken: Awaitable[None]) -> None:
+        try:
+            await taken
+        except Exception as error:
+            _logger.warning("%s: the callback of feedback failed", self.name, exc_info=error)
+
+
+class ServerGoalHandle(Generic[Goal, Feedback, Result]):
+    """A goal that runs here. Made by `ActionServer`.
+
+    Args:
+        route: Its action.
+        taken: Its carrier's side.
+        request: The goal.
+    """
+
+    def __init__(
+        self, route: ActionRoute[Goal, Feedback, Result], taken: TakenGoal, request: Goal
+    ) -> None:
+        self.name = route.name
+        """The action."""
+        self.request = request
+        """The goal."""
+        self.client = taken.client
+        """Acoustic address of its client; None: on this Zenoh network."""
+        self.status: GoalStatus | None = None
+        """What `succeed`, `abort` or `canceled` has said; None: nothing yet."""
+        self._route = route
+        self._taken = taken
+        self._cancelled = asyncio.Event()
+        self._is_over = False
+
+    @property
+    def is_active(self) -> bool:
+        """It runs."""
+        return not self._is_over
+
+    @property
+    def is_cancel_requested(self) -> bool:
+        """Its client wants it to end, and that was accepted."""
+        return self._cancelled.is_set()
+
+    async def cancel_requested(self) -> None:
+        """Wait until its client wants it to end."""
+        await self._cancelled.wait()
+
+    def publish_feedback(self, feedback: Feedback) -> bool:
+        """Tell how far it is; of what waits only the newest is sent. False: it is over.
+
+        Raises:
+            PayloadInvalidError: The type does not allow it.
+            PayloadTooLargeError: It fits no frame of this link.
+        """
+        return not self._is_over and self._taken.feed(feedback)
+
+    def succeed(self, result: Result | None = None) -> None:
+        """Say that it was reached; with a result that ends it, else what the callback returns."""
+        self._say(GoalStatus.SUCCEEDED, result)
+
+    def abort(self, result: Result | None = None) -> None:
+        """Say that it was given up."""
+        self._say(GoalStatus.ABORTED, result)
+
+    def canceled(self, result: Result | None = None) -> None:
+        """Say that it was given up because its client wanted so."""
+        self._say(GoalStatus.CANCELED, result)
+
+    def wish_to_cancel(self) -> None:
+        """Let the callback know that its client wants it to end."""
+        self._cancelled.set()
+
+    def finish(self, status: GoalStatus, result: object) -> None:
+        """End it, once."""
+        if self._is_over:
+            return
+        self._is_over = True
+        try:
+            if not self._taken.finish(status, result):
+                _logger.warning("%s: nobody waits for the goal any more", self.name)
+        except ZacousticError as error:
+            _logger.warning("%s: the result cannot be sent: %s", self.name, error)
+
+    def _say(self, status: GoalStatus, result: Result | None) -> None:
+        if self.status is not None:
+            raise LocalError(f"{self.name}: the goal is {self.status.name} already")
+        self.status = status
+        if result is not None:
+            self.finish(status, result)
+
+
+Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Awaitable[Result | None]]
+"""Pursues a goal: a coroutine function. It says `succeed`, `abort` or `canceled`, and returns the
+result, or gives it there."""
+Decide = Callable[[Goal], bool | Awaitable[bool]]
+"""Tells whether a goal is accepted; soon, since its client waits."""
+DecideCancel = Callable[[ServerGoalHandle[Goal, Feedback, Result]], bool | Awaitable[bool]]
+"""Tells whether a goal may be cancelled."""
+
+
+class ActionServer(Generic[Goal, Feedback, Result]):
+    """Serves one action. Made by `Node.create_action_server`.
+
+    Each goal runs in a task of its own. What `execute` raises is logged here, and the goal is
+    aborted.
+
+    Args:
+        route: Where goals come from.
+        execute: Pursues a goal.
+        goal_callback: Accepts or rejects one; None: all are accepted.
+        cancel_callback: Accepts or rejects a cancel; None: all are accepted.
+        carrier: What carries them.
+        spawn: Starts the tasks.
+    """
+
+    def __init__(
+        self,
+        route: ActionRoute[Goal, Feedback, Result],
+        execute: Execute[Goal, Feedback, Result],
+        carrier: Carrier,
+        spawn: Spawn,
+        *,
+        goal_callback: Decide[Goal] | None = None,
+        cancel_callback: DecideCancel[Goal, Feedback, Result] | None = None,
+    ) -> None:
+        self.name = route.name
+        """The action."""
+        self._route = route
+        self._execute = execute
+        self._goal_callback = goal_callback
+        self._cancel_callback = cancel_callback
+        self._spawn = spawn
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._running: dict[TakenGoal, ServerGoalHandle[Goal, Feedback, Result]] = {}
+        self._stop = carrier.goals.serve(route, self)
+
+    def close(self) -> None:
+        """Serve no more; goals that run are aborted. May be called again."""
+        for handle in self._running.values():
+            handle.finish(GoalStatus.ABORTED, None)
+        self._stop()
+        for task in tuple(self._tasks):
+            task.cancel()
+
+    # For the carrier
+
+    def take(self, goal: TakenGoal) -> None:
+        """A goal arrived."""
+        self._begin(self._decide(goal), f"goal of {self.name}")
+
+    def cancel(self, goal: TakenGoal) -> None:
+        """A goal that was accepted is to end."""
+        self._begin(self._decide_cancel(goal), f"cancel of {self.name}")
+
+    # Below the methods above
+
+    def _begin(self, coroutine: Coroutine[Any, Any, None], name: str) -> None:
+        task = self._spawn(coroutine, name)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _decide(self, taken: TakenGoal) -> None:
+        try:
+            request = self._route.goal.build(taken.value)
+        except (ValueError, TypeError) as error:  # from a check of the application's class
+            taken.reject(GoalFailure.BAD_GOAL, str(error))
+            return
+        accepts, text = True, ""
+        if self._goal_callback is not None:
+            try:
+                decided = self._goal_callback(request)
+                accepts = bool(await decided if inspect.isawaitable(decided) else decided)
+            except Exception as error:
+                _logger.warning("%s: the callback of goals failed", self.name, exc_info=error)
+                accepts, text = False, " ".join(str(error).split()) or type(error).__name__
+        if not accepts:
+            taken.reject(GoalFailure.REJECTED, text)
+            return
+        handle = ServerGoalHandle(self._route, taken, request)
+        self._running[taken] = handle
+        if taken.accept():
+            await self._run(handle)
+        else:
+            _logger.warning("%s: a goal was accepted after its client's deadline", self.name)
+        self._running.pop(taken, None)
+
+    async def _run(self, handle: ServerGoalHandle[Goal, Feedback, Result]) -> None:
+        try:
+            result = await self._execute(handle)
+        except asyncio.CancelledError:
+            handle.finish(GoalStatus.ABORTED, None)
+            raise
+        except Exception as error:
+            _logger.warning("%s: the goal failed", self.name, exc_info=error)
+            handle.finish(GoalStatus.ABORTED, None)
+            return
+        if handle.status is None:
+            _logger.warning("%s: nobody said how the goal ended: it is aborted", self.name)
+        handle.finish(handle.status or GoalStatus.ABORTED, result)
+
+    async def _decide_cancel(self, taken: TakenGoal) -> None:
+        handle = self._running.get(taken)
+        if handle is None:
+            taken.answer_cancel(False, "the goal is over")
+            return
+        accepts, text = True, ""
+        if self._cancel_callback is not None:
+            try:
+                decided = self._cancel_callback(handle)
+                accepts = bool(await decided if inspect.isawaitable(decided) else decided)
+            except Exception as error:
+                _logger.warning("%s: the callback of cancels failed", self.name, exc_info=error)
+                accepts, text = False, " ".join(str(error).split()) or type(error).__name__
+        taken.answer_cancel(accepts, text)
+        if accepts:
+            handle.wish_to_cancel()

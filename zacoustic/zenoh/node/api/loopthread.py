@@ -1,0 +1,114 @@
+"""A loop in a thread of its own, and the one way into it that waits."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Coroutine
+from typing import Any, Final, TypeVar
+
+from zacoustic.errors import LocalError
+from zacoustic.zenoh.session.doorbell import tell_loop
+from zacoustic.zenoh.session.exitguard import ExitGuard
+
+T = TypeVar("T")
+
+PARK_LIMIT_S: Final = 2.0
+"""How long the end of a process waits for a callback that runs, s."""
+
+
+class LoopThread:
+    """Runs from the moment it is made until `stop`.
+
+    A script that ends without `stop` ends: the thread is a daemon, and stands still by then. Were
+    it in foreign code, a put of Zenoh's for one, it could not come back from there to an
+    interpreter that is ending, and the process would abort.
+
+    Args:
+        name: Of the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+        self._parked = threading.Event()
+        self._guard = ExitGuard(self._park)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the caller is on the loop: in a callback or a handler."""
+        return threading.current_thread() is self._thread
+
+    def wait(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine on the loop and wait for it; an interrupt cancels it.
+
+        Raises:
+            LocalError: On the loop itself, which cannot wait for itself, or after `stop`.
+            Exception: What the coroutine raises.
+        """
+        try:
+            self._check()
+        except LocalError:
+            coroutine.close()
+            raise
+        future = asyncio.run_coroutine_threadsafe(coroutine, self._loop)
+        try:
+            return future.result()
+        except BaseException:
+            future.cancel()
+            raise
+
+    def apply(self, function: Callable[[], T]) -> T:
+        """Call a function on the loop and wait for it; from the loop itself call it directly.
+
+        Raises:
+            LocalError: After `stop`.
+            Exception: What the function raises.
+        """
+        if self.is_current:
+            return function()
+
+        async def call() -> T:
+            return function()
+
+        return self.wait(call())
+
+    def stop(self) -> None:
+        """End the loop and the thread. May be called again.
+
+        Raises:
+            LocalError: On the loop itself.
+        """
+        if self._loop.is_closed():
+            return
+        self._check()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._guard.dismiss()
+
+    def _check(self) -> None:
+        if self.is_current:
+            raise LocalError(
+                "a blocking call inside a callback would wait for itself",
+                hint="hand the work to another thread, or use the asyncio Node",
+            )
+        if self._loop.is_closed():
+            raise LocalError("the node is closed")
+
+    def _park(self) -> None:
+        """Have the thread stand still for ever."""
+
+        def stand_still() -> None:
+            self._parked.set()
+            threading.Event().wait()
+
+        tell_loop(self._loop, stand_still)
+        self._parked.wait(PARK_LIMIT_S)
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_forever()
+        finally:
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._loop.close()

@@ -1,0 +1,321 @@
+"""`Node`: one participant, from `open` to `close`."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from zacoustic.config import Config
+from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress
+from zacoustic.errors import ConfigError, LocalError, SessionError
+from zacoustic.link.contract import Link
+from zacoustic.run.journal import Journal, MemoryJournal, journal_in
+from zacoustic.run.journal.thread import recover, release
+from zacoustic.zenoh.node.api.catalogue import Catalogue
+from zacoustic.zenoh.node.api.endpoints import EndpointMaker
+from zacoustic.zenoh.node.api.eventlog import EventLog
+from zacoustic.zenoh.node.api.identity import identify
+from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
+
+ORDER_TIMEOUT_S: Final = 60.0
+"""How long an order is tried, s, where nothing is said."""
+_ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
+_RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
+
+
+class Node(EndpointMaker):
+    """One participant: on a link of its own, or on the Zenoh network of its island.
+
+    An asynchronous context manager; `open` and `close` are the same by hand. Everything here and
+    on the endpoints is for the loop it was opened on; `Publisher.publish` is for any thread.
+
+    Args:
+        name_or_address: A name, which the configuration may list, or an acoustic address.
+        config: The file with the section `plugins.acoustic`, or what `read_config` made of it.
+        link: *Direct mode*: a locator (``evologics/serial:/dev/ttyUSB0``), or a link that is not
+            open yet; then there is no Zenoh. None: a Zenoh session.
+        connect: Zenoh endpoints to connect to; None: the router that `config` describes, or
+            whoever is found.
+        address: Acoustic address, where neither name nor config tells it.
+        journal: Direct mode: what the node remembers across restarts, a store or the folder of its
+            file; None: the folder that `config` names, or nothing.
+        record: Direct mode: file into which everything is recorded (MCAP); None: nothing is. Needs
+            the extra `recording`.
+    """
+
+    def __init__(
+        self,
+        name_or_address: str | int,
+        *,
+        config: str | Path | Config | None = None,
+        link: str | Link | None = None,
+        connect: str | Sequence[str] | None = None,
+        address: int | None = None,
+        journal: Journal | str | Path | None = None,
+        record: str | Path | None = None,
+    ) -> None:
+        super().__init__(str(name_or_address))
+        self._arguments = (name_or_address, config, address)
+        self._link = link
+        self._connect = connect
+        self._journal = journal
+        self._record = record
+        self._events = EventLog()
+        self.address: int | None = None
+        """Its acoustic address, known when it is open."""
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def open(self) -> None:
+        """Open the link or the session.
+
+        Raises:
+            ConfigError: The configuration, an argument or the journal is wrong.
+            LinkUnavailableError, LinkOpenError: The link cannot be opened.
+            SessionError: No Zenoh router is reached.
+        """
+        if self._carrier is not None or self._is_closed:
+            raise LocalError(f"node {self.name} was opened already", hint="make a new Node")
+        name_or_address, config, address = self._arguments
+        identity = identify(name_or_address, config=config, address=address)
+        table = identity.table()
+        carrier = await self._make_carrier(identity.config, identity.address, table)
+        await carrier.open()
+        self.name, self.address = identity.name, identity.address
+        self._loop, self._thread = asyncio.get_running_loop(), threading.get_ident()
+        self._carrier = carrier
+        self._catalogue = Catalogue(identity, table, carrier)
+
+    async def close(self) -> None:
+        """Close all endpoints, then the link or the session. May be called again.
+
+        What has come is still acknowledged, for 5 s at most, while nothing more is heard. What else
+        is queued for the water is lost: `flush` before, where that matters.
+        """
+        self._is_closed = True
+        carrier, self._carrier = self._carrier, None
+        if carrier is None:
+            return
+        for subscription in tuple(self._subscriptions):
+            subscription.close()
+        tasks = self._tasks - {asyncio.current_task()}
+        for task in tasks:
+            task.cancel()
+        try:
+            if tasks:
+                await asyncio.wait(tasks)
+        finally:
+            await carrier.close()
+            self._events.close()
+
+    async def flush(self, *, timeout_s: float | None = None) -> None:
+        """Wait until everything that was published has left this node.
+
+        On a link: nothing is queued, and the last transmission has ended. That says nothing about
+        whether it arrived.
+
+        Args:
+            timeout_s: How long to wait, s; None: for ever, such as on a link that stays down.
+
+        Raises:
+            TimeoutError: It has not left in time.
+            LinkClosedError: The node has failed.
+        """
+        async with asyncio.timeout(timeout_s):
+            await self._opened().flush()
+
+    async def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
+        """Measure how far away another node is; direct mode only.
+
+        The modem is asked to acknowledge a frame to that node, one that goes anyway or one of a
+        single byte, and measures how long the answer takes. An exchange that brings nothing is
+        tried again.
+
+        Args:
+            peer: Acoustic address of the node, or its name in the configuration.
+            timeout_s: How long to wait, s; one exchange over 1500 m takes about 3 s.
+
+        Raises:
+            LocalError: No such node, this one itself, or the node is not open.
+            RangeUnavailableError: The link measures no ranges, or none to that node.
+            CallTimeoutError: None was measured in time.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        carrier = self._opened()
+        if isinstance(peer, str):
+            peer = self._known().address_of(peer)
+        return await carrier.range(peer, timeout_s)
+
+    async def order(
+        self, peer: int | str, order: Order, *, timeout_s: float = ORDER_TIMEOUT_S
+    ) -> OrderState:
+        """Give an order to another node, or to this one: be silent, go on, tune a topic.
+
+        It is obeyed when it arrives, at most once, and answered when it is in that node's journal,
+        if it has one. The answer to the order that begins a silence is the last frame of that
+        node: without an answer it may be silent all the same.
+
+        Args:
+            peer: Acoustic address of the node, or its name in the configuration.
+            order: What it is to do.
+            timeout_s: How long to try, s, at most 600.
+
+        Returns:
+            What holds there then.
+
+        Raises:
+            LocalError: No such node, or the order makes no sense here.
+            ServiceError: The node refuses it, and says why.
+            CallTimeoutError: No answer in time; it may have been obeyed.
+            DeliveryError: It cannot be given from here.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        carrier = self._opened()
+        if isinstance(peer, str):
+            peer = self._known().address_of(peer)
+        return await carrier.order(peer, order, timeout_s)
+
+    def refuse(self, progress: ObjectProgress) -> bool:
+        """Refuse the rest of a large sample that is on its way to here.
+
+        Its publisher is told `refused`; it may be published again.
+
+        Args:
+            progress: What `events` has told of it.
+
+        Returns:
+            Whether it was still on its way; False on Zenoh, where nothing is in parts.
+
+        Raises:
+            LocalError: It is an own one (cancel its `Delivery`), or the node is not open.
+            LinkClosedError: The node was closed, or has failed.
+        """
+        if progress.object_id is not None:
+            raise LocalError("an own sample cannot be refused", hint="cancel its Delivery")
+        return self._opened().refuse(progress.peer, progress.transfer)
+
+    # What the node knows
+
+    def events(self) -> AsyncIterator[NodeEvent]:
+        """Iterate over what happens beside samples and calls, the last ones first.
+
+        The link goes up or down; the journal cannot be written, or can be again; silence was
+        ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,
+        or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the configuration
+        has `lost_after_s`; others subscribe to an on-demand topic of this node, or do no longer
+        (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time, here or from
+        elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem has measured
+        something of a peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample
+        that this node has published in a former life has ended (`DeliveryEnded`); a large sample,
+        from here or to here, has come further or has ended (`ObjectProgress`). On Zenoh only the
+        first: the connection to the router. Ends with the node.
+        """
+        return self._events.read()
+
+    def topics(self) -> list[str]:
+        """Return the names of the topics that this node may listen to; none without streams."""
+        return self._known().topics()
+
+    def find_stream(self, name: str) -> Stream | None:
+        """Find the stream of a name or of a key; None: on Zenoh without a configuration.
+
+        Raises:
+            LocalError: There is none of that name.
+        """
+        return self._known().find(name)
+
+    @property
+    def stats(self) -> EngineStats:
+        """What was counted; on Zenoh no frames, they are the gateway's."""
+        return self._opened().stats
+
+    def expired(self) -> dict[int, int]:
+        """Return what became too old before it could be sent, by stream id; on Zenoh nothing."""
+        return self._opened().expired()
+
+    def ledger(self) -> list[LedgerEntry]:
+        """Return every byte given to the link, by stream and cause; on Zenoh nothing."""
+        return self._opened().ledger()
+
+    # Below the methods above
+
+    async def _make_carrier(
+        self, config: Config | None, address: int | None, table: StreamTable
+    ) -> Carrier:
+        if self._link is None:
+            if self._journal is not None:
+                raise ConfigError("journal is given without link; allowed: with it", hint=_ITS_OWN)
+            if self._record is not None:
+                raise ConfigError("record is given without link; allowed: with it", hint=_RECORDS)
+            try:
+                from zacoustic.zenoh.node.onzenoh.onzenoh import ZenohCarrier
+            except ModuleNotFoundError as error:
+                raise SessionError(
+                    f"a node without link needs {error.name}, which is not installed",
+                    hint="pip install eclipse-zenoh",
+                ) from error
+            return ZenohCarrier(config, self._connect, report=self._events.add)
+        from zacoustic.link import registry
+        from zacoustic.run.permitlog import open_permit_log
+        from zacoustic.zenoh.node.onlink.onlink import LinkCarrier
+
+        if self._connect is not None:
+            raise ConfigError("connect is given beside link; allowed: one of the two")
+        if address is None:
+            raise ConfigError(
+                f"node {self.name} has no address", hint="give address=1..254, or config=FILE"
+            )
+        link = self._link
+        if isinstance(link, str):
+            link = registry.create(link, address)
+        journal = self._journal or (config.journal if config is not None else None)
+        if isinstance(journal, str | Path):
+            journal = journal_in(journal, address)
+        recording = None
+        try:
+            state = MemoryJournal().recover() if journal is None else await recover(journal)
+            if self._record is not None:
+                from zacoustic.run.recording.live import open_recording
+
+                recording = await open_recording(self._record)
+            return LinkCarrier(
+                link,
+                address,
+                table,
+                journal=journal,
+                state=state,
+                ranges={} if config is None else config.ranges_to(),
+                rules=TransmitRules() if config is None else config.rules,
+                permit_log=None if config is None else open_permit_log(config.permit_log),
+                recording=recording,
+                report=self._events.add,
+                fail=self._fail,
+            )
+        except BaseException:
+            if journal is not None:
+                await release(journal)
+            if recording is not None:
+                await recording.close()
+            raise
+
+    def _fail(self, error: Exception) -> None:
+        for subscription in tuple(self._subscriptions):
+            subscription.fail(error)
+        self._events.close(error)

@@ -1,0 +1,215 @@
+"""Topics: publishers and subscriptions, with the values as the application writes them."""
+
+import inspect
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any, Final, Generic, TypeVar
+
+import msgspec
+
+from zacoustic.core.base.linktypes import LinkMetrics
+from zacoustic.errors import LocalError
+from zacoustic.text.safetext import one_line
+from zacoustic.zenoh.node.api.mailbox import Mailbox
+from zacoustic.zenoh.node.carrier import Carrier, Incoming, Outlet
+from zacoustic.zenoh.node.delivery import Delivery
+from zacoustic.zenoh.node.routes import TopicRoute
+
+DEFAULT_DEPTH: Final = 10
+"""Samples of each key that wait for a subscription without QoS: as many as in ROS."""
+
+_logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+class Sample(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
+    """One published value, as it arrived."""
+
+    content: T | None
+    """The value; None when the key was deleted. `value` is the same without the None."""
+    key: str
+    """The key that it was published under, placeholders filled in."""
+    source: int | None
+    """Acoustic address of the node that published it; None: on this Zenoh network."""
+    deleted: bool = False
+    """The key was deleted; there is no value."""
+    encoding: str
+    """Encoding that the publisher used."""
+    age_s: float | None = None
+    """How old it was when its frame was composed, s; infinity: over an hour; None: no stamp."""
+    received_at: int
+    """Instant of its arrival, ns on `time.monotonic_ns`."""
+    metrics: LinkMetrics = LinkMetrics()
+    """What the modem measured on its frame; nothing on Zenoh."""
+
+    @property
+    def value(self) -> T:
+        """The value.
+
+        Raises:
+            LocalError: The key was deleted.
+        """
+        if self.content is None:
+            raise LocalError(f"{self.key} was deleted: no value", hint="look at sample.deleted")
+        return self.content
+
+
+SampleCallback = Callable[[Sample[T]], Awaitable[None] | None]
+"""Takes each sample, on the loop; may be a coroutine function."""
+
+
+class Publisher(Generic[T]):
+    """Publishes one key. Made by `Node.create_publisher`; usable from any thread.
+
+    Args:
+        route: Where samples go.
+        outlet: The carrier's part.
+    """
+
+    def __init__(self, route: TopicRoute[T], outlet: Outlet) -> None:
+        assert route.key is not None
+        self.key = route.key
+        """What it publishes under, placeholders filled in."""
+        self._outlet = outlet
+        self._is_closed = False
+
+    def publish(self, value: T, *, encoding: str | None = None) -> Delivery | None:
+        """Publish a value; never waits for the water.
+
+        On a link it is queued by the stream's QoS: a newer sample may push it out, and it may
+        expire. From another thread than the loop's, limits that only the engine knows (size,
+        permission) are logged instead of raised.
+
+        Args:
+            value: As the publisher's type says.
+            encoding: Zenoh encoding, where it is not the stream's.
+
+        Returns:
+            On a link, for a reliable topic: what becomes of it. None for a best-effort topic, of
+            which nobody learns that; and on Zenoh, where the gateway does (`@acoustic/…/streams`).
+
+        Raises:
+            PayloadInvalidError: The type does not allow the value.
+            PayloadTooLargeError: It fits no frame of this link.
+            QueueFullError: From another thread: the loop is far behind.
+            JournalUnavailableError: The topic is journalled, and the journal cannot be written.
+            LocalError: The publisher is closed, or this node may not publish the topic.
+        """
+        self._check_open()
+        return self._outlet.put(value, encoding)
+
+    def delete(self) -> Delivery | None:
+        """Tell the subscribers that the key is deleted; as `publish`."""
+        self._check_open()
+        return self._outlet.delete()
+
+    def close(self) -> None:
+        """Withdraw the publisher. May be called again."""
+        self._is_closed = True
+        self._outlet.close()
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise LocalError(f"the publisher of {self.key} is closed")
+
+
+class Subscription(Generic[T]):
+    """Receives the samples of a topic. Made by `Node.create_subscription` and `Node.subscribe`.
+
+    Without a callback it is an asynchronous iterator that ends when the subscription or its node
+    is closed. Samples that nobody takes wait, as many of each key as the QoS's depth; then the
+    latest win. A node does not hear itself.
+
+    Args:
+        route: Where samples come from.
+        carrier: What brings them.
+        forget: Told when it is closed.
+    """
+
+    def __init__(
+        self,
+        route: TopicRoute[T],
+        carrier: Carrier,
+        forget: "Callable[[Subscription[Any]], None]",
+    ) -> None:
+        self.name = route.name
+        """The topic."""
+        self._form = route.form
+        self._carrier = carrier
+        self._mailbox: Mailbox[Incoming] = Mailbox(route.qos.depth)
+        self._unsubscribe = carrier.subscribe(route, self._deliver)
+        self._forget = forget
+
+    @property
+    def dropped(self) -> int:
+        """Samples that newer ones pushed out before they were taken."""
+        return self._mailbox.dropped
+
+    def __aiter__(self) -> AsyncIterator[Sample[T]]:
+        return self
+
+    async def __anext__(self) -> Sample[T]:
+        while (incoming := await self._mailbox.get()) is not None:
+            sample = self._read(incoming)
+            if sample is not None:
+                return sample
+        raise StopAsyncIteration
+
+    async def receive(self) -> Sample[T]:
+        """Wait for the next sample; `asyncio.timeout` limits how long.
+
+        Raises:
+            LocalError: The subscription is closed.
+            LinkClosedError: The node has failed.
+        """
+        try:
+            return await self.__anext__()
+        except StopAsyncIteration:
+            raise LocalError(f"the subscription to {self.name} is closed") from None
+
+    def close(self) -> None:
+        """End it; iteration ends after what has arrived. May be called again."""
+        self.fail(None)
+
+    def fail(self, error: Exception | None) -> None:
+        """End it with an error, for the node."""
+        self._unsubscribe()
+        self._mailbox.close(error)
+        self._forget(self)
+
+    async def feed(self, callback: SampleCallback[T]) -> None:
+        """Give each sample to the callback, for the node; what it raises is logged."""
+        async for sample in self:
+            try:
+                result = callback(sample)
+                if inspect.isawaitable(result):
+                    await result
+            except Exception:
+                _logger.exception("the callback of %s failed", self.name)
+
+    def _deliver(self, incoming: Incoming) -> None:
+        self._mailbox.put(incoming, incoming.key)
+
+    def _read(self, incoming: Incoming) -> Sample[T] | None:
+        """Make the value; None, counted and logged, when its class refuses it."""
+        content: T | None = None
+        if not incoming.deleted:
+            try:
+                content = self._form.build(incoming.value)
+            except (ValueError, TypeError) as error:  # from a check of the application's class
+                self._carrier.stats.drop("refused_by_class")
+                _logger.warning(
+                    "%s: a sample is refused by its class: %s", one_line(incoming.key), error
+                )
+                return None
+        return Sample(
+            content=content,
+            key=incoming.key,
+            source=incoming.source,
+            deleted=incoming.deleted,
+            encoding=incoming.encoding,
+            age_s=incoming.age_s,
+            received_at=incoming.received_at,
+            metrics=incoming.metrics,
+        )

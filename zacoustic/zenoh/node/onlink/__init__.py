@@ -1,0 +1,1 @@
+"""A node with an engine and a link of its own."""

@@ -1,0 +1,283 @@
+"""The goals of a node on a link."""
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable
+from typing import Any, Final
+
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import GoalFailure, GoalKey, GoalStatus
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.actions.news import (
+    ActionEvent,
+    CancelAnswered,
+    CancelRequested,
+    FeedbackReceived,
+    GoalAnswered,
+    GoalFailed,
+    GoalReceived,
+    GoalRecovered,
+    ResultReceived,
+)
+from zacoustic.errors import LinkClosedError, LocalError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, TakeFeedback, goal_error
+from zacoustic.zenoh.node.routes import ActionRoute
+
+_REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
+"""What an application is told by `accepted`; anything else is an error."""
+
+_logger = logging.getLogger(__name__)
+
+
+class LinkGoals:
+    """Goals that this node has sent, and goals that it pursues.
+
+    Args:
+        runner: Drives the engine.
+        table: The streams.
+    """
+
+    def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
+        self.runner = runner
+        self._table = table
+        self._sent: dict[GoalKey, LinkSentGoal] = {}
+        self._desks: dict[int, GoalDesk] = {}
+        self._taken: dict[GoalKey, LinkTakenGoal] = {}
+
+    async def send(
+        self,
+        route: ActionRoute[Any, Any, Any],
+        value: object,
+        timeout_s: float | None,
+        feed: TakeFeedback,
+        tag: bytes,
+    ) -> "LinkSentGoal":
+        """Send a goal and wait for its answer; cancelling this cancels the goal."""
+        assert route.stream is not None
+        stream_id = route.stream.stream_id
+
+        def begin(engine: Engine, now: int) -> LinkSentGoal:
+            key = engine.actions.send_goal(stream_id, value, now, timeout_s=timeout_s, tag=tag)
+            sent = self._sent[key] = LinkSentGoal(self, route.name, key, feed, tag)
+            return sent  # before the events of the engine are polled
+
+        sent = self.runner.apply(begin)
+        try:
+            await asyncio.shield(sent.answered)
+        except asyncio.CancelledError:
+            with contextlib.suppress(LinkClosedError):
+                self.runner.apply(lambda engine, now: engine.actions.cancel_goal(sent.key, now))
+            raise
+        if sent.ended.done() and (error := sent.ended.result().error) is not None:
+            raise error
+        return sent
+
+    def recovered(
+        self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
+    ) -> list["LinkSentGoal"]:
+        """Return the goals that a former life has sent, and that nobody has asked for yet."""
+        assert route.stream is not None
+        found = [
+            sent
+            for sent in self._sent.values()
+            if sent.key.stream_id == route.stream.stream_id and sent.feed is None
+        ]
+        for sent in found:
+            sent.feed = feed
+            self._forget_ended(sent)
+        return found
+
+    def serve(self, route: ActionRoute[Any, Any, Any], desk: GoalDesk) -> Callable[[], None]:
+        """Hand over the goals of an action; returns what ends it.
+
+        Raises:
+            LocalError: It is served already.
+        """
+        assert route.stream is not None
+        stream_id = route.stream.stream_id
+        if stream_id in self._desks:
+            raise LocalError(f"{route.name} is served by this node already")
+        self._desks[stream_id] = desk
+
+        def stop() -> None:
+            if self._desks.get(stream_id) is desk:
+                del self._desks[stream_id]
+
+        return stop
+
+    def deliver(self, event: ActionEvent) -> None:
+        """Take an event of the engine."""
+        match event:
+            case GoalReceived():
+                self._take(event)
+            case CancelRequested():
+                taken = self._taken.get(event.goal)
+                desk = self._desks.get(event.goal.stream_id)
+                if taken is not None and desk is not None:
+                    desk.cancel(taken)
+            case GoalRecovered():
+                name = self._table.by_id(event.goal.stream_id).name
+                found = LinkSentGoal(self, name, event.goal, None, event.tag)
+                self._sent[event.goal] = found
+            case _:
+                sent = self._sent.get(event.goal)
+                if sent is not None:
+                    sent.hear(event)
+                    self._forget_ended(sent)
+
+    def end_all(self, error: Exception) -> None:
+        """Tell whoever waits that nothing will come."""
+        sent = list(self._sent.values())
+        self._sent.clear()
+        self._taken.clear()
+        for each in sent:
+            each.end_with(GoalEnd(error=error))
+
+    def forget(self, key: GoalKey) -> None:
+        """A goal that was taken is over."""
+        self._taken.pop(key, None)
+
+    def _forget_ended(self, sent: "LinkSentGoal") -> None:
+        """Forget a goal that is over, unless it is one of a former life that nobody has asked for.
+
+        Its end may have come before the application has made its client.
+        """
+        if sent.ended.done() and sent.feed is not None:
+            self._sent.pop(sent.key, None)
+
+    def _take(self, event: GoalReceived) -> None:
+        taken = self._taken[event.goal] = LinkTakenGoal(self, event)
+        desk = self._desks.get(event.goal.stream_id)
+        if desk is None:
+            name = self._table.by_id(event.goal.stream_id).name
+            taken.reject(GoalFailure.NO_SERVER, f"no program serves {name}")
+        else:
+            desk.take(taken)
+
+
+class LinkSentGoal:
+    """A goal that this node has sent; see `SentGoal`."""
+
+    def __init__(
+        self, goals: LinkGoals, name: str, key: GoalKey, feed: TakeFeedback | None, tag: bytes
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        self.accepted = False
+        self.text = ""
+        self.tag = tag
+        self.key = key
+        self.feed = feed
+        self.answered: asyncio.Future[None] = loop.create_future()
+        self.ended: asyncio.Future[GoalEnd] = loop.create_future()
+        self._name = name
+        self._goals = goals
+        self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
+
+    async def cancel(self) -> tuple[bool, str]:
+        """Ask the server to end it."""
+        answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
+        self._cancels.append(answer)
+        goes_on = self._goals.runner.apply(
+            lambda engine, now: engine.actions.cancel_goal(self.key, now)
+        )
+        if not goes_on:
+            raise LocalError(f"{self._name}: the goal has ended")
+        return await answer
+
+    async def end(self) -> GoalEnd:
+        """Wait for its end."""
+        return await asyncio.shield(self.ended)
+
+    def hear(self, event: ActionEvent) -> None:
+        """Take what the engine says of it."""
+        match event:
+            case GoalAnswered(accepted=True):
+                self.accepted = True
+                self._answer()
+            case GoalAnswered():
+                assert event.failure is not None
+                error = None
+                if event.failure not in _REFUSALS:
+                    error = goal_error(self._name, event.failure, event.text)
+                self.text = event.text or event.failure.name.lower()
+                self.end_with(GoalEnd(text=self.text, error=error))
+            case FeedbackReceived():
+                if self.feed is not None:
+                    self.feed(event.value)
+            case CancelAnswered():
+                self._answer_cancels(event.accepted, event.text)
+            case ResultReceived():
+                self.end_with(GoalEnd(status=event.status, value=event.value))
+            case GoalFailed(failure=GoalFailure.UNKNOWN):
+                self.end_with(GoalEnd(text=event.text))
+            case GoalFailed():
+                error = goal_error(self._name, event.failure, event.text)
+                self.end_with(GoalEnd(text=event.text, error=error))
+            case _:
+                pass
+
+    def end_with(self, end: GoalEnd) -> None:
+        """It has ended."""
+        if not self.ended.done():
+            self.ended.set_result(end)
+        self._answer()
+        is_over = end.status is GoalStatus.CANCELED
+        self._answer_cancels(is_over, "" if is_over else "the goal has ended")
+
+    def _answer(self) -> None:
+        if not self.answered.done():
+            self.answered.set_result(None)
+
+    def _answer_cancels(self, accepted: bool, text: str) -> None:
+        waiting, self._cancels = self._cancels, []
+        for answer in waiting:
+            if not answer.done():
+                answer.set_result((accepted, text))
+
+
+class LinkTakenGoal:
+    """A goal that came over the link; see `TakenGoal`."""
+
+    def __init__(self, goals: LinkGoals, event: GoalReceived) -> None:
+        self.value: Any = event.value
+        self.client: int | None = event.goal.client
+        self._key = event.goal
+        self._goals = goals
+
+    def accept(self) -> bool:
+        """Accept it."""
+        return self._apply(lambda engine, now: engine.actions.accept(self._key, now))
+
+    def reject(self, failure: GoalFailure, text: str) -> bool:
+        """Refuse it."""
+        self._goals.forget(self._key)
+        return self._apply(
+            lambda engine, now: engine.actions.reject(self._key, now, text=text, failure=failure)
+        )
+
+    def feed(self, value: object) -> bool:
+        """Send feedback."""
+        return self._apply(
+            lambda engine, now: engine.actions.publish_feedback(self._key, value, now)
+        )
+
+    def finish(self, status: GoalStatus, value: object) -> bool:
+        """End it."""
+        self._goals.forget(self._key)
+        return self._apply(lambda engine, now: engine.actions.finish(self._key, status, value, now))
+
+    def answer_cancel(self, accepted: bool, text: str) -> bool:
+        """Answer the wish to cancel it."""
+        return self._apply(
+            lambda engine, now: engine.actions.answer_cancel(
+                self._key, now, accepted=accepted, text=text
+            )
+        )
+
+    def _apply(self, command: Callable[[Engine, int], bool]) -> bool:
+        try:
+            return self._goals.runner.apply(command)
+        except LinkClosedError:
+            return False

@@ -1,0 +1,102 @@
+"""Subscriptions on a link: who gets which sample, and which on-demand topics they need.
+
+Of a latched topic the last samples of each key are kept here, for later subscriptions.
+"""
+
+import contextlib
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.values.encoding import OPAQUE
+from zacoustic.errors import LinkClosedError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.node.carrier import Incoming
+from zacoustic.zenoh.node.routes import TopicRoute
+
+Deliver: TypeAlias = Callable[[Incoming], None]
+"""Takes each sample."""
+
+
+class Listeners:
+    """The subscriptions of one node; for the loop.
+
+    Args:
+        runner: Runs its engine.
+        table: Its streams.
+    """
+
+    def __init__(self, runner: LinkRunner, table: StreamTable) -> None:
+        self._runner = runner
+        self._table = table
+        self._listeners: dict[int, dict[object, tuple[str | None, Deliver]]] = {}
+        self._latched: dict[int, dict[str, deque[Incoming]]] = {}
+
+    def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
+        """Deliver the samples of a topic, or of one key of it; returns what ends that."""
+        stream = route.stream
+        assert stream is not None
+        listeners = self._listeners.setdefault(stream.stream_id, {})
+        token = object()
+        listeners[token] = (route.key, deliver)
+        self._want(stream)
+        for key, samples in self._latched.get(stream.stream_id, {}).items():
+            if route.key in (None, key):
+                for incoming in tuple(samples):
+                    deliver(incoming)
+
+        def stop() -> None:
+            if listeners.pop(token, None) is not None:
+                with contextlib.suppress(LinkClosedError):
+                    self._want(stream)
+
+        return stop
+
+    def deliver(self, event: SampleReceived) -> None:
+        """Hand a sample to those who listen."""
+        stream = self._table.by_id(event.stream_id)
+        is_latched = stream.qos.durability is Durability.TRANSIENT_LOCAL
+        listeners = self._listeners.get(event.stream_id, {})
+        if not listeners and not is_latched:
+            return
+        key = stream.keys.key(event.source, event.instance)
+        incoming = Incoming(
+            key=key,
+            value=event.value,
+            source=event.source,
+            deleted=event.deleted,
+            encoding=event.encoding or OPAQUE,
+            age_s=event.age_s,
+            received_at=event.received_at,
+            metrics=event.metrics,
+        )
+        if is_latched:
+            self._keep(stream, incoming)
+        for wanted, take in tuple(listeners.values()):
+            if wanted in (None, key):
+                take(incoming)
+
+    def _keep(self, stream: Stream, incoming: Incoming) -> None:
+        """Keep a sample of a latched topic; of a key that was deleted nothing is kept."""
+        keys = self._latched.setdefault(stream.stream_id, {})
+        if incoming.deleted:
+            keys.pop(incoming.key, None)
+        else:
+            keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
+
+    def _want(self, stream: Stream) -> None:
+        """Ask for an on-demand topic where somebody listens to it, and nowhere else."""
+        if not stream.is_on_demand:
+            return
+        keys = {key for key, _ in self._listeners[stream.stream_id].values()}
+        publishers = self._runner.engine.demand.publishers(stream)
+        sources = {
+            source
+            for source in publishers
+            for key in keys
+            if key is None or stream.keys.match(key, source) is not None
+        }
+        self._runner.apply(lambda engine, now: engine.demand.want(stream.stream_id, now, sources))

@@ -1,0 +1,78 @@
+"""Orders of a node on a link: to others across the water, and to itself."""
+
+import asyncio
+import contextlib
+
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, Event, ResponseReceived
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.errors import LinkClosedError, ServiceError
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.node.carrier import call_error
+
+
+class LinkOrders:
+    """The orders that one node has given.
+
+    Args:
+        runner: Whose engine sends them.
+    """
+
+    def __init__(self, runner: LinkRunner) -> None:
+        self._runner = runner
+        self._answers: dict[int, asyncio.Future[OrderState]] = {}
+
+    async def give(self, node: int, order: Order, timeout_s: float) -> OrderState:
+        """Give an order and wait for the answer; cancelling gives it up.
+
+        Raises:
+            LocalError: No such node, or one's own order makes no sense here.
+            ServiceError: The node refuses it.
+            CallTimeoutError: No answer in time; it may have been obeyed.
+        """
+        answer: asyncio.Future[OrderState] = asyncio.get_running_loop().create_future()
+        if node == self._runner.engine.address:
+            self._runner.apply(
+                lambda engine, now: engine.orders.obey(
+                    order, now, lambda state: None if answer.done() else answer.set_result(state)
+                )
+            )
+            async with asyncio.timeout(timeout_s):
+                return await answer
+
+        def begin(engine: Engine, now: int) -> int:
+            call_id = engine.orders.send(node, order, now, timeout_s=timeout_s)
+            self._answers[call_id] = answer  # before the events of the engine are polled
+            return call_id
+
+        call_id = self._runner.apply(begin)
+        try:
+            return await answer
+        finally:
+            if self._answers.pop(call_id, None) is not None:
+                with contextlib.suppress(LinkClosedError):
+                    self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
+
+    def deliver(self, event: Event) -> bool:
+        """Take the answer to an order; False when it is something else."""
+        if not isinstance(event, ResponseReceived | CallFailed):
+            return False
+        answer = self._answers.pop(event.call_id, None)
+        if answer is None:
+            return False
+        if answer.done():
+            return True
+        if isinstance(event, ResponseReceived):
+            answer.set_result(OrderState.from_wire(event.value, event.age_s or 0.0))
+        elif event.failure is CallFailure.HANDLER:
+            answer.set_exception(ServiceError(f"the order is refused: {event.text}"))
+        else:
+            answer.set_exception(call_error("the order", event.failure, event.text))
+        return True
+
+    def end_all(self, error: Exception) -> None:
+        """Tell who waits that no answer will come."""
+        for answer in self._answers.values():
+            if not answer.done():
+                answer.set_exception(error)
+        self._answers.clear()

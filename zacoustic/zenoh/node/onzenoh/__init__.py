@@ -1,0 +1,1 @@
+"""A node that reaches its gateway by Zenoh."""

@@ -1,0 +1,373 @@
+"""The goals of a node on a Zenoh session.
+
+Its messages are those of `zacoustic.zenoh.session.asking.goals`.
+"""
+
+import asyncio
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Final
+
+import zenoh
+
+from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
+from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError
+from zacoustic.zenoh.node.carrier import call_error
+from zacoustic.zenoh.node.form import Form
+from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, SentGoal, TakeFeedback, goal_error
+from zacoustic.zenoh.node.routes import ActionRoute
+from zacoustic.zenoh.session.asking.goalerrand import FeedbackEar, GoalErrand
+from zacoustic.zenoh.session.asking.goalhall import GoalHall
+from zacoustic.zenoh.session.asking.goals import (
+    GOAL_ID_BYTES,
+    ActionKey,
+    ActionMessages,
+    Ending,
+    Verdict,
+)
+from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryDesk
+from zacoustic.zenoh.session.doorbell import Doorbell
+from zacoustic.zenoh.session.marker import read_marker
+from zacoustic.zenoh.session.session import Island, one_line
+
+QUERIES_LIMIT: Final = 256
+"""Queries about the goals of one action that can be held at once."""
+_CLOSED_TEXT: Final = "the action server was closed"
+# Zenoh's own time limit stands behind ours, which says more.
+_BEHIND_S: Final = 1.0
+# A gateway that is restarted is there again after some seconds.
+_PATIENCE_S: Final = 120.0
+
+Route = ActionRoute[Any, Any, Any]
+Keep = Callable[[Callable[[], None]], Callable[[], None]]
+"""Remembers how to end a declaration; returns what ends it, once."""
+
+
+class ZenohGoals:
+    """Goals that this node has sent, and goals that it pursues.
+
+    Args:
+        island: Returns the session.
+        keep: Remembers how to end a declaration.
+    """
+
+    def __init__(self, island: Callable[[], Island], keep: Keep) -> None:
+        self._island = island
+        self._keep = keep
+        self._sent: dict[bytes, ZenohSentGoal] = {}
+        self._ears: set[str] = set()
+
+    async def send(
+        self,
+        route: Route,
+        value: object,
+        timeout_s: float | None,
+        feed: TakeFeedback,
+        tag: bytes,
+    ) -> SentGoal:
+        """Send a goal, and wait until it is answered; cancelling this cancels the goal."""
+        messages = messages_of(route)
+        limit_s = route.timeout_s if timeout_s is None else min(timeout_s, route.timeout_s)
+        self._hear(route, messages)
+        goal_id = os.urandom(GOAL_ID_BYTES)
+        checked = _checked(route.goal, value)
+        sent = ZenohSentGoal(self._island(), route, messages, goal_id, feed, tag)
+        self._sent[goal_id] = sent
+        try:
+            sent.errand.begin(checked, limit_s + _BEHIND_S)
+            async with asyncio.timeout(limit_s):
+                await asyncio.shield(sent.known)
+        except (TimeoutError, asyncio.CancelledError) as error:
+            sent.errand.cancel()
+            self._sent.pop(goal_id, None)
+            if isinstance(error, asyncio.CancelledError):
+                raise
+            text = f"no answer within {limit_s:g} s"
+            raise call_error(route.name, CallFailure.TIMED_OUT, text) from None
+        sent.over.add_done_callback(lambda _: self._sent.pop(goal_id, None))
+        if sent.over.done() and (failure := sent.over.result().error) is not None:
+            raise failure
+        return sent
+
+    def recovered(self, route: Route, feed: TakeFeedback) -> Sequence[SentGoal]:
+        """Return nothing: the gateway keeps the goals."""
+        return ()
+
+    def serve(self, route: Route, desk: GoalDesk) -> Callable[[], None]:
+        """Declare the queryable of an action."""
+        island = self._island()
+        server = _Server(route, desk, island)
+        with _errors(route.name):
+            queryable = island.session.declare_queryable(
+                zenoh.KeyExpr(*messages_of(route).served()),
+                island.callback(server.bring),
+                complete=True,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+
+        def end() -> None:
+            queryable.undeclare()  # type: ignore[no-untyped-call]
+            server.close()
+
+        return self._keep(end)
+
+    def close(self) -> None:
+        """Tell whoever waits that nothing will come."""
+        sent = list(self._sent.values())
+        self._sent.clear()
+        for each in sent:
+            each.errand.close()
+            each.end_with(GoalEnd(error=LinkClosedError("the node was closed")))
+
+    def _hear(self, route: Route, messages: ActionMessages) -> None:
+        """Subscribe to the feedback of an action, once."""
+        if route.name in self._ears:
+            return
+        island = self._island()
+        ear = FeedbackEar(messages, self._take_feedback, hears_marked=True)
+        with _errors(route.name):
+            subscriber = island.session.declare_subscriber(
+                zenoh.KeyExpr(ActionKey.FEEDBACK.of(route.name)),
+                island.callback(ear.take),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+        self._ears.add(route.name)
+        self._keep(subscriber.undeclare)
+
+    def _take_feedback(self, goal_id: bytes, value: object) -> None:
+        sent = self._sent.get(goal_id)
+        if sent is not None and not sent.over.done():
+            sent.feed(value)
+
+
+class ZenohSentGoal:
+    """A goal that this node has sent; see `SentGoal`."""
+
+    def __init__(
+        self,
+        island: Island,
+        route: Route,
+        messages: ActionMessages,
+        goal_id: bytes,
+        feed: TakeFeedback,
+        tag: bytes,
+    ) -> None:
+        loop = asyncio.get_running_loop()
+        self.accepted = False
+        self.text = ""
+        self.tag = tag
+        self.feed = feed
+        self.known: asyncio.Future[None] = loop.create_future()
+        """The goal was answered."""
+        self.over: asyncio.Future[GoalEnd] = loop.create_future()
+        """It has ended."""
+        self._name = route.name
+        self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
+        self.errand = GoalErrand(
+            island,
+            messages,
+            goal_id,
+            self,
+            priority=route.qos.priority,
+            patience_s=min(route.result_timeout_s, _PATIENCE_S),
+        )
+
+    async def cancel(self) -> tuple[bool, str]:
+        """Ask the server to end it."""
+        if self.over.done():
+            raise LocalError(f"{self._name}: the goal has ended")
+        answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
+        self._cancels.append(answer)
+        self.errand.cancel()
+        return await answer
+
+    async def end(self) -> GoalEnd:
+        """Wait for its end."""
+        return await asyncio.shield(self.over)
+
+    def end_with(self, end: GoalEnd) -> None:
+        """It has ended."""
+        if not self.over.done():
+            self.over.set_result(end)
+        if not self.known.done():
+            self.known.set_result(None)
+        is_canceled = end.status is GoalStatus.CANCELED
+        self._answer_cancels(is_canceled, "" if is_canceled else "the goal has ended")
+
+    # For the errand
+
+    def answered(self, goal_id: bytes, verdict: Verdict) -> None:
+        """The goal is accepted or rejected."""
+        self.accepted = verdict.accepted
+        if verdict.accepted:
+            if not self.known.done():
+                self.known.set_result(None)
+            return
+        failure = verdict.failure or GoalFailure.REJECTED
+        self.text = verdict.text or failure.name.lower()
+        is_error = failure not in (GoalFailure.REJECTED, GoalFailure.CANCELLED)
+        error = goal_error(self._name, failure, verdict.text) if is_error else None
+        self.end_with(GoalEnd(text=self.text, error=error))
+
+    def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
+        """It will end, or will not."""
+        self._answer_cancels(verdict.accepted, verdict.text)
+
+    def ended(self, goal_id: bytes, ending: Ending) -> None:
+        """It has ended."""
+        self.end_with(GoalEnd(status=ending.status, value=ending.result, text=ending.text))
+
+    def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
+        """Nothing more will be heard of it."""
+        if self.accepted and failure in (CallFailure.BAD_REQUEST, CallFailure.UNKNOWN):
+            self.end_with(GoalEnd(text=text))  # nobody knows it any more
+        else:
+            self.end_with(GoalEnd(text=text, error=call_error(self._name, failure, text)))
+
+    # Below the methods above
+
+    def _answer_cancels(self, accepted: bool, text: str) -> None:
+        waiting, self._cancels = self._cancels, []
+        for answer in waiting:
+            if not answer.done():
+                answer.set_result((accepted, text))
+
+
+class _Server:
+    """Where the goals of one action arrive; made on the loop."""
+
+    def __init__(self, route: Route, desk: GoalDesk, island: Island) -> None:
+        self._route = route
+        self._desk = desk
+        self._goals: dict[bytes, _TakenGoal] = {}
+        bell = Doorbell(asyncio.get_running_loop(), self._drain)
+        self._queries = QueryDesk(
+            island.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
+        )
+
+        messages = messages_of(route)
+
+        def put(which: ActionKey, payload: bytes) -> None:
+            island.put(
+                messages.key(which),
+                payload,
+                encoding=messages.encoding,
+                priority=route.qos.priority,
+            )
+
+        self.hall = GoalHall(
+            messages,
+            self,
+            put=put,
+            keep_s=route.result_timeout_s,
+            clock=time.monotonic_ns,
+        )
+
+    def bring(self, query: zenoh.Query) -> None:
+        """Take a query; on Zenoh's thread."""
+        self._queries.admit(self.hall.take, query)
+
+    def close(self) -> None:
+        """Refuse what is held, and what still comes."""
+        self._queries.close()
+
+    def forget(self, goal_id: bytes) -> None:
+        """A goal is over."""
+        self._goals.pop(goal_id, None)
+
+    # For the hall
+
+    def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
+        """Show a goal to the application."""
+        marker = read_marker(held.query.attachment)
+        client = marker.acoustic if marker is not None else None
+        goal = self._goals[goal_id] = _TakenGoal(self, self._route, goal_id, value, client)
+        self._desk.take(goal)
+
+    def cancel(self, goal_id: bytes) -> None:
+        """Ask the application to end a goal."""
+        goal = self._goals.get(goal_id)
+        if goal is None or not goal.is_accepted:
+            refused = Verdict(accepted=False, text="the goal does not run")
+            self.hall.answer_cancel(goal_id, refused)
+        else:
+            self._desk.cancel(goal)
+
+    def _drain(self) -> None:
+        for held, take in self._queries.take():
+            take(held)
+
+
+class _TakenGoal:
+    """A goal that came over Zenoh; see `TakenGoal`."""
+
+    def __init__(
+        self, server: _Server, route: Route, goal_id: bytes, value: object, client: int | None
+    ) -> None:
+        self.value: Any = value
+        self.client = client
+        self.is_accepted = False
+        self._server = server
+        self._route = route
+        self._goal_id = goal_id
+
+    def accept(self) -> bool:
+        self.is_accepted = True
+        self._server.hall.answer(self._goal_id, Verdict(accepted=True))
+        return True
+
+    def reject(self, failure: GoalFailure, text: str) -> bool:
+        self._server.forget(self._goal_id)
+        refused = Verdict(accepted=False, failure=failure, text=text)
+        self._server.hall.answer(self._goal_id, refused)
+        return True
+
+    def feed(self, value: object) -> bool:
+        self._server.hall.feed(self._goal_id, _checked(self._route.feedback, value))
+        return True
+
+    def finish(self, status: GoalStatus, value: object) -> bool:
+        self._server.forget(self._goal_id)
+        hall = self._server.hall
+        try:
+            result = None if value is None else _checked(self._route.result, value)
+            hall.end(self._goal_id, Ending(status=status, result=result))
+        except PayloadInvalidError as error:
+            hall.end(self._goal_id, Ending(status=GoalStatus.ABORTED, text=str(error)))
+            raise
+        return True
+
+    def answer_cancel(self, accepted: bool, text: str) -> bool:
+        self._server.hall.answer_cancel(self._goal_id, Verdict(accepted=accepted, text=text))
+        return True
+
+
+def messages_of(route: Route) -> ActionMessages:
+    """Make what reads and writes the messages of an action."""
+    return ActionMessages(
+        route.name, route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
+    )
+
+
+def _checked(form: Form[Any], value: object) -> object:
+    """Return a value as a message carries it: a dict, or bytes.
+
+    Raises:
+        PayloadInvalidError: The type does not allow it, or it is opaque and not bytes.
+    """
+    if form.spec is not None:
+        return form.spec.validate(value)
+    if not isinstance(value, bytes | bytearray | memoryview):
+        raise PayloadInvalidError(f"{type(value).__name__} in an opaque action; allowed: bytes")
+    return bytes(value)
+
+
+@contextlib.contextmanager
+def _errors(name: str) -> Iterator[None]:
+    """Turn what Zenoh raises about a key into a `LocalError`."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LocalError(f"{name}: {one_line(error)}") from error

@@ -1,0 +1,378 @@
+"""Endpoints on a Zenoh session: the gateway of the island carries them across the water.
+
+Zenoh's callbacks run in its own threads and do nothing but hand over. From the loop, puts
+are dropped on a full connection; replies, gets and closing, which may block on one, are for the
+worker of the `Island`.
+"""
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+
+from zacoustic.config import Config
+from zacoustic.core.base.linktypes import LinkMetrics, LinkState
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
+from zacoustic.core.engine.events import CallFailure, LinkStateChanged
+from zacoustic.core.peers.measurements import Range
+from zacoustic.core.streams.commands import Order, OrderState
+from zacoustic.core.streams.specs import StreamSpec
+from zacoustic.core.streams.table import Stream
+from zacoustic.errors import (
+    CallTimeoutError,
+    LinkClosedError,
+    LocalError,
+    PayloadInvalidError,
+    RangeUnavailableError,
+    ServiceError,
+    SessionError,
+)
+from zacoustic.text import safetext
+from zacoustic.zenoh.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
+from zacoustic.zenoh.node.delivery import Delivery
+from zacoustic.zenoh.node.onzenoh.crossing import Crossing
+from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
+from zacoustic.zenoh.node.onzenoh.queries import ServiceDesk
+from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.session.asking.orderquestion import OrderQuestion
+from zacoustic.zenoh.session.asking.orders import read_state
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.doorbell import tell_loop
+from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
+from zacoustic.zenoh.session.marker import read_marker
+from zacoustic.zenoh.session.session import WORDS, Island, one_line, zenoh_priority
+from zacoustic.zenoh.session.values import said_encoding
+
+# Zenoh's own time limit stands behind ours, which says more.
+_BEHIND_S: Final = 1.0
+
+_logger = logging.getLogger(__name__)
+
+
+class ZenohCarrier:
+    """A Zenoh session.
+
+    Args:
+        config: The node's configuration, or None.
+        connect: Endpoints of the router; None: those of the configuration.
+        report: Takes events; here only that the connection comes and goes.
+    """
+
+    can_declare = False
+
+    def __init__(
+        self,
+        config: Config | None,
+        connect: str | Sequence[str] | None,
+        *,
+        report: Callable[[NodeEvent], None],
+    ) -> None:
+        self._config = config
+        self._connect = connect
+        self._report = report
+        self._stats = EngineStats()
+        self._open_island: Island | None = None
+        self._is_up: bool | None = None
+        self._ends: dict[object, Callable[[], None]] = {}
+        self._calls: set[asyncio.Future[object]] = set()
+        self.goals = ZenohGoals(lambda: self.island, self._keep)
+
+    @property
+    def stats(self) -> EngineStats:
+        """What was counted: samples and drops; frames are the gateway's."""
+        return self._stats
+
+    @property
+    def island(self) -> Island:
+        """The session and its worker.
+
+        Raises:
+            SessionError: It is not open.
+        """
+        if self._open_island is None:
+            raise SessionError("the Zenoh session is closed")
+        return self._open_island
+
+    def expired(self) -> dict[int, int]:
+        """Return nothing: what waits is the gateway's."""
+        return {}
+
+    def ledger(self) -> list[LedgerEntry]:
+        """Return nothing: the link is the gateway's."""
+        return []
+
+    def declare(self, spec: StreamSpec) -> Stream:
+        """Refuse: streams are the gateway's."""
+        raise LocalError(f"{spec.name}: streams are declared by the gateway of the island")
+
+    async def open(self) -> None:
+        """Open the session.
+
+        Raises:
+            SessionError: No router is reached.
+        """
+        island = await Island.open(session_config(self._config, self._connect))
+        self._open_island = island
+        loop = asyncio.get_running_loop()
+        island.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
+
+    async def close(self) -> None:
+        """Close the session; callers whose calls are under way are told. May be called again."""
+        if self._open_island is None:
+            return
+        self.goals.close()
+        for end in tuple(self._ends.values()):
+            end()
+        island, self._open_island = self._open_island, None
+        for answer in tuple(self._calls):
+            if not answer.done():
+                answer.set_exception(LinkClosedError("the node was closed"))
+        await island.close()  # behind the replies that wait there
+
+    async def flush(self) -> None:
+        """Do nothing: a put is on its way when it returns, and closing waits for it."""
+
+    async def range(self, address: int, timeout_s: float) -> Range:
+        """Refuse: the modem is the gateway's."""
+        raise RangeUnavailableError(
+            f"range to node {address}: the modem is the gateway's",
+            hint=f"say ranging: [ {{ to: {address}, every_s: 30 }} ] in its file, and get "
+            f"@acoustic/*/peer/{address}/range",
+        )
+
+    async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
+        """Ask the gateways of the island, which do it or pass it on."""
+        question = OrderQuestion(node, order, timeout_s)
+        with zenoh_errors(question.key):
+            await question.ask(self.island)
+        if question.payloads:
+            return read_state(question.payloads[0], order)
+        nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
+        failure, text = (*question.failures, nobody)[0]
+        if failure is CallFailure.HANDLER:
+            raise ServiceError(f"the order is refused: {text}")
+        raise call_error("the order", failure, text)
+
+    def refuse(self, source: int, transfer: int) -> bool:
+        """Refuse nothing: what comes is whole."""
+        return False
+
+    def advertise(self, route: TopicRoute[Any]) -> Outlet:
+        """Declare a Zenoh publisher; of a latched topic one that keeps its last samples."""
+        with zenoh_errors(route.name):
+            if route.qos.durability is Durability.TRANSIENT_LOCAL:
+                publisher: Latched = latched_publisher(
+                    self.island, route.expression, route.qos.depth, route.qos.priority
+                )
+            else:
+                publisher = self.island.session.declare_publisher(
+                    route.expression,
+                    encoding=route.encoding,
+                    priority=zenoh_priority(route.qos.priority),
+                    congestion_control=zenoh.CongestionControl.DROP,
+                    allowed_destination=zenoh.Locality.REMOTE,
+                )
+        return _ZenohOutlet(route, publisher, self._stats, self._keep(publisher.undeclare))
+
+    def subscribe(
+        self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
+    ) -> Callable[[], None]:
+        """Declare a Zenoh subscriber; of a latched topic one that gets what was before, too."""
+        crossing: Crossing[zenoh.Sample] = Crossing(
+            lambda sample: self._receive(sample, route, deliver)
+        )
+
+        island, qos = self.island, route.qos
+        with zenoh_errors(route.name):
+            if qos.durability is Durability.TRANSIENT_LOCAL:
+                latched = latched_subscriber(island, route.expression, crossing.put, qos.depth)
+                return self._keep(latched.undeclare)
+            subscriber = island.session.declare_subscriber(
+                zenoh.KeyExpr(route.expression),
+                island.callback(crossing.put),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+        return self._keep(subscriber.undeclare)
+
+    async def call(
+        self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
+    ) -> object:
+        """Ask by a Zenoh `get` and wait for the first reply."""
+        loop, island = asyncio.get_running_loop(), self.island
+        answer: asyncio.Future[object] = loop.create_future()
+        limit_s = route.timeout_s if timeout_s is None else timeout_s
+        question = Question(
+            route.name, lambda question: tell_loop(loop, partial(_settle, question, route, answer))
+        )
+        ask = partial(
+            question.ask,
+            island,
+            route.request.write(value, route.encoding),
+            encoding=route.encoding,
+            priority=route.qos.priority,
+            timeout_s=limit_s + _BEHIND_S,
+        )
+        self._calls.add(answer)
+        try:
+            async with asyncio.timeout(limit_s):
+                with zenoh_errors(route.name):
+                    await island.worker.run(ask)
+                return await answer
+        except CallTimeoutError:
+            raise
+        except TimeoutError:
+            text = f"no answer within {limit_s:g} s"
+            raise call_error(route.name, CallFailure.TIMED_OUT, text) from None
+        finally:
+            self._calls.discard(answer)
+            answer.cancel()
+            island.worker.submit(question.cancel)
+
+    def serve(
+        self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
+    ) -> Callable[[], None]:
+        """Declare a Zenoh queryable."""
+        island = self.island
+        desk = ServiceDesk(route, handle, island.worker)
+        with zenoh_errors(route.name):
+            queryable = island.session.declare_queryable(
+                zenoh.KeyExpr(route.name),
+                island.callback(desk.bring),
+                complete=True,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+
+        def end() -> None:
+            queryable.undeclare()  # type: ignore[no-untyped-call]
+            desk.close()
+
+        return self._keep(end)
+
+    # Below the methods above
+
+    def _keep(self, end: Callable[[], None]) -> Callable[[], None]:
+        """Remember how to end a declaration; returns what ends it, once."""
+        token = object()
+
+        def end_once() -> None:
+            if self._ends.pop(token, None) is not None:
+                end()
+
+        self._ends[token] = end_once
+        return end_once
+
+    def _receive(
+        self, sample: zenoh.Sample, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
+    ) -> None:
+        key, stream = str(sample.key_expr), route.stream
+        if route.key is None and stream is not None and not self._is_key(stream, key):
+            return
+        is_delete = sample.kind == zenoh.SampleKind.DELETE
+        encoding = said_encoding(sample.encoding, route.encoding)
+        try:
+            payload = sample.payload.to_bytes()
+            value = None if is_delete else route.form.read(payload, encoding)
+        except PayloadInvalidError as error:
+            self._stats.drop("payload")
+            _logger.warning("%s: a sample was dropped: %s", safetext.one_line(key), error)
+            return
+        count(self._stats.received, stream.stream_id if stream else NO_STREAM)
+        marker = read_marker(sample.attachment)
+        deliver(
+            Incoming(
+                key=key,
+                value=value,
+                source=marker.acoustic if marker else None,
+                deleted=is_delete,
+                encoding=encoding,
+                age_s=marker.age_s if marker else None,
+                received_at=time.monotonic_ns(),
+                metrics=LinkMetrics(),
+            )
+        )
+
+    def _is_key(self, stream: Stream, key: str) -> bool:
+        """Whether the key is one of the stream's: its Zenoh expression may cover more."""
+        nodes = self._config.nodes if self._config is not None else {}
+        return any(stream.keys.match(key, address) is not None for address in nodes or (0,))
+
+    def _report_connection(self, is_up: bool) -> None:
+        state = LinkState.UP if is_up else LinkState.DOWN
+        if self._open_island is not None and self._is_up != is_up:
+            if self._is_up is not None:
+                _logger.warning("%s", WORDS[is_up])
+            self._is_up = is_up
+        self._report(LinkStateChanged(state=state, changed_at=time.monotonic_ns()))
+
+
+class _ZenohOutlet:
+    """Where one publisher puts its samples."""
+
+    def __init__(
+        self,
+        route: TopicRoute[Any],
+        publisher: Latched,
+        stats: EngineStats,
+        close: Callable[[], None],
+    ) -> None:
+        self._route = route
+        self._publisher = publisher
+        self._stats = stats
+        self._close = close
+
+    def put(self, value: object, encoding: str | None) -> Delivery | None:
+        said = encoding or self._route.encoding
+        payload = self._route.form.write(value, said)
+        with zenoh_errors(self._route.name):
+            self._publisher.put(payload, encoding=said)
+        self._count()
+        return None  # what becomes of it beyond the gateway is known there
+
+    def delete(self) -> Delivery | None:
+        with zenoh_errors(self._route.name):
+            self._publisher.delete()
+        self._count()
+        return None
+
+    def close(self) -> None:
+        self._close()
+
+    def _count(self) -> None:
+        stream = self._route.stream
+        count(self._stats.published, stream.stream_id if stream else NO_STREAM)
+
+
+def _settle(
+    question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
+) -> None:
+    """Bring the end of a question to whoever waits for it; on the loop."""
+    if answer.done():
+        return
+    if question.good is not None:
+        payload, encoding = question.good
+        try:
+            said = said_encoding(encoding, route.encoding)
+            answer.set_result(route.response.read(payload, said))
+        except PayloadInvalidError as error:
+            answer.set_exception(call_error(route.name, CallFailure.BAD_RESPONSE, str(error)))
+    elif question.error is not None:
+        answer.set_exception(call_error(route.name, *question.error))
+    else:
+        text = "nobody serves it on this Zenoh network"
+        answer.set_exception(call_error(route.name, CallFailure.NO_SERVER, text))
+
+
+@contextlib.contextmanager
+def zenoh_errors(name: str) -> Iterator[None]:
+    """Turn what Zenoh raises about a key into a `LocalError`."""
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LocalError(f"{name}: {one_line(error)}") from error

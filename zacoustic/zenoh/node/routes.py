@@ -1,0 +1,163 @@
+"""Where endpoints go: a stream of the water, or on Zenoh a key that no configuration maps."""
+
+from typing import Any, Final, Generic, TypeVar
+
+import msgspec
+
+from zacoustic.core.base.qos import Qos
+from zacoustic.core.streams.keys import Instance, fault_of_name
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.encoding import CBOR, OPAQUE
+from zacoustic.errors import ConfigError
+from zacoustic.zenoh.node.form import Form, free_form
+
+FREE_TIMEOUT_S: Final = 60.0
+"""Time that a call takes at most which no stream describes, s: as a stream's default."""
+
+FREE_RESULT_TIMEOUT_S: Final = 3600.0
+"""How long the result of a goal is kept that no stream describes, s: as a stream's default."""
+
+T = TypeVar("T")
+Request = TypeVar("Request")
+Response = TypeVar("Response")
+Goal = TypeVar("Goal")
+Feedback = TypeVar("Feedback")
+Result = TypeVar("Result")
+
+
+class TopicRoute(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
+    """Where the samples of one endpoint go, or come from."""
+
+    name: str
+    """The topic as the application called it."""
+    key: str | None
+    """The one key; None: every key that the name stands for."""
+    expression: str
+    """Zenoh key expression that covers the keys."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    instance: Instance = ()
+    """Value numbers of `key`; see `zacoustic.core.streams.keys`."""
+    form: Form[T]
+    """The Python side of the values."""
+    encoding: str
+    """Encoding on Zenoh."""
+    qos: Qos
+    """How samples wait."""
+
+
+class ServiceRoute(msgspec.Struct, Generic[Request, Response], frozen=True, kw_only=True):
+    """Where the calls of one endpoint go, or come from."""
+
+    name: str
+    """The service, a key."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    request: Form[Request]
+    """The Python side of requests."""
+    response: Form[Response]
+    """The Python side of responses."""
+    encoding: str
+    """Encoding on Zenoh."""
+    timeout_s: float
+    """Time from call to answer after which the caller gives up, s."""
+    qos: Qos
+    """Priority and linger."""
+
+
+class ActionRoute(msgspec.Struct, Generic[Goal, Feedback, Result], frozen=True, kw_only=True):
+    """Where the goals of one endpoint go, or come from."""
+
+    name: str
+    """The action, a key."""
+    stream: Stream | None
+    """The stream; None: a Zenoh key that no config maps."""
+    goal: Form[Goal]
+    """The Python side of goals."""
+    feedback: Form[Feedback]
+    """The Python side of feedback."""
+    result: Form[Result]
+    """The Python side of results."""
+    encoding: str
+    """Encoding on Zenoh."""
+    timeout_s: float
+    """Time from a goal to its answer after which its client gives up, s."""
+    result_timeout_s: float
+    """How long a result is kept, s."""
+    qos: Qos
+    """Priority and linger."""
+
+
+def free_topic(sample_type: object, name: str, qos: Qos, *, wildcards: bool) -> TopicRoute[Any]:
+    """Make the route of a key that no configuration maps.
+
+    Raises:
+        ConfigError: The name is no key expression, or holds wildcards where there are none allowed.
+    """
+    _check_name(name, wildcards=wildcards)
+    form = free_form(sample_type, where=name)
+    return TopicRoute(
+        name=name,
+        key=None if "*" in name or "$" in name else name,
+        expression=name,
+        stream=None,
+        form=form,
+        encoding=OPAQUE if form.spec is None else CBOR,
+        qos=qos,
+    )
+
+
+def free_service(types: tuple[object, object], name: str, qos: Qos) -> ServiceRoute[Any, Any]:
+    """Make the route of a service that no configuration maps; `types` of request and response.
+
+    Raises:
+        ConfigError: The name is no key.
+    """
+    _check_name(name, wildcards=False)
+    request = free_form(types[0], where=f"{name}: request")
+    response = free_form(types[1], where=f"{name}: response")
+    is_typed = request.spec is not None or response.spec is not None
+    return ServiceRoute(
+        name=name,
+        stream=None,
+        request=request,
+        response=response,
+        encoding=CBOR if is_typed else OPAQUE,
+        timeout_s=FREE_TIMEOUT_S,
+        qos=qos,
+    )
+
+
+def free_action(
+    types: tuple[object, object, object], name: str, qos: Qos
+) -> ActionRoute[Any, Any, Any]:
+    """Make the route of an action that no configuration maps; types of goal, feedback and result.
+
+    Raises:
+        ConfigError: The name is no key.
+    """
+    _check_name(name, wildcards=False)
+    parts = ("goal", "feedback", "result")
+    goal, feedback, result = (
+        free_form(each, where=f"{name}: {part}") for each, part in zip(types, parts, strict=True)
+    )
+    is_typed = any(form.spec is not None for form in (goal, feedback, result))
+    return ActionRoute(
+        name=name,
+        stream=None,
+        goal=goal,
+        feedback=feedback,
+        result=result,
+        encoding=CBOR if is_typed else OPAQUE,
+        timeout_s=FREE_TIMEOUT_S,
+        result_timeout_s=FREE_RESULT_TIMEOUT_S,
+        qos=qos,
+    )
+
+
+def _check_name(name: str, *, wildcards: bool) -> None:
+    if "{" in name:
+        raise ConfigError(f'name: "{name}" has placeholders', hint="they need config=FILE")
+    wrong = fault_of_name(name)
+    if wrong and not (wildcards and any(mark in name for mark in "*$@")):
+        raise ConfigError(f'name: "{name}" {wrong}')

@@ -1,0 +1,1 @@
+"""Queries of both kinds: calls, commands and goals, asked and answered."""

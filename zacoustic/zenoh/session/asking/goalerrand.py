@@ -1,0 +1,232 @@
+"""A goal that is sent to whoever serves its action on the island: asked, followed, cancelled."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import Final, Protocol, TypeVar
+
+import zenoh
+
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.errors import PayloadInvalidError
+from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, Ending, Verdict
+from zacoustic.zenoh.session.asking.question import Question
+from zacoustic.zenoh.session.doorbell import tell_loop
+from zacoustic.zenoh.session.session import Island
+
+T = TypeVar("T")
+
+RESULT_LIMIT_S: Final = 7 * 86400.0
+"""How long one question for a result waits, s; then it is asked again."""
+CANCEL_LIMIT_S: Final = 600.0
+"""How long the answer to a cancel is waited for, s."""
+_PAUSE_S: Final = 0.5
+_LONGEST_PAUSE_S: Final = 10.0
+
+
+class Errands(Protocol):
+    """Who has sent a goal; all of it is called on the loop, as soon as it is known."""
+
+    def answered(self, goal_id: bytes, verdict: Verdict) -> None:
+        """The goal is accepted or rejected; accepted, `ended` or `lost` follows."""
+        ...
+
+    def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
+        """It will end, or will not."""
+        ...
+
+    def ended(self, goal_id: bytes, ending: Ending) -> None:
+        """It has ended."""
+        ...
+
+    def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
+        """Nothing more will be heard of it."""
+        ...
+
+
+class GoalErrand:
+    """One goal, asked for on the island; for the loop.
+
+    Args:
+        island: Where it is asked.
+        form: Reads and writes what is said.
+        goal_id: Its name.
+        sender: Is told.
+        priority: Of the questions.
+        patience_s: How long to look for who serves it when nobody answers for the result, s.
+        mark: What a gateway says of the origin of the questions.
+    """
+
+    def __init__(
+        self,
+        island: Island,
+        form: ActionForm,
+        goal_id: bytes,
+        sender: Errands,
+        *,
+        priority: Priority,
+        patience_s: float,
+        mark: bytes | None = None,
+    ) -> None:
+        self._island = island
+        self._form = form
+        self._goal_id = goal_id
+        self._sender = sender
+        self._priority = priority
+        self._patience_s = patience_s
+        self._mark = mark
+        self._loop = asyncio.get_running_loop()
+        self._questions: set[Question] = set()
+        self._retry: asyncio.TimerHandle | None = None
+        self._unanswered_since_s: float | None = None
+        self._is_closed = False
+
+    def begin(self, value: object, timeout_s: float) -> None:
+        """Send the goal.
+
+        Raises:
+            PayloadInvalidError: The encoding cannot carry it.
+        """
+        payload = self._form.write_asked(ActionKey.SEND_GOAL, self._goal_id, value)
+        self._ask(ActionKey.SEND_GOAL, payload, timeout_s, self._take_verdict)
+
+    def cancel(self) -> None:
+        """Ask for its end."""
+        payload = self._form.write_asked(ActionKey.CANCEL_GOAL, self._goal_id)
+        self._ask(ActionKey.CANCEL_GOAL, payload, CANCEL_LIMIT_S, self._take_cancel)
+
+    def close(self) -> None:
+        """Ask no further."""
+        self._is_closed = True
+        if self._retry is not None:
+            self._retry.cancel()
+        questions, self._questions = self._questions, set()
+        for question in questions:
+            self._island.worker.submit(question.cancel)
+
+    # Below the methods above
+
+    def _ask(
+        self,
+        key: ActionKey,
+        payload: bytes,
+        timeout_s: float,
+        take: Callable[[Question], None],
+    ) -> None:
+        def settle(question: Question) -> None:
+            tell_loop(self._loop, partial(self._settle, question, take))
+
+        question = Question(self._form.key(key), settle)
+        self._questions.add(question)
+        self._island.worker.submit(
+            partial(
+                question.ask,
+                self._island,
+                payload,
+                encoding=self._form.encoding,
+                priority=self._priority,
+                timeout_s=timeout_s,
+                attachment=self._form.question_mark(key, self._mark),
+            )
+        )
+
+    def _settle(self, question: Question, take: Callable[[Question], None]) -> None:
+        self._questions.discard(question)
+        if not self._is_closed:
+            take(question)
+
+    def _take_verdict(self, question: Question) -> None:
+        read = partial(self._form.read_verdict, ActionKey.SEND_GOAL)
+        verdict = self._read(question, read)
+        if verdict is None:
+            self._sender.lost(self._goal_id, *_failure(question))
+            return
+        self._sender.answered(self._goal_id, verdict)
+        if verdict.accepted and not self._is_closed:
+            self._ask_result()
+
+    def _ask_result(self) -> None:
+        payload = self._form.write_asked(ActionKey.GET_RESULT, self._goal_id)
+        self._ask(ActionKey.GET_RESULT, payload, RESULT_LIMIT_S, self._take_result)
+
+    def _take_result(self, question: Question) -> None:
+        ending = self._read(question, self._form.read_ending)
+        if ending is not None:
+            self._sender.ended(self._goal_id, ending)
+            return
+        failure, text = _failure(question)
+        now_s = self._loop.time()
+        if failure not in (CallFailure.NO_SERVER, CallFailure.TIMED_OUT):
+            self._sender.lost(self._goal_id, failure, text)
+            return
+        # Whoever serves it may be starting again, or the router.
+        since_s = self._unanswered_since_s
+        if since_s is None or now_s - since_s > self._patience_s + _LONGEST_PAUSE_S:
+            since_s = self._unanswered_since_s = now_s
+        elif now_s - since_s > self._patience_s:
+            self._sender.lost(self._goal_id, failure, text)
+            return
+        pause_s = min(max(_PAUSE_S, now_s - since_s), _LONGEST_PAUSE_S)
+        self._retry = self._loop.call_later(pause_s, self._ask_result)
+
+    def _take_cancel(self, question: Question) -> None:
+        read = partial(self._form.read_verdict, ActionKey.CANCEL_GOAL)
+        verdict = self._read(question, read)
+        if verdict is None:
+            verdict = Verdict(accepted=False, text=_failure(question)[1])
+        self._sender.cancel_answered(self._goal_id, verdict)
+
+    def _read(self, question: Question, read: Callable[[bytes, str], T]) -> T | None:
+        if question.good is None:
+            return None
+        try:
+            return read(*question.good)
+        except PayloadInvalidError as error:
+            question.error = (CallFailure.BAD_RESPONSE, str(error))
+            return None
+
+
+class FeedbackEar:
+    """Hears the feedback of one action on an island.
+
+    Args:
+        form: Reads it.
+        hear: Takes the goal's name and the feedback, on the loop.
+        hears_marked: What came off the water, too.
+    """
+
+    def __init__(
+        self,
+        form: ActionForm,
+        hear: Callable[[bytes, object], None],
+        *,
+        hears_marked: bool,
+    ) -> None:
+        self.unreadable = 0
+        """Samples that were none."""
+        self._form = form
+        self._hear = hear
+        self._hears_marked = hears_marked
+        self._loop = asyncio.get_running_loop()
+
+    def take(self, sample: zenoh.Sample) -> None:
+        """Take a sample; on Zenoh's thread."""
+        attachment = sample.attachment
+        is_ours = attachment is not None and self._form.is_marked(attachment.to_bytes())
+        if is_ours and not self._hears_marked:
+            return
+        payload, encoding = sample.payload.to_bytes(), str(sample.encoding)
+        tell_loop(self._loop, partial(self._take, payload, encoding))
+
+    def _take(self, payload: bytes, encoding: str) -> None:
+        try:
+            asked = self._form.read_asked(ActionKey.FEEDBACK, payload, encoding)
+        except PayloadInvalidError:
+            self.unreadable += 1
+            return
+        self._hear(asked.goal_id, asked.value)
+
+
+def _failure(question: Question) -> tuple[CallFailure, str]:
+    return question.error or (CallFailure.NO_SERVER, "nobody serves it on this Zenoh network")

@@ -1,0 +1,83 @@
+"""A ping as a Zenoh key: what is asked where, and the JSON that answers.
+
+A `get` on ``@acoustic/2/ping?within_s=30`` has the gateway of this island ask node 2, which answers
+by itself, whatever it is doing.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.streams.commands import ORDERS_TIMEOUT_S
+from zacoustic.text.digits import real_number, whole_number
+from zacoustic.zenoh.session.asking.orders import ANY_NODE, PREFIX
+
+DEFAULT_PING_S: Final = 30.0
+"""How long an answer is awaited, s, where nothing is said."""
+PINGS: Final = f"{PREFIX}/{ANY_NODE}/ping"
+"""Key expression of the pings of all nodes."""
+
+
+class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
+    """What a ping has found out."""
+
+    address: int
+    """Of the node that was asked."""
+    by: int
+    """Of the node that has asked."""
+    round_trip_s: float | None = None
+    """From the question, through queue and water, to the answer of the node itself; None: its wire
+    knows no such question, and only the range was measured."""
+    propagation_s: float | None = None
+    """One way, s, as the modem measured it last; None: it measures none."""
+    range_m: float | None = None
+    """Slant distance, m; None where the modem knows no sound speed."""
+    range_age_s: float | None = None
+    """How old that measurement is, s."""
+    snr_db: float | None = None
+    """Signal-to-noise ratio of what was heard of it last, dB."""
+    received_level_db: float | None = None
+    """Received level, dB, by the modem's own reference."""
+    integrity: float | None = None
+    """Signal quality in the modem's own scale."""
+
+
+def ping_selector(node: int, within_s: float) -> tuple[str, str]:
+    """Return key and parameters of a ping."""
+    return f"{PREFIX}/{node}/ping", f"within_s={within_s:.10g}"
+
+
+def pinged_node(key: str) -> int | None:
+    """Read whom a ping is for, by its key; None: it is no ping, but a look around."""
+    chunks = key.split("/")
+    if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping":
+        return None
+    return whole_number(chunks[1])
+
+
+def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | None:
+    """Read a ping: node, and how long an answer is awaited, s.
+
+    Returns:
+        Both, or None: the key is that of a look around.
+
+    Raises:
+        ValueError: Names a parameter, its value and what is allowed.
+    """
+    node = pinged_node(key)
+    if node is None:
+        return None
+    within_s = DEFAULT_PING_S
+    for name, text in parameters.items():
+        if name.startswith("_"):
+            continue
+        if name != "within_s":
+            raise ValueError(f"{name} is no parameter of {key}; allowed: within_s")
+        number = real_number(text)
+        within_s = math.nan if number is None else number
+        if not 0 < within_s <= ORDERS_TIMEOUT_S:
+            allowed = f"seconds above 0, at most {ORDERS_TIMEOUT_S:g}"
+            raise ValueError(f"within_s is {text}; allowed: {allowed}")
+    return node, within_s

@@ -1,0 +1,163 @@
+"""The queries of the island: each is answered, exactly once, whatever happens.
+
+A `get` ends when its `Query` is dropped, and a query that is lost without an answer looks to the
+caller like "nobody is there". So every query lives in a `HeldQuery` from the moment at which Zenoh
+hands it over: it is answered with values, or refused with a reason, or refused when whoever holds
+it stops. What is too much at once is refused on the spot.
+"""
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import msgspec
+import zenoh
+
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.zenoh.session.asking.replies import ERROR_ENCODING, error_text
+from zacoustic.zenoh.session.worker import Worker
+
+_logger = logging.getLogger(__name__)
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """One value in the answer to a query."""
+
+    key: str
+    """The concrete key."""
+    payload: bytes
+    """The value."""
+    encoding: str
+    """Its Zenoh encoding."""
+    attachment: bytes | None = None
+    """See `zacoustic.zenoh.session.marker`."""
+
+
+class HeldQuery:
+    """One query that waits; `answer` or `refuse` ends it, from any thread, the first one counts."""
+
+    def __init__(self, query: zenoh.Query, desk: "QueryDesk") -> None:
+        self.query = query
+        self._desk = desk
+
+    def answer(self, answers: Sequence[Answer]) -> bool:
+        """Reply with these values; none: the `get` ends without a reply. False: it was ended."""
+        return self._desk.finish(self, lambda query: _reply(query, answers))
+
+    def refuse(self, failure: CallFailure, text: str) -> bool:
+        """Reply with an error. False: it was ended."""
+        return self._desk.finish(self, lambda query: _refuse(query, failure, text))
+
+
+Serve = Callable[[HeldQuery], None]
+"""What the loop does with a query."""
+
+
+class QueryDesk:
+    """Takes queries from Zenoh's threads to the loop, and answers back.
+
+    Args:
+        worker: Where replies are sent.
+        ring: Wakes the loop, which then calls `take`.
+        limit: Queries held at the same time, not yet answered.
+        closed_text: What a caller reads whose query is refused by `close`.
+    """
+
+    def __init__(
+        self, worker: Worker, ring: Callable[[], None], *, limit: int, closed_text: str
+    ) -> None:
+        self.refused = 0
+        """Queries that were refused because too many were held."""
+        self._worker = worker
+        self._ring = ring
+        self._limit = limit
+        self._closed_text = closed_text
+        self._guard = threading.Lock()
+        self._held: set[HeldQuery] = set()
+        self._sending = 0
+        self._waiting: deque[tuple[HeldQuery, Serve]] = deque()
+        self._is_closed = False
+
+    def admit(self, serve: Serve, query: zenoh.Query) -> None:
+        """Take a query; on Zenoh's thread.
+
+        Args:
+            serve: What the loop is to do with it.
+            query: The query.
+        """
+        held = HeldQuery(query, self)
+        with self._guard:
+            is_full = len(self._held) + self._sending >= self._limit
+            is_closed = self._is_closed
+            if not is_full and not is_closed:
+                self._held.add(held)
+                self._waiting.append((held, serve))
+            elif is_full:
+                self.refused += 1
+        if not is_full and not is_closed:
+            self._ring()
+            return
+        text = self._closed_text if is_closed else f"{self._limit} queries are held already"
+        _send(query, lambda query: _refuse(query, CallFailure.NO_SERVER, text))
+
+    def take(self) -> list[tuple[HeldQuery, Serve]]:
+        """Return the queries that have arrived; on the loop."""
+        with self._guard:
+            taken = list(self._waiting)
+            self._waiting.clear()
+        return taken
+
+    def finish(self, held: HeldQuery, reply: Callable[[zenoh.Query], None]) -> bool:
+        """Send the answer to a query, unless it has one; called by `HeldQuery`."""
+        with self._guard:
+            if held not in self._held:
+                return False
+            self._held.discard(held)
+            self._sending += 1
+
+        def send() -> None:
+            try:
+                _send(held.query, reply)
+            finally:
+                with self._guard:
+                    self._sending -= 1
+
+        self._worker.submit(send)
+        return True
+
+    def close(self) -> None:
+        """Refuse what is held and whatever comes from now on."""
+        with self._guard:
+            self._is_closed = True
+            held = list(self._held)
+            waiting = {each for each, _ in self._waiting}
+            self._waiting.clear()
+        for each in held:
+            # What somebody has begun to serve may have had its effect.
+            failure = CallFailure.NO_SERVER if each in waiting else CallFailure.UNKNOWN
+            each.refuse(failure, self._closed_text)
+
+    def __len__(self) -> int:
+        with self._guard:
+            return len(self._held)
+
+
+def _send(query: zenoh.Query, reply: Callable[[zenoh.Query], None]) -> None:
+    try:
+        with query:
+            reply(query)
+    except zenoh.ZError as error:
+        _logger.debug("no reply to a query: %s", error)
+
+
+def _reply(query: zenoh.Query, answers: Sequence[Answer]) -> None:
+    for answer in answers:
+        query.reply(
+            answer.key, answer.payload, encoding=answer.encoding, attachment=answer.attachment
+        )
+
+
+def _refuse(query: zenoh.Query, failure: CallFailure, text: str) -> None:
+    reason = error_text(str(query.key_expr), failure, text)
+    query.reply_err(reason.encode(), encoding=ERROR_ENCODING)

@@ -1,0 +1,93 @@
+"""A question to the island: a `get` that calls a service.
+
+The first good reply is the answer; if there is none, the first error; if there is nothing at all,
+nobody serves. Replies come on threads of Zenoh's.
+"""
+
+import threading
+from collections.abc import Callable
+
+import zenoh
+
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.zenoh.session.asking.replies import read_error
+from zacoustic.zenoh.session.session import Island, zenoh_priority
+
+
+class Question:
+    """One question; asked once, in the worker.
+
+    Args:
+        key: The service.
+        settle: Called once with this question, on a thread of Zenoh's or in the worker, when `good`
+            or `error` holds what there is.
+    """
+
+    def __init__(self, key: str, settle: Callable[["Question"], None]) -> None:
+        self.key = key
+        self.good: tuple[bytes, str] | None = None
+        """The answer and its encoding."""
+        self.error: tuple[CallFailure, str] | None = None
+        """Where there is no answer: how far the call got, and a text."""
+        self._settle = settle
+        self._cancellation = zenoh.CancellationToken()
+        self._guard = threading.Lock()
+        self._is_settled = False
+
+    def ask(
+        self,
+        island: Island,
+        payload: bytes | None,
+        *,
+        encoding: str | None = None,
+        parameters: str = "",
+        priority: Priority,
+        timeout_s: float,
+        attachment: bytes | None = None,
+    ) -> None:
+        """Ask; in the worker.
+
+        Raises:
+            ZError: It cannot be asked; it is settled then.
+        """
+        try:
+            island.session.get(
+                zenoh.Selector(zenoh.KeyExpr(self.key), parameters or None),
+                island.callback(self._take, self._end),
+                payload=payload,
+                encoding=encoding,
+                attachment=attachment,
+                timeout=timeout_s,
+                # Each reply at once: by default the newest of all is delivered at the end.
+                consolidation=zenoh.ConsolidationMode.NONE,
+                priority=zenoh_priority(priority),
+                congestion_control=zenoh.CongestionControl.DROP,
+                allowed_destination=zenoh.Locality.REMOTE,
+                cancellation_token=self._cancellation,
+            )
+        except zenoh.ZError:
+            self._end()
+            raise
+
+    def cancel(self) -> None:
+        """Ask no further; waits for a callback that runs, so in the worker."""
+        self._cancellation.cancel()  # type: ignore[no-untyped-call]
+
+    def _take(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._finish((reply.ok.payload.to_bytes(), str(reply.ok.encoding)))
+        elif reply.err is not None and self.error is None:
+            payload, encoding = reply.err.payload.to_bytes(), str(reply.err.encoding)
+            self.error = read_error(self.key, payload, encoding)
+
+    def _end(self) -> None:
+        self._finish(None)
+
+    def _finish(self, good: tuple[bytes, str] | None) -> None:
+        with self._guard:
+            if self._is_settled:
+                return
+            self._is_settled = True
+            self.good = good
+        self._settle(self)

@@ -1,0 +1,78 @@
+"""Latched topics as Zenoh has them: a publisher with a cache, a subscriber that asks for it.
+
+Zenoh's advanced subscriber with a history, which a *transient local* subscription of rmw_zenoh is,
+asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher is such a
+cache. It needs samples with time stamps: where the file has turned those off there is no cache, and
+that is said.
+"""
+
+import json
+import logging
+from collections.abc import Callable
+
+import zenoh
+import zenoh.ext
+
+from zacoustic.core.base.qos import Priority
+from zacoustic.zenoh.session.session import Island, one_line, zenoh_priority
+
+_logger = logging.getLogger(__name__)
+
+Latched = zenoh.ext.AdvancedPublisher | zenoh.Publisher
+"""A publisher with a cache; or without, where there can be none."""
+
+
+def stamp_samples(settings: zenoh.Config) -> None:
+    """Have all samples stamped, unless the file says something of it: caches need that."""
+    if json.loads(settings.get_json("timestamping/enabled")) is None:
+        everywhere = {"router": True, "peer": True, "client": True}
+        settings.insert_json5("timestamping/enabled", json.dumps(everywhere))
+
+
+def latched_publisher(island: Island, key: str, depth: int, priority: Priority) -> Latched:
+    """Declare a publisher that keeps its last samples for late joiners.
+
+    Args:
+        island: Where.
+        key: Its key.
+        depth: How many it keeps.
+        priority: Of its samples.
+    """
+    try:
+        return zenoh.ext.declare_advanced_publisher(
+            island.session,
+            zenoh.KeyExpr(key),
+            priority=zenoh_priority(priority),
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+            cache=zenoh.ext.CacheConfig(max_samples=depth),
+            publisher_detection=True,
+        )
+    except zenoh.ZError as error:
+        _logger.warning("%s: late joiners get nothing: %s", key, one_line(error))
+        return island.session.declare_publisher(
+            zenoh.KeyExpr(key),
+            priority=zenoh_priority(priority),
+            congestion_control=zenoh.CongestionControl.DROP,
+            allowed_destination=zenoh.Locality.REMOTE,
+        )
+
+
+def latched_subscriber(
+    island: Island, expression: str, take: Callable[[zenoh.Sample], None], depth: int
+) -> "zenoh.ext.AdvancedSubscriber[None]":
+    """Declare a subscriber that gets what caches have kept, too.
+
+    Args:
+        island: Where.
+        expression: Its keys.
+        take: Takes samples, on a thread of Zenoh's.
+        depth: How many of each publisher it wants.
+    """
+    return zenoh.ext.declare_advanced_subscriber(
+        island.session,
+        zenoh.KeyExpr(expression),
+        island.callback(take),
+        allowed_origin=zenoh.Locality.REMOTE,
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=depth),
+    )

@@ -1,0 +1,117 @@
+"""The one thread in which calls of Zenoh are made that may block.
+
+A reply to somebody who does not read, a declaration on a full connection, opening and closing can
+each block for seconds; the loop, which owns the engine, must not. The order of the steps is kept.
+"""
+
+import asyncio
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from typing import Final, TypeVar
+
+import zenoh
+
+from zacoustic.zenoh.session.doorbell import tell_loop
+from zacoustic.zenoh.session.exitguard import ExitGuard
+
+T = TypeVar("T")
+
+# Longer than a node tries to reach its router, which cannot be interrupted.
+EXIT_LIMIT_S: Final = 4.0
+"""How long the end of the process waits for the last steps, s."""
+
+_END: Final = None
+
+_logger = logging.getLogger(__name__)
+
+
+class Worker:
+    """A thread that takes steps one after the other; it starts when it is made.
+
+    It ends by `end` or `close`, or with the main thread. What is handed over is bounded by who
+    hands it over: queries by `QueryDesk`, calls by the call numbers, declarations by the stream
+    table.
+
+    Args:
+        name: Of the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._steps: queue.SimpleQueue[Callable[[], object] | None] = queue.SimpleQueue()
+        self._farewell: Callable[[], object] = _do_nothing
+        # A daemon: a call that never returns does not keep the process.
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._guard = ExitGuard(self._exit)
+        self._thread.start()
+
+    def submit(self, step: Callable[[], object]) -> None:
+        """Take a step soon; from any thread. What Zenoh raises is logged."""
+        self._steps.put(step)
+
+    async def run(self, step: Callable[[], T], *, limit_s: float | None = None) -> T:
+        """Take a step and wait for it.
+
+        Args:
+            step: What to do.
+            limit_s: How long to wait, s; None: for ever. The step itself cannot be stopped.
+
+        Raises:
+            TimeoutError: It is not done in time.
+            Exception: What the step raises.
+        """
+        loop = asyncio.get_running_loop()
+        done: asyncio.Future[T] = loop.create_future()
+
+        def tell(report: Callable[[], None]) -> None:
+            tell_loop(loop, lambda: None if done.done() else report())  # who waits may be gone
+
+        def take() -> None:
+            try:
+                result = step()
+            except Exception as error:  # handed on to whoever waits
+                failure = error
+                tell(lambda: done.set_exception(failure))
+            else:
+                tell(lambda: done.set_result(result))
+
+        self._steps.put(take)
+        async with asyncio.timeout(limit_s):
+            return await done
+
+    def end_with(self, farewell: Callable[[], object]) -> None:
+        """Say what is to be done behind all steps, whoever ends the thread; in a step."""
+        self._farewell = farewell
+
+    def end(self) -> None:
+        """Take the steps that are there and say farewell; does not wait. May be called again."""
+        self._steps.put(_END)
+
+    async def close(self, *, limit_s: float) -> bool:
+        """Take the steps that are there and say farewell; False when it takes above `limit_s`."""
+        self.end()
+        await asyncio.to_thread(self._thread.join, limit_s)
+        return not self._thread.is_alive()
+
+    def _exit(self) -> None:
+        self.end()
+        self._thread.join(EXIT_LIMIT_S)
+
+    def _run(self) -> None:
+        while (step := self._steps.get()) is not _END:
+            self._take(step)
+        self._take(self._farewell)
+        self._guard.dismiss()
+
+    def _take(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except zenoh.ZError as error:
+            _logger.debug("zenoh: %s", error)
+        except Exception:
+            _logger.exception("a step of the thread %s failed", self._thread.name)
+
+
+def _do_nothing() -> None:
+    pass
