@@ -1,4 +1,4 @@
-"""Puts what a scenario says of nodes (`channel.nodefaults`) on the agenda of a network."""
+"""Puts a scenario's node faults (`channel.nodefaults`) on the agenda of a network."""
 
 import random
 from functools import partial
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def schedule_faults(network: "VirtualNetwork", scenario: Scenario) -> None:
-    """Let the modems be unplugged and the nodes crash as the scenario says.
+    """Unplug modems and crash nodes as in the scenario.
 
     Faults of a node without an engine have no effect.
     """
