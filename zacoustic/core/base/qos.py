@@ -1,11 +1,10 @@
-"""Quality of service of a stream: the words of ROS 2 and Zenoh, and what the queue makes of them.
+"""Quality of service of a stream: the words of ROS 2 and Zenoh, and their meaning for the queue.
 
-Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame,
-whatever waits. Among the
-other six, waiting raises value: a payload is ranked by the instant at which it was queued plus
-the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a fresh slow
-one by the difference of their patience, and no
-payload starves: after at most that difference nothing new can get in front of it.
+Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame, whatever
+waits. Among the other six, waiting raises value: a payload is ranked by the instant at which it was
+queued plus the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a
+fresh slow one by the difference of their patience, and no payload starves: after at most that
+difference nothing new can get in front of it.
 """
 
 import enum

@@ -1,7 +1,7 @@
 """Counters, and the airtime ledger: every byte on the link belongs to a stream and a cause.
 
-The ledger is what tells an engineer that one topic takes most of the channel. Its sum equals the
-bytes given to the link, exactly; a test holds it to that.
+The ledger shows an engineer that one topic takes most of the channel. Its sum equals the bytes
+given to the link, exactly; a test checks that.
 """
 
 import enum

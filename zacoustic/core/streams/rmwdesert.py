@@ -1,8 +1,8 @@
-"""What streams can be where rmw_desert is on the other side: everything else is refused by name.
+"""What streams can be on the rmw_desert profile: everything else is refused by name.
 
 Its topics are best effort and its services are asked once; there is no acknowledgement, no address,
-no type but that of a ROS message. Nothing is taken away in silence: who asks for a reliable topic
-there gets an error when the table is made.
+no type but a ROS message's. No option is dropped silently: a reliable topic there is an error when
+the table is made.
 """
 
 from typing import Final, NoReturn

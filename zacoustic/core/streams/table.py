@@ -1,17 +1,16 @@
 """The stream table: which name is which byte, and what both ends must agree on.
 
 A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service or an
-action. Its id is the first byte of each of its records, so a name costs one byte whatever its
-length. That only works
-while both ends hold the same table, so everything that changes the meaning of bytes goes into a
-digest: of each stream, and of the whole table with its nodes. What only changes *when* something
-is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
-its journal, is left out; each end may tune it alone. The timeouts of services and actions are in
-it: from them both ends derive how long a number has to be remembered.
+action. Its id is the first byte of each of its records, so a name of any length costs one byte.
+That only works while both ends hold the same table, so everything that changes the meaning of bytes
+goes into a digest: of each stream, and of the whole table with its nodes. Left out is what only
+changes *when* something is sent (priority, lifespan, intervals, the depth of a best-effort topic),
+or what a node keeps in its journal; each end may tune it alone. The timeouts of services and
+actions are in it: from them both ends derive how long a number must be remembered.
 
-One stream is in every table and in no digest of a table, since nobody can define it in another way:
-that of orders (`zacoustic.core.transport.commands`). A table that gives its id to a stream of its
-own has none, nor has one for a link on which another wire profile is spoken.
+One stream is in every table and in no digest of a table, since nobody can define it differently:
+that of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
+stream has none, nor has one for a link with another wire profile.
 """
 
 import hashlib

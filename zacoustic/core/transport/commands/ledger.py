@@ -1,10 +1,9 @@
-"""Which orders have been obeyed: each once, and none behind a later one about the same thing.
+"""The deduplication table of commands: each is executed once, and none after a later one.
 
-Orders of one life of a node are counted (*serial*), and lives differ by the boot epoch. The ledger
-keeps, for each node that gives orders and each thing that they are about, the epoch and the serial
-of the last order that was obeyed, and the epochs before. An order is new if its serial is later in
-the same epoch, or if its epoch is none that was there before: nobody goes back to a former life, so
-an order from one came late.
+A node counts the commands of one boot epoch (*serial*). The table keeps, for each commanding node
+and each object of a command, the epoch and the serial of the last executed command, and the epochs
+before. A command is new if its serial is later in the same epoch, or if its epoch is none of those
+before: a node never returns to a former epoch, so a command from one came late.
 """
 
 import enum

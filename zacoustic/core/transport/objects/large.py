@@ -1,10 +1,10 @@
-"""Samples that fit no frame: a reliable topic hands them on as objects, and takes them back.
+"""Samples that fit no frame: a reliable topic hands them over as objects, and takes them back.
 
-The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who is to have
-an object, whether this node wants one that arrives, and whether both ends define its stream in the
-same way. So is the count of the key (`zacoustic.core.transport.reliable`), in which a large sample
-has its place between the small ones. An object that is complete before any of that is known waits
-for it.
+The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who the
+receivers of an object are, whether this node subscribes to an arriving one, and whether both ends
+define its stream in the same way. So is the count of the key
+(`zacoustic.core.transport.reliable`), in which a large sample has its place between the small ones.
+An object that is complete before any of that is known waits for it.
 """
 
 from collections.abc import Callable, Mapping, Set

@@ -1,4 +1,4 @@
-"""The durations of a transfer, all of them from what the link says of itself.
+"""The durations of a transfer, all derived from the link's capabilities.
 
 No number of seconds here belongs to one modem: a *slot* is the time from the start of a full frame
 to the start of the next, and the other durations follow from slots and the propagation delay.

@@ -1,11 +1,11 @@
-"""Best-effort samples that press go several times where somebody is in a run.
+"""Urgent best-effort samples go several times while another node is in a run.
 
-Nobody acknowledges a best-effort sample, so nobody repeats it, and most of those for a node that
-sends an object would meet its run. One of priority `real_time` that is published while a run is
-heard goes eight times, four copies in each of two pauses
-(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. It is numbered
-for that, by SYNC, so that it is handed on once; what is published while nobody is in a run goes
-once, without a number.
+A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
+an object would collide with its run. A sample of priority `real_time` that is published while a run
+is heard goes eight times, four copies in each of two pauses
+(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. SYNC numbers
+it, so that it is delivered once; a sample that is published without a run goes once, without a
+number.
 
 A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
 that restarts knows no numbers, and would take an old one for new.

@@ -1,16 +1,16 @@
-"""Deadlines: a topic promises a sample of each key at least so often, and who misses one is told.
+"""Deadlines: a topic promises a sample of each key at least so often; a miss is reported.
 
 The words are those of ROS 2 and DDS. The publisher of a topic with `deadline_s` promises a sample
-of each key at least every `deadline_s`. Whoever depends on that has to know when it is not kept:
-at sea a value that has stopped looks like one that does not change.
+of each key at least every `deadline_s`. An application that depends on it must know when the
+promise is broken: at sea a value that has stopped looks like one that does not change.
 
-Both ends watch, each for itself. The publishing node looks at when its application publishes; a
-receiving one at when samples are handed on, so that whatever holds them up (loss, silence, a queue)
-counts. The first sample of a key in a node's life starts the watch, each further one starts the
-period anew, and a deleted key is awaited no longer. A missed period is told of once, and then the
-next one begins. No timer is armed for topics without a deadline, nor before the first sample.
+Both ends watch, each for itself. The publishing node watches the publications of its application, a
+receiving one the deliveries, so that every delay (loss, silence, a queue) counts. The first sample
+of a key in a boot epoch starts the watch, each further one starts a new period, and a deleted key
+is not awaited any more. A missed period is reported once, and then the next one begins. No timer is
+armed for topics without a deadline, nor before the first sample.
 
-What is repeated and asked for follows from the deadline, too:
+The deadline also bounds repetitions and requests:
 `zacoustic.core.transport.reliable.sending.pacing`.
 """
 

@@ -1,24 +1,24 @@
-"""Dense streams on the water: which samples share a dense string, and who knows what was said.
+"""Dense streams on the channel: which samples share a dense block, and who has acknowledged what.
 
-How samples become a string, and what it may refer to, is the affair of
-`zacoustic.core.values.dense`; here is who listens:
+`zacoustic.core.values.dense` makes a block of samples, and knows what it may refer to; here are the
+listeners:
 
-- A string refers to one that all its listeners hold: the one node of a unicast frame, in a
-  broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
-  So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
-- A link may hand a frame over late, within the settling time behind the longest way. Of strings
-  that count (`zacoustic.core.values.dense.stream.references`) so few are sent in that time that
-  none is mistaken for another one; what is more stands apart.
-- A node tells the newest string that it has of a source in frames that go there anyway, in three
-  bytes (`DenseAck`), and never makes a frame for that.
-- What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
-  While that is in the red, records go: a dense stream costs no more airtime than a packed one.
-- A peer that begins a new life, or asks who we are, holds nothing. A new epoch of this node begins
-  anew as well.
-- A dense string takes the whole table, since one that cannot be read to its end cannot be read at
-  all. Whoever is known to hold another table is sent records; what the two agree on still crosses.
+- A block refers to one that all its listeners hold: the one node of a unicast frame, in a broadcast
+  all listed subscribers of its streams. Without such a block it is independent. So every received
+  block can be decoded, whatever was lost, and nothing is ever asked for again.
+- A link may hand a frame over late, within the settling time behind the longest delay. So few
+  blocks that count (`zacoustic.core.values.dense.stream.references`) are sent in that time that
+  none is mistaken for another one; further ones are independent.
+- A node acknowledges the newest block that it holds of a source in frames that go there anyway, in
+  three bytes (`DenseAck`), and never makes a frame for that.
+- `Savings` counts what blocks save against records, and what their acknowledgements cost. While the
+  balance is negative, records go: a dense stream costs no more airtime than a packed one.
+- A peer that begins a new boot epoch, or asks who we are, holds nothing. A new epoch of this node
+  starts again as well.
+- A dense block needs the whole table, since one that cannot be read to its end cannot be read at
+  all. A peer that is known to have another table gets records; streams that agree still cross.
 
-Of a dense stream, deletes and samples in an encoding of their own are records like any other.
+Deletes of a dense stream, and samples with their own encoding, are records like any other.
 """
 
 import copy

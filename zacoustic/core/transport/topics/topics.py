@@ -1,8 +1,7 @@
 """Topics: a sample is queued, crosses, and becomes an event.
 
-A best-effort sample crosses once or not at all; a reliable one is handed to
-`zacoustic.core.transport.reliable`. What a record consists of is told in
-`zacoustic.core.wire.content`.
+A best-effort sample crosses once or not at all; a reliable one goes to
+`zacoustic.core.transport.reliable`. `zacoustic.core.wire.content` has the parts of a record.
 """
 
 from collections.abc import Callable, Set

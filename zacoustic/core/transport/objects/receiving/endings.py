@@ -1,7 +1,7 @@
-"""Objects of others that have ended at this node: handed on, refused, or not wanted.
+"""Objects of others that have ended at this node: delivered, refused, or not subscribed to.
 
-Remembered for as long as their numbers may be used again: what still comes of them is not taken for
-a new object, and is answered in the same way.
+They are remembered while their numbers may be used again: later fragments are not taken for a new
+object, and are answered in the same way.
 """
 
 from typing import Final

@@ -2,8 +2,8 @@
 
 Until the manifest is there, fragments are kept as they come, a bounded number of them. Then each
 goes to its block, which is solved as soon as it has enough. The object is opened when all blocks
-are, and only if its digest is right; if it is not, everything is thrown away and the sender is told
-so by what is lacking.
+are, and only if its digest is right. If it is not, everything is dropped, and the feedback shows
+the sender that all is missing.
 """
 
 from typing import Final

@@ -1,9 +1,10 @@
-"""The objects that a node receives: what is done with their fragments, and what is said.
+"""The objects that a node receives: their fragments, and the feedback.
 
-An object tells what it is in its first fragments. Until then what comes is kept, a bounded number
-of fragments, unless nothing that is large can be for this node. One that is not for it, or of an
-on-demand topic that it has not subscribed to, takes no memory from then on. So does what is on its
-way when it unsubscribes. What a former life has left is kept: it may not have subscribed yet.
+The first fragments of an object carry its manifest. Until then fragments are kept, a bounded
+number, unless no large sample can be for this node. An object that is not for it, or of an
+on-demand topic that it has not subscribed to, takes no memory from then on; neither does an object
+under way when the node unsubscribes. Fragments of a former boot epoch are kept: the node may not
+have subscribed again yet.
 """
 
 import random

@@ -1,10 +1,10 @@
-"""When a receiver speaks of the objects that it receives.
+"""When a receiver sends feedback about the objects that it receives.
 
-It speaks when it is called: at once when the sender waits for an answer; and when it has the object
-and the sender does not know, into the sender's next listen window (when that is, medium access
-knows: `zacoustic.core.schedule.access.listening`). An answer that is asked for is repeated where
-fragments are being lost, as long as the copies leave before the sender can react to the first.
-Several receivers speak one after the other.
+It does so on request: at once when the sender waits for an answer; and when it has the object and
+the sender does not know it, in the sender's next listen window (which medium access knows:
+`zacoustic.core.schedule.access.listening`). A requested answer is repeated while fragments are
+lost, as long as the copies leave before the sender can react to the first. Several receivers answer
+one after the other.
 """
 
 import random

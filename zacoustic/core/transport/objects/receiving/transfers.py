@@ -1,7 +1,7 @@
-"""The objects that are on their way to a node, and how much memory they may take.
+"""The incoming objects of a node, and how much memory they may take.
 
-So many transfers at most, and so many bytes in all. The one that was silent for longest gives way
-to others; or rather, of its key, the one that is handed on last, since it would have to wait for
+The number of transfers and their bytes in all are bounded. The one that was silent for longest
+gives way; or rather, of its key, the one that is delivered last, since it would have to wait for
 all the others.
 """
 

@@ -1,17 +1,17 @@
-"""The sender's side of one transfer: rounds of fragments, each of which ends with a question.
+"""The sender's side of one transfer: rounds of fragments, each ending with a request for feedback.
 
 A *round* is the source fragments of the next block and as many repair fragments of the blocks
-before as the receivers will probably need; its last fragment calls for an answer, and the one
-before it announces that call, so that a receiver answers when either has arrived. Then the sender
-listens. It knows, for each receiver, how many fragments of each block it lacks; it never knows
-which, and need not.
+before as the receivers will probably need. Its last fragment requests feedback, and the one before
+it announces that, so that a receiver answers when either has arrived. Then the sender listens. It
+knows, for each receiver, how many fragments of each block it lacks; it never knows which, and need
+not.
 
-When no answer comes, the next round is short and useful: repair fragments, since the likeliest
-reason is a loss. When several questions in a row are not answered, nobody may be there: single
-fragments, at pauses that double.
+Without an answer, the next round is short and useful: repair fragments, since the likeliest reason
+is a loss. After several requests in a row without an answer the receivers may be gone: single
+fragments follow, at pauses that double.
 
 A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
-none of them will come, which it is told then: it is its turn.
+none of them will come; then the sender sends it its turn.
 """
 
 import random

@@ -1,9 +1,9 @@
 """How many repair fragments to send before the receivers are asked again.
 
-One too many costs a frame. One too few costs a round: another question, the way there and back, and
-the chance that question or answer is lost. Which of them is likelier depends on a loss that nobody
-knows; it is estimated from what came of the fragments before (a beta distribution), so the number
-N of fragments that a receiver needs for its next `lacking` ones has a beta negative binomial
+One too many costs a frame. One too few costs a round: another request, the way there and back, and
+the chance that request or answer is lost. Which of them is likelier depends on an unknown loss. It
+is estimated from the fate of the fragments before (a beta distribution), so the number N of
+fragments that a receiver needs for its next `lacking` ones has a beta negative binomial
 distribution. Fragment n + 1 is worth sending while
 
     round · P(N = n + 1)  >  P(N ≤ n)
