@@ -17,7 +17,7 @@ import msgspec
 
 
 class JournalWrite(msgspec.Struct, frozen=True, kw_only=True):
-    """One entry; replaces or deletes what was written under the same key before."""
+    """One entry; replaces or deletes a former one with the same key."""
 
     write_id: int
     """Counted by the engine; `handle_journal_committed` names it."""

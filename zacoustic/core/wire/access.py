@@ -26,7 +26,7 @@ TURN_BYTES: Final = 3
 
 SPAN_STEP_NS: Final = NS_PER_S // 50
 LONGEST_SPAN_NS: Final = 255 * SPAN_STEP_NS
-"""Longest span that a TURN can say, ns."""
+"""Longest span of a TURN, ns."""
 NOBODY: Final = 0
 """Node of a TURN that gives the channel back."""
 ANYBODY: Final = BROADCAST
@@ -39,10 +39,10 @@ _ERROR_UNKNOWN: Final = 255
 
 
 class Turn(msgspec.Struct, frozen=True):
-    """Who may speak from now on, or when the sender will listen."""
+    """Who may transmit from now on, or when the sender will listen."""
 
     node: int
-    """Address of who may speak, `ANYBODY` or `NOBODY`."""
+    """Address of the node that may transmit, `ANYBODY` or `NOBODY`."""
     span_ns: int
     """For how long, or in how long, ns; sent in steps of 20 ms, rounded down."""
 

@@ -35,11 +35,11 @@ FRAGMENT_HEADER_BYTES: Final = 4
 FEEDBACK_BYTES: Final = 8
 """Longest feedback."""
 MOST_BLOCKS: Final = 4
-"""Most blocks that one feedback tells of."""
+"""Most blocks in one feedback."""
 MOST_TRANSFERS: Final = 64
 """Transfer numbers of a source."""
 NO_FRAGMENT: Final = 0xFFFF
-"""Index of what is no fragment, but something about the object."""
+"""Index of a record about the object that is no fragment."""
 WITHDRAWN: Final = b""
 """What stands behind it when the object is withdrawn."""
 CHECK_BYTES: Final = 4

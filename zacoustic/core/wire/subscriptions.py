@@ -33,11 +33,11 @@ class Subscribe(msgspec.Struct, frozen=True):
     page: int
     """Which eight streams."""
     version: int
-    """Counts what was said of the page, modulo 256."""
+    """Counts the messages about the page, modulo 256."""
     streams: int
     """Bit *i*: the *i*-th stream of the page."""
     is_answer: bool = False
-    """It repeats what was said, to say that it was heard."""
+    """It repeats a message, to acknowledge it."""
 
     @property
     def body(self) -> bytes:

@@ -41,7 +41,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str | None
     """Zenoh encoding, where it is not the stream's."""
     lineage: int
-    """Boot epoch in which the count of the key began."""
+    """Boot epoch of the key's count."""
     number: int
     """Its number in that count, modulo 2^24."""
     payload_bytes: int
@@ -66,7 +66,7 @@ def encode_object(
     lineage: int,
     number: int,
 ) -> tuple[Manifest, bytes]:
-    """Return the manifest of a payload, and both in a row: what is cut into fragments."""
+    """Return the manifest of a payload, and both in a row, to cut into fragments."""
     number %= _NUMBERS
     head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
     head += (lineage * _NUMBERS + number).to_bytes(_PLACE_BYTES, "big") + bytes(instance)

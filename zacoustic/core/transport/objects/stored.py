@@ -27,7 +27,7 @@ _SENT = "/sent"
 
 
 class StoredObject(msgspec.Struct, frozen=True, array_like=True):
-    """An object to be sent."""
+    """An outgoing object."""
 
     object_id: int
     stream_id: int
@@ -63,7 +63,7 @@ class StoredEnd(msgspec.Struct, frozen=True, array_like=True):
 
 
 def out_key(transfer: int) -> str:
-    """Return the key of an object to be sent."""
+    """Return the key of an outgoing object."""
     return f"{_OUT}{transfer}"
 
 
@@ -90,7 +90,7 @@ def encode_group(fragments: list[tuple[int, bytes]]) -> bytes:
 def stored_out(
     stored: Mapping[str, bytes],
 ) -> Iterator[tuple[int, StoredObject, StoredPlace | None]]:
-    """Yield the objects to be sent, by transfer number."""
+    """Yield the outgoing objects, by transfer number."""
     for key, value in stored.items():
         if key.startswith(_OUT) and not key.endswith(_SENT):
             transfer = int(key.removeprefix(_OUT))

@@ -22,7 +22,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     feedback_ns: int
     """Airtime of a frame with a feedback."""
     propagation_ns: int
-    """Propagation delay to reckon with, one way."""
+    """Assumed propagation delay, one way."""
     pause_ns: int
     """Length of a listen window."""
     senses_carrier: bool = True

@@ -37,7 +37,7 @@ COPIED_NS: Final = 30 * NS_PER_S
 
 
 class _Copied:
-    """A sample and what is left to send of it."""
+    """A sample and its copies left to send."""
 
     __slots__ = (
         "copies_left", "due_at", "ends_at", "in_the_dark", "key", "qos", "record", "was_sent"
@@ -56,7 +56,7 @@ class _Copied:
 
 
 class CopiedSamples:
-    """The samples of one node that go several times, and those of others that came so.
+    """The copied samples of one node, and the received copies of others.
 
     Args:
         queue: Takes the copies.
@@ -93,7 +93,7 @@ class CopiedSamples:
         self._queue.push(key, record, qos)
 
     def drop_stream(self, stream_id: int) -> None:
-        """Send nothing more of a stream: nobody wants it, or others than before."""
+        """Send nothing more of a stream: it has no subscribers, or new ones."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
@@ -114,7 +114,7 @@ class CopiedSamples:
             )
             each.was_sent = True
             if invited_at is None and each.in_the_dark:
-                each.in_the_dark -= 1  # nobody pauses for it, as far as is known
+                each.in_the_dark -= 1  # no known pause for it
             else:
                 each.copies_left -= 1
             if each.copies_left <= 0 or listening is None or at > each.ends_at:
@@ -132,7 +132,7 @@ class CopiedSamples:
             each.due_at = invited_at or at + self._times.first_round_trip_ns
 
     def expire(self, now: int) -> None:
-        """Queue what is due, and forget what is too old or was pushed out of the queue."""
+        """Queue due copies, and drop those that are too old or have left the queue."""
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
             is_over = each.was_sent and each.ends_at <= now

@@ -19,9 +19,9 @@ import msgspec
 
 _PRIOR_RECEIVED: Final = 1.5
 _PRIOR_LOST: Final = 0.5
-# The water changes within minutes: what is older than about so many fragments counts half.
+# The channel changes within minutes: observations older than so many fragments count half.
 _MEMORY_FRAGMENTS: Final = 400.0
-# From here on what is left to do costs less than to reckon on.
+# From here on the rest costs less than its computation.
 _HOPELESS: Final = 1e-12
 
 
@@ -47,7 +47,7 @@ class LossEstimate:
 
     @property
     def loss(self) -> float:
-        """The loss to be expected, 0…1."""
+        """The expected loss, 0…1."""
         return self.lost / (self.received + self.lost)
 
 
