@@ -1,4 +1,4 @@
-"""Puts what a scenario says of nodes (`channel.nodefaults`) on the agenda of a network."""
+"""Puts a scenario's node faults (`channel.nodefaults`) on the agenda of a network."""
 
 import random
 from collections.abc import Callable
@@ -41,7 +41,7 @@ class FaultyNetwork(Protocol):
 
 
 def schedule_faults(network: FaultyNetwork, scenario: Scenario) -> None:
-    """Let the modems be unplugged and the nodes crash as the scenario says.
+    """Unplug modems and crash nodes as in the scenario.
 
     Faults of a node without an engine have no effect.
     """

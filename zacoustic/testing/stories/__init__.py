@@ -6,13 +6,13 @@
     told = tell(story)
     assert not told.complaints, told.complaints[0]
 
-- `story`: what a story is: water, faults, tables, who has something to say.
+- `story`: a random scenario: channel, faults, tables, traffic.
 - `drawing`: one for each seed, `random_story`.
 - `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, by which an arrival is
   known again whatever happened to it.
-- `witness`: who watches; `invariants`: those who complain; `tally`: one who counts.
+- `witness`: the checker; `invariants`: the checkers that complain; `tally`: counters.
 
-`zacoustic sim --story SEED` tells the same story again.
+`zacoustic sim --story SEED` runs the same scenario.
 """
 
 from zacoustic.testing.stories.drawing import random_story

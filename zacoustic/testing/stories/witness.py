@@ -1,4 +1,4 @@
-"""Who watches a telling: told of each publication and of what came of it.
+"""The checker of a run: gets each publication with its outcome.
 
 `Telling` knows by the ticket which publication an arrival belongs to, so a witness never looks into
 a payload. All instants are those of the network, ns, whatever the clocks of the nodes say.
@@ -20,11 +20,11 @@ class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A sample or a request that an engine has accepted."""
 
     number: int
-    """Counts all publications of the story, from 1."""
+    """Counts all publications of the run, from 1."""
     node: int
     """Who published it."""
     life: int
-    """Which life of that node, from 1."""
+    """Boot epoch of that node, counted from 1."""
     stream: Stream
     """The stream, as that node's table has it."""
     instance: Instance
@@ -52,11 +52,11 @@ class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     node: int
     """Who has got it."""
     life: int
-    """In which life."""
+    """The receiver's boot epoch, counted from 1."""
     at: int
     """When."""
     again: bool = False
-    """It says of itself that it may have been handed over before, by a life that was cut short."""
+    """It may have been delivered before, by a boot epoch that was cut short."""
 
 
 class Run(Protocol):
@@ -99,22 +99,22 @@ class Witness:
         """An engine has not accepted a sample or a call."""
 
     def received(self, arrived: Arrived) -> None:
-        """A sample was handed over, and is what was published."""
+        """A sample was delivered, equal to the published one."""
 
     def served(self, arrived: Arrived) -> None:
-        """A request was handed over, and is what was asked."""
+        """A request was delivered, equal to the sent one."""
 
     def answered(self, arrived: Arrived) -> None:
-        """A caller has its answer, and it is what the server said."""
+        """A caller has its answer, equal to the server's."""
 
     def failed(self, arrived: Arrived) -> None:
-        """A caller was told that there is no answer."""
+        """A caller got a failure."""
 
     def crashed(self, node: int, at: int) -> None:
         """A node has crashed; its journal is as it is found later."""
 
     def happened(self, node: int, event: Event, at: int) -> None:
-        """An engine has told an event, whatever it was; before the method that is about it."""
+        """An engine has emitted any event; before the method for it."""
 
     def ends(self, telling: Run) -> None:
-        """The story is over."""
+        """The run is over."""
