@@ -19,7 +19,7 @@ from zacoustic.testing.stories.drawing import random_story
 from zacoustic.testing.stories.invariants import INVARIANTS
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
 from zacoustic.testing.stories.telling import Telling, Told, tell
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+from zacoustic.testing.stories.witness import Arrived, Publication, Run, Witness
 
 __all__ = [
     "INVARIANTS",
@@ -27,6 +27,7 @@ __all__ = [
     "Cast",
     "Lane",
     "Publication",
+    "Run",
     "Shape",
     "Story",
     "Telling",

@@ -3,7 +3,7 @@
 That nothing is altered, and nothing comes on a wrong stream, is not here: `Telling` sees it itself.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.qos import Priority, Reliability
@@ -12,10 +12,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.topics.copied import COPIED_NS
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
-
-if TYPE_CHECKING:
-    from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.stories.witness import Arrived, Publication, Run, Witness
 
 
 def is_reliable(stream: Stream) -> bool:
@@ -33,7 +30,7 @@ class NothingTwice(Witness):
     best-effort samples that press, which go again for half a minute.
     """
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """Learn the settling time."""
         self._within_ns = telling.settling_ns + seconds_to_ns(
             telling.story.scenario.faults.jitter_s
@@ -95,7 +92,7 @@ class NothingLost(Witness):
         self._owed: dict[int, set[int]] = {}
         self._by_id: dict[tuple[int, int], Publication] = {}
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """Remember the nodes."""
         self._telling = telling
 
@@ -148,7 +145,7 @@ class NothingLost(Witness):
             )
         self._close(publication)
 
-    def ends(self, telling: "Telling") -> None:
+    def ends(self, telling: Run) -> None:
         """Complain about what never ended."""
         for publication in self._open.values():
             owed = sorted(self._owed[publication.number])
@@ -168,7 +165,7 @@ class OncePerCall(Witness):
         super().__init__()
         self._served: set[tuple[int, int]] = set()
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """Learn whether boot epochs are distinguished."""
         story = telling.story
         self._forgets = bool(story.pool) or story.scenario.faults.journal.keeps is False

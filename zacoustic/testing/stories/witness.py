@@ -4,16 +4,16 @@
 payload. All instants are those of the network, ns, whatever the clocks of the nodes show.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import msgspec
 
 from zacoustic.core.engine.events import Event
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
-
-if TYPE_CHECKING:
-    from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.stories.story import Cast, Story
+from zacoustic.testing.virtual import VirtualNetwork
 
 
 class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
@@ -59,6 +59,26 @@ class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """It may have been delivered before, by a boot epoch that was cut short."""
 
 
+class Run(Protocol):
+    """A story that is being told, as its witnesses see it."""
+
+    @property
+    def story(self) -> Story:
+        """Which."""
+
+    @property
+    def network(self) -> VirtualNetwork:
+        """The nodes, as they are."""
+
+    @property
+    def casts(self) -> Mapping[int, Cast]:
+        """Cast of each node's present life."""
+
+    @property
+    def settling_ns(self) -> int:
+        """Time within which a frame may come a second time, ns."""
+
+
 class Witness:
     """Watches; a subclass overrides what it wants to see, and appends to `complaints`."""
 
@@ -66,7 +86,7 @@ class Witness:
         self.complaints: list[str] = []
         """What must not have happened, one line each."""
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """The nodes are there, and nothing has happened yet."""
 
     def published(self, publication: Publication) -> None:
@@ -96,5 +116,5 @@ class Witness:
     def happened(self, node: int, event: Event, at: int) -> None:
         """An engine has emitted any event; before the method for it."""
 
-    def ends(self, telling: "Telling") -> None:
+    def ends(self, telling: Run) -> None:
         """The run is over."""
