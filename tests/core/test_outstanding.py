@@ -8,7 +8,7 @@ import random
 
 import pytest
 
-from tests.core.rig import End, Rig, link
+from tests.core.rig import End, Pass, Rig, link
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos, Reliability
 from zacoustic.core.clock import seconds_to_ns
@@ -62,7 +62,7 @@ class Changing(Rig):
         self._share = share
         self.replaced = 0
 
-    def exchange(self, *_: object) -> list[bytes]:  # type: ignore[override]
+    def exchange(self, passes: Pass = lambda source, node, transmission: True) -> list[bytes]:
         crossed: list[bytes] = []
         for _ in range(1000):
             found = [(end, end.poll(self.now)) for end in self.ends.values()]
@@ -74,7 +74,7 @@ class Changing(Rig):
                 if is_replaced:
                     self.replace(end)
                 if not is_replaced or self._rng.random() < 0.5:
-                    self.deliver(end.address, sent)
+                    self.deliver(end.address, sent, passes)
                 end.report(sent)  # of a link that was replaced it is nobody's
                 self.answer(self.ends[2])
             if not any(sent for _, sent in found):
