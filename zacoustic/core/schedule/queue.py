@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
@@ -427,6 +427,14 @@ class TransmitQueue:
                 if earliest is None or due_at < earliest:
                     earliest = due_at
         return earliest
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer the most valuable payload that is a reason to send."""
+        for lane, item in self.candidates(now):
+            if lane.due_at <= now:
+                is_urgent = lane.qos.priority is Priority.REAL_TIME
+                return Offer(destination=item.destination, rank=lane.rank, ignores_hold=is_urgent)
+        return None
 
     def drop_expired(self, now: int) -> int | None:
         """Forget what is too old; returns when the next payload will be, ns, or None."""
