@@ -351,7 +351,7 @@ class EndpointMaker:
             action_type: As for `create_action_client`.
             name: The action.
             execute_callback: Pursues a goal, in a task of its own: a coroutine function that takes
-                a `ServerGoalHandle`, says there how the goal ended, and returns the result.
+                a `ServerGoalHandle`, sets there how the goal ended, and returns the result.
             qos: Priority and linger of feedback and results; None: as configured.
             goal_callback: Takes the goal and tells whether it is accepted, at once; None: all are.
                 What it raises rejects the goal, with its text.
