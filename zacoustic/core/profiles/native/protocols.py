@@ -21,6 +21,7 @@ from zacoustic.core.base.stats import EngineStats, count
 from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
@@ -103,7 +104,10 @@ class Protocols:
         self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(address, epoch, table, generators.of("handshake"))
+        self.peers = peers = Peers()
+        self.handshake = handshake = Handshake(
+            address, epoch, table, peers, generators.of("handshake")
+        )
         self.contact = Contact(address, table, rules.contact, generators.of("contact"), emit)
         self.ranging = Ranging(address, table, generators.of("ranging"), emit)
         self.repeater = Repeater(queue, generators.of("repeater"), handshake.introduce)
@@ -206,6 +210,8 @@ class Protocols:
         self.composer = Composer(queue, handshake, self.dense, self.ranging, stats)
         self.composer.objects = self.large.objects
         self.composer.contact = self.contact
+        for each in (self.services, self.actions, self.sending, self.demand, self.dense):
+            peers.on_restart(each.peer_restarted)
         self._write_epoch()
 
     @property

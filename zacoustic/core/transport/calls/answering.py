@@ -204,7 +204,7 @@ class Answering:
         self._stop_answer(served, now, answered=True)
         served.is_closed = True
 
-    def client_restarted(self, client: int, epoch: int, now: int) -> None:
+    def peer_restarted(self, client: int, epoch: int, now: int) -> None:
         """Answer the calls of this life of a client only.
 
         Those of the others stay known: the frame that told of this life may be a late duplicate.

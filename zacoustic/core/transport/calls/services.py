@@ -101,7 +101,7 @@ class Services:
         """Answers a request with an error; see `Engine.reply_error`."""
         self.serve_here = self._answering.serve_here
         """Gives a service to a handler in the engine."""
-        self.client_restarted = self._answering.client_restarted
+        self.peer_restarted = self._answering.peer_restarted
         """To be told when a node has told a new epoch."""
         self._linger_s = 0.0
 

@@ -178,7 +178,7 @@ class DenseStreams:
 
     # What changes
 
-    def peer_restarted(self, address: int) -> None:
+    def peer_restarted(self, address: int, epoch: int, now: int) -> None:
         """A peer begins a new life: it knows nothing of us, and nothing that we know of it."""
         self._heard.pop(address, None)
         self.peer_forgot(address)

@@ -206,6 +206,10 @@ class ReliableSending:
                 if source in lane.receptions:
                     lane.due_soon(source)
 
+    def peer_restarted(self, source: int, epoch: int, now: int) -> None:
+        """A node has begun a new life."""
+        self.lost_sync(source, now)
+
     def lost_sync(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
         for lane in self._lanes:
