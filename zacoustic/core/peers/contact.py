@@ -22,6 +22,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.streams.table import StreamTable
 
 LEAST_HEARTBEAT_S: Final = 1.0
@@ -81,6 +82,7 @@ class Contact:
         address: Address of the node.
         table: Its table; what it lists are the nodes there are.
         rules: What the config says.
+        peers: The other nodes.
         rng: Draws the pauses.
         emit: Takes events.
     """
@@ -90,6 +92,7 @@ class Contact:
         address: int,
         table: StreamTable,
         rules: ContactRules,
+        peers: Peers,
         rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
     ) -> None:
@@ -101,6 +104,7 @@ class Contact:
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
         self._sightings: dict[int, Sighting] = {}
+        peers.on_forget(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
@@ -164,6 +168,9 @@ class Contact:
         }
 
     # Below the methods above
+
+    def _forget(self, address: int, now: int) -> None:
+        self._sightings.pop(address, None)
 
     def _lost_after_s(self, address: int) -> float | None:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)

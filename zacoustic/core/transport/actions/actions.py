@@ -222,6 +222,10 @@ class Actions:
         self._server.client_restarted(peer, now)
         self._client.server_restarted(peer, now)
 
+    def peer_forgotten(self, peer: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its goals ran."""
+        self._server.client_forgotten(peer, now)
+
     def expire(self, now: int) -> None:
         """Do what is due."""
         self._client.expire(now)

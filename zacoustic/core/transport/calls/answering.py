@@ -218,6 +218,11 @@ class Answering:
                 if served.is_answerable:
                     self._send_answer(key, served, now)
 
+    def peer_forgotten(self, client: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its calls ran."""
+        for key, _ in self._calls.of(client):
+            self._forget(key, now)
+
     # For the timer
 
     def expire(self, now: int) -> None:

@@ -220,6 +220,13 @@ class Services:
             return "unconfirmed"  # it may be of a former life of its sender
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node; calls to it are given up."""
+        for call_id in self._clients.to_node(address):
+            self.cancel(call_id, now)
+        self._clients.forget(address)
+        self._answering.peer_forgotten(address, now)
+
     def epoch_changed(self) -> None:
         """This node has begun a new epoch.
 

@@ -92,6 +92,11 @@ class CopiedSamples:
             self._copied[id(record)] = _Copied(key, record, qos, copies, now + COPIED_NS)
         self._queue.push(key, record, qos)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which copies of it came."""
+        for key in [key for key in self._came if key[0] == source]:
+            del self._came[key]
+
     def drop_stream(self, stream_id: int) -> None:
         """Send nothing more of a stream: nobody wants it, or others than before."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:

@@ -183,6 +183,10 @@ class DenseStreams:
         self._heard.pop(address, None)
         self.peer_forgot(address)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self.peer_restarted(address, 0, now)
+
     def peer_forgot(self, address: int) -> None:
         """A peer does not know us any more."""
         if self._speaker is not None:

@@ -130,6 +130,11 @@ class Replies:
         """There is nothing to say."""
         self._replies.pop(place, None)
 
+    def forget(self, source: int) -> None:
+        """Say nothing more to a source."""
+        for place in [place for place in self._replies if place[0] == source]:
+            self.drop(place)
+
     def transmitted(self, finished_at: int, timing: Timing) -> None:
         """The answer has been on the air: repeat it, or not."""
         place, self._speaking = self._speaking, None
