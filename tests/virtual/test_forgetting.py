@@ -4,6 +4,7 @@ import gc
 import random
 import types
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
@@ -59,7 +60,7 @@ class Meetings:
         now_s = network.now / NS_PER_S
         network.start(address)
         for turn in range(3):
-            network.at(now_s + 10 + 60 * turn, lambda turn=turn: self._speak(address, turn, rng))
+            network.at(now_s + 10 + 60 * turn, partial(self._speak, address, turn, rng))
         network.at(now_s + 200, lambda: network.publish(address, fleet.LOG, bytes(900)))
         network.run(until_s=now_s + PRESENT_S)
         network.crash(address)
@@ -79,7 +80,7 @@ class Meetings:
                 value = fleet.value_of(stream_id, 1 + turn, 8)
                 network.publish(address, stream_id, value, instance=part)
         for stream_id in fleet.ON_DEMAND:
-            network.apply(address, lambda engine, now, it=stream_id: engine.demand.want(it, now))
+            network.apply(address, partial(_want, stream_id))
             network.publish(SHORE, stream_id, rng.randbytes(8))
         network.publish(SHORE, fleet.NAV, fleet.value_of(fleet.NAV, 1 + turn, 8))
         network.apply(address, lambda engine, now: engine.call(fleet.ARM, b"arm", now))
@@ -135,6 +136,10 @@ def test_nodes_that_are_forgotten_leave_nothing_behind(count: Callable[[int], in
     assert reached(meetings.shore) - objects < 60
     assert not any(meetings.shore.peers().values())
     assert meetings.shore.measurements.addresses() == []
+
+
+def _want(stream_id: int, engine: Engine, now: int) -> None:
+    engine.demand.want(stream_id, now)
 
 
 def reached(root: object) -> int:

@@ -84,7 +84,7 @@ class RosMessage:
             become an age, and is not zero.
 
         Raises:
-            PayloadInvalidError: It is no such message, or not what an overlay says.
+            PayloadInvalidError: It is no such message, or violates an overlay.
         """
         try:
             message: Any = self._store.deserialize_cdr(cdr, self.name)

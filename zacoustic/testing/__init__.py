@@ -1,7 +1,7 @@
 """What one needs to test links and applications: shipped, so that third parties can use it.
 
 `virtual` runs many real engines on the simulated channel in virtual time, and lets nodes crash;
-`stories` are random weather for them, with what must hold in any; `conformance` is the battery that
+`stories` are random scenarios with their invariants; `conformance` is the battery that
 every link passes.
 """
 

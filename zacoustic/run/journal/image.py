@@ -16,18 +16,18 @@ PAGE_BYTES: Final = 4096
 _LOG_HEADER: Final = struct.Struct(">8I")
 _FRAME_HEADER: Final = struct.Struct(">6I")
 _MAGIC: Final = 0x377F0682
-"""The lowest bit says in which order the running check reads bytes: 1 is big-endian."""
+"""The lowest bit is the byte order of the running check: 1 is big-endian."""
 _CHECKED_BYTES: Final = 24, 8
 """Of the header of the log, and of each frame, so much is in the check."""
 _VERSIONS_AT: Final = slice(18, 20)
-"""Where a database says whether it has a log."""
+"""Offset of a database's flag for its log."""
 _MOST_PAGES: Final = 1 << 18
-"""A gigabyte: what a damaged log says beyond that is not believed."""
+"""A gigabyte: a damaged log with a larger size is not believed."""
 _MASK: Final = 0xFFFFFFFF
 
 
 def image_of(main: bytes, log: bytes, *, strict: bool = True) -> bytes:
-    """Return a database of one file, without a log; what is damaged in the two is so in it.
+    """Return a database of one file, without a log; damage of the two stays in it.
 
     Args:
         main: The file.

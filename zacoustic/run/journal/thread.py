@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 async def recover(journal: Journal) -> JournalState:
-    """Begin a life off the loop; see `Journal.recover`.
+    """Begin a boot epoch off the loop; see `Journal.recover`.
 
     Raises:
         ConfigError: The store cannot be opened, read or written.
@@ -87,7 +87,7 @@ class JournalThread:
     async def settle(self) -> None:
         """Forget what waits for an engine that is no more; on return no commit is under way.
 
-        What is committed meanwhile is told as always; writes of no engine (`NO_WRITE`) still wait.
+        Commits meanwhile are reported as always; writes of no engine (`NO_WRITE`) still wait.
         """
         kept = self._waiting[self._under_way :]
         self._waiting[self._under_way :] = _of_no_engine(kept)

@@ -48,7 +48,7 @@ class Faults:
         self._frames: dict[bytes, tuple[int, int]] = {}
 
     def refuses(self, frame_bytes: bytes, now: int) -> bool:
-        """Tell whether a frame is not to be taken now: it has raised, or there were too many."""
+        """Tell whether to refuse a frame now: it has raised, or there were too many."""
         _, until = self._frames.get(frame_bytes, (0, 0))
         return now < until or now < self._deaf_until
 

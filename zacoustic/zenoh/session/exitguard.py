@@ -27,7 +27,7 @@ class ExitGuard:
     def __init__(self, close: Callable[[], None]) -> None:
         self._close = close
         self._dismissed = threading.Event()
-        # A thread is a daemon where its maker is one, unless it is told otherwise.
+        # A thread is a daemon if its maker is one, unless set otherwise.
         threading.Thread(target=self._watch, name="exit guard", daemon=False).start()
 
     def dismiss(self) -> None:

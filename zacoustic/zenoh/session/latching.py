@@ -23,7 +23,7 @@ Latched = zenoh.ext.AdvancedPublisher | zenoh.Publisher
 
 
 def stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file says something of it: caches need that."""
+    """Have all samples stamped, unless the file sets it: caches need that."""
     if json.loads(settings.get_json("timestamping/enabled")) is None:
         everywhere = {"router": True, "peer": True, "client": True}
         settings.insert_json5("timestamping/enabled", json.dumps(everywhere))

@@ -10,7 +10,7 @@ from zacoustic.errors import PayloadInvalidError
 
 
 def said_encoding(encoding: object, otherwise: str) -> str:
-    """Return the encoding of a sample; `otherwise` for Zenoh's default and None, which say nothing.
+    """Return the encoding of a sample; `otherwise` for Zenoh's default and None.
 
     Args:
         encoding: What Zenoh gives; its text counts.
@@ -21,7 +21,7 @@ def said_encoding(encoding: object, otherwise: str) -> str:
 
 
 def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
-    """Read what somebody on the island sent: a dict, or bytes.
+    """Decode a local payload: a dict, or bytes.
 
     Raises:
         PayloadInvalidError: It cannot be read.
@@ -30,7 +30,7 @@ def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
 
 
 def write_value(value: object, spec: TypeSpec | None, encoding: str) -> bytes:
-    """Write a value for the island.
+    """Encode a value for the local network.
 
     Raises:
         PayloadInvalidError: The encoding cannot carry it, or it is opaque and not bytes.

@@ -7,7 +7,7 @@ What the engine does with it::
     transmitted                                           each frame of this node has ended
     hold_until                                            until then nothing else should start
     fragment, feedback                                    what arrived
-    restore                                               once, with what former lives have kept
+    restore                                               once, with entries of former boot epochs
 
 A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of
 the listen windows are those of medium access, which is told when a transfer is exclusive.
@@ -53,9 +53,9 @@ class Objects:
         limits: How much memory they may take.
         generators: One for each component that draws.
         gate: Knows the table, and when it is whose turn; takes complete objects, once each.
-        owner: Is told of own objects, and knows when it is their turn.
+        owner: Gets events of own objects, and knows when it is their turn.
         emit: Takes progress.
-        journal: Keeps what is to survive.
+        journal: Keeps what must survive a restart.
     """
 
     def __init__(
@@ -110,11 +110,11 @@ class Objects:
     def restore(
         self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
     ) -> list[tuple[int, Manifest]]:
-        """Go on with what former lives have kept, before anything else.
+        """Restore the entries of former boot epochs, before anything else.
 
         Args:
             stored: What they have kept.
-            accept: Tells whether an own object is still to be sent; if not, it is forgotten.
+            accept: Returns whether to resume an own object; if not, it is forgotten.
 
         Returns:
             What was handed on: source and manifest.
@@ -135,7 +135,7 @@ class Objects:
         return handed_on
 
     def link_up(self, now: int) -> None:
-        """The link is up: what a former life was about to hand on is handed on."""
+        """The link is up: deliver what a former boot epoch was about to deliver."""
         self._incoming.link_up(now)
 
     # Commands
@@ -171,12 +171,12 @@ class Objects:
             lineage: Where it stands in the count of its key.
             number: Its number there.
             receivers: Who is to have it, at least one.
-            stream_digest: Of its topic: a later life goes on only if it is the same.
+            stream_digest: Of its topic: a later boot epoch resumes only if it is the same.
             keep: It survives a restart.
             priority: Which of several objects goes first.
             exclusive: Send without listen windows.
-            lifespan_s: Withdraw it after so long, s, in a later life.
-            expires_at: Withdraw it at this instant, ns, in this life; None: never.
+            lifespan_s: Withdraw it after so long, s, in a later boot epoch.
+            expires_at: Withdraw it at this instant, ns, in this boot epoch; None: never.
 
         Raises:
             PayloadTooLargeError: More than an index can name on this link.
@@ -207,7 +207,7 @@ class Objects:
         Args:
             name: Of the topic.
             payload_bytes: Its size.
-            most_bytes: Largest of this topic; None: as the node says.
+            most_bytes: Largest of this topic; None: the node's limit.
 
         Raises:
             PayloadTooLargeError: Says how large it is and how large it may be.
@@ -236,7 +236,7 @@ class Objects:
         return self._incoming.cancel(source, transfer)
 
     def stream_coming(self, source: int, transfer: int) -> int:
-        """Return the stream of an object on its way to here, 0 while nobody has said it."""
+        """Return the stream of an incoming object, 0 while unknown."""
         return self._incoming.stream_of(source, transfer)
 
     def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
@@ -262,11 +262,11 @@ class Objects:
         return min((at for at in instants if at is not None), default=None)
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether a source is to be told what has come of an object."""
+        """Tell whether to send feedback about an object."""
         return self._incoming.due_at(now) is not None
 
     def offer(self, now: int) -> Offer | None:
-        """Return what is due now: an answer before a fragment."""
+        """Return the due record: feedback before a fragment."""
         if self._timing is None:
             return None
         destination = self._incoming.destination(now)
@@ -305,7 +305,7 @@ class Objects:
         return Taken(stream_id=stream_id, record=record, header_bytes=len(record))
 
     def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
-        """Take the fragment that `offer` told of, if it fits.
+        """Take the fragment of `offer`, if it fits.
 
         Args:
             room_bytes: What the frame has for it.
@@ -376,7 +376,7 @@ class Objects:
         return None if self._outgoing.answered(source, feedback, now) else "object_answer"
 
     def expire(self, now: int) -> None:
-        """Withdraw what is too old."""
+        """Withdraw expired objects."""
         self._outgoing.expire(now)
 
     def next_deadline_at(self) -> int | None:
@@ -391,12 +391,12 @@ class Objects:
 
     @property
     def incoming_bytes(self) -> int:
-        """Bytes that what has come of unfinished objects of others takes."""
+        """Bytes of all unfinished incoming objects."""
         return self._incoming.memory_bytes
 
     @property
     def is_idle(self) -> bool:
-        """Nothing is to be sent."""
+        """There is nothing to send."""
         return not len(self._outgoing)
 
     @property
@@ -411,7 +411,7 @@ class Objects:
         return at if sending is not None else None
 
     def _sending(self, now: int) -> Sending | None:
-        """Return the object of which a fragment is due now."""
+        """Return the object with a due fragment."""
         if self._incoming.quiet_until > now:
             return None
         sending, at = self._outgoing.next(now)

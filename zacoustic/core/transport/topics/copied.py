@@ -1,11 +1,11 @@
-"""Best-effort samples that press go several times where somebody is in a run.
+"""Urgent best-effort samples go several times while another node is in a run.
 
-Nobody acknowledges a best-effort sample, so nobody repeats it, and most of those for a node that
-sends an object would meet its run. One of priority `real_time` that is published while a run is
-heard goes eight times, four copies in each of two pauses
-(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. It is numbered
-for that, by SYNC, so that it is handed on once; what is published while nobody is in a run goes
-once, without a number.
+A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
+an object would collide with its run. A sample of priority `real_time` that is published while a run
+is heard goes eight times, four copies in each of two pauses
+(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. SYNC numbers
+it, so that it is delivered once; a sample that is published without a run goes once, without a
+number.
 
 A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
 that restarts knows no numbers, and would take an old one for new.
@@ -37,7 +37,7 @@ COPIED_NS: Final = 30 * NS_PER_S
 
 
 class _Copied:
-    """A sample and what is left to send of it."""
+    """A sample and its copies left to send."""
 
     __slots__ = (
         "copies_left", "due_at", "ends_at", "in_the_dark", "key", "qos", "record", "was_sent"
@@ -56,7 +56,7 @@ class _Copied:
 
 
 class CopiedSamples:
-    """The samples of one node that go several times, and those of others that came so.
+    """The copied samples of one node, and the received copies of others.
 
     Args:
         queue: Takes the copies.
@@ -98,7 +98,7 @@ class CopiedSamples:
             del self._came[key]
 
     def drop_stream(self, stream_id: int) -> None:
-        """Send nothing more of a stream: nobody wants it, or others than before."""
+        """Send nothing more of a stream: it has no subscribers, or new ones."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
@@ -119,7 +119,7 @@ class CopiedSamples:
             )
             each.was_sent = True
             if invited_at is None and each.in_the_dark:
-                each.in_the_dark -= 1  # nobody pauses for it, as far as is known
+                each.in_the_dark -= 1  # no known pause for it
             else:
                 each.copies_left -= 1
             if each.copies_left <= 0 or listening is None or at > each.ends_at:
@@ -137,7 +137,7 @@ class CopiedSamples:
             each.due_at = invited_at or at + self._times.first_round_trip_ns
 
     def expire(self, now: int) -> None:
-        """Queue what is due, and forget what is too old or was pushed out of the queue."""
+        """Queue due copies, and drop those that are too old or have left the queue."""
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
             is_over = each.was_sent and each.ends_at <= now

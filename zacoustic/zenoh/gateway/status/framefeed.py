@@ -74,7 +74,7 @@ class FrameFeed:
         self._runner.watch = None
 
     def _see(self, name: str, status: zenoh.MatchingStatus) -> None:
-        """Note that somebody listens, or nobody does any more; on a thread of Zenoh's."""
+        """Note whether there are subscribers; on a thread of Zenoh's."""
         with self._guard:
             self._matching[name] = bool(status.matching)
         tell_loop(self._loop, self._settle)

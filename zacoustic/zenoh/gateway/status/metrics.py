@@ -92,7 +92,7 @@ class _HealthCollector(Collector):
         def ask() -> None:
             try:
                 answer.set_result(msgspec.to_builtins(self._documents(), str_keys=True))
-            except Exception as error:  # handed on to whoever waits, who logs it
+            except Exception as error:  # handed on to the waiting caller, which logs it
                 answer.set_exception(error)
 
         tell_loop(self._loop, ask)

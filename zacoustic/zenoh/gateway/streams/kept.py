@@ -67,7 +67,7 @@ class KeptSamples:
     def recover(
         self, stored: Mapping[str, bytes], table: StreamTable
     ) -> Iterator[tuple[Stream, LastValue]]:
-        """Yield what a former life has kept, in its order; what nobody reads any more is deleted.
+        """Yield what a former boot epoch has kept, in order; delete unreadable entries.
 
         Args:
             stored: What the journal has kept.
@@ -100,7 +100,7 @@ class KeptSamples:
             )
 
     def keep(self, stream: Stream, value: LastValue) -> None:
-        """Write down a sample that was put on the island."""
+        """Journal a sample that was put on the local network."""
         received_utc_ns = self._wall_clock() - (self._clock() - value.received_at)
         entry = msgspec.msgpack.encode(
             _Entry(

@@ -1,10 +1,10 @@
-"""When a receiver speaks of the objects that it receives.
+"""When a receiver sends feedback about the objects that it receives.
 
-It speaks when it is called: at once when the sender waits for an answer; and when it has the object
-and the sender does not know, into the sender's next listen window (when that is, medium access
-knows: `zacoustic.core.schedule.access.listening`). An answer that is asked for is repeated where
-fragments are being lost, as long as the copies leave before the sender can react to the first.
-Several receivers speak one after the other.
+It does so on request: at once when the sender waits for an answer; and when it has the object and
+the sender does not know it, in the sender's next listen window (which medium access knows:
+`zacoustic.core.schedule.access.listening`). A requested answer is repeated while fragments are
+lost, as long as the copies leave before the sender can react to the first. Several receivers answer
+one after the other.
 """
 
 import random
@@ -47,7 +47,7 @@ class Replies:
         self._replies: dict[Place, _Reply] = {}
         self._speaking: Place | None = None
         self.quiet_until = 0
-        """Until then fragments of somebody else, or an exchange with him, are expected."""
+        """Until then fragments of another node, or an exchange with it, are expected."""
 
     def called(
         self, place: Place, call: Call, heard_at: int, timing: Timing, *, loss: float
@@ -76,8 +76,8 @@ class Replies:
             call: When it listens.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            rank: So many receivers speak before this one.
-            others: How many there are beside it.
+            rank: So many receivers answer before this one.
+            others: Number of the other receivers.
             repeats: It has said the same before. Since they are not equally far away, it may have
                 met the answer of another then, and would again.
         """
@@ -96,7 +96,7 @@ class Replies:
             place: Which object.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            tell: It had better know that it need not.
+            tell: The source should learn that it need not send more.
             window: A listen window begins now, and then others.
         """
         self.quiet_until = heard_at + timing.slot_ns + timing.pause_ns
@@ -114,7 +114,7 @@ class Replies:
         return min((reply.at for _, reply in self._sayable()), default=None)
 
     def due(self, now: int, source: int | None = None) -> list[Place]:
-        """Return the objects of which something is to be said now, to one source or to all."""
+        """Return the objects with due feedback, to one source or to all."""
         due = [
             (reply.at, place)
             for place, reply in self._sayable()
@@ -127,7 +127,7 @@ class Replies:
         self._speaking = place
 
     def drop(self, place: Place) -> None:
-        """There is nothing to say."""
+        """There is no feedback to send."""
         self._replies.pop(place, None)
 
     def forget(self, source: int) -> None:

@@ -1,4 +1,4 @@
-"""The objects that a node sends: which of them is next, and what is written down of them."""
+"""The objects that a node sends: which of them is next, and their journal entries."""
 
 import random
 from collections.abc import Callable, Set
@@ -36,7 +36,7 @@ class Sending(msgspec.Struct, kw_only=True):
     exclusive: bool
     lifespan_ns: int | None
     expires_at: int | None
-    """When it becomes too old; None: never, or of a life before and not yet reckoned."""
+    """When it expires; None: never, or of a former boot epoch and not yet computed."""
     outgoing: OutgoingObject
     keeps: bool
     """It survives a restart."""
@@ -47,7 +47,7 @@ class Sending(msgspec.Struct, kw_only=True):
     seed_kept: int = 0
     """Seeds below are noted as sent."""
     told_bytes: int = 0
-    """What was told to be on the air."""
+    """Bytes reported as transmitted."""
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -75,12 +75,12 @@ class OutgoingObjects:
     """All objects that one node sends.
 
     Args:
-        epoch: Its boot epoch: lives in a row begin with other transfer numbers.
+        epoch: Its boot epoch: successive epochs begin with different transfer numbers.
         most: Most objects at a time, those that wait included.
         rng: Draws pauses.
         emit: Takes progress.
-        owner: Is told of them, and knows when it is their turn.
-        journal: Keeps what is to survive.
+        owner: Gets their events, and knows when it is their turn.
+        journal: Keeps what must survive a restart.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class OutgoingObjects:
         transfer: int | None = None,
         expires_at: int | None = None,
     ) -> None:
-        """Take an object to be sent.
+        """Take an object to send.
 
         Raises:
             PayloadTooLargeError: More fragments than an index can name.
@@ -181,14 +181,14 @@ class OutgoingObjects:
             )
 
     def restore(self, transfer: int, order: StoredObject, place: StoredPlace) -> None:
-        """Go on with an object of a life before."""
+        """Resume an object of a former boot epoch."""
         self.add(order, 0, transfer=transfer)
         sending = self._sendings[transfer]
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_kept, sending.seed_kept = place.next_source, place.next_seed
 
     def forget(self, transfer: int) -> None:
-        """Forget an object of a life before."""
+        """Forget an object of a former boot epoch."""
         self._journal.write(sent_key(transfer), None)
         self._journal.write(out_key(transfer), None)
 
@@ -212,7 +212,7 @@ class OutgoingObjects:
                 self._conclude(sending)
 
     def expire(self, now: int) -> None:
-        """Withdraw what is too old."""
+        """Withdraw expired objects."""
         for sending in list(self._sendings.values()):
             at = sending.expires_at
             if at is not None and at <= now and not sending.outgoing.is_withdrawn:
@@ -232,10 +232,10 @@ class OutgoingObjects:
     # Sending
 
     def use_link(self, fragment_bytes: int, now: int) -> None:
-        """Cut anew what is too large for the frames of a link."""
+        """Cut objects again whose fragments are too large for a link's frames."""
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
-                # How old it was, no clock tells: its lifespan begins anew.
+                # Its age is unknown without a clock: its lifespan starts again.
                 sending.expires_at = now + sending.lifespan_ns
             before = sending.outgoing
             if before.fragments.layout.fragment_bytes <= fragment_bytes:
@@ -313,11 +313,11 @@ class OutgoingObjects:
         return sending, fragment
 
     def next_bytes(self, sending: Sending, now: int) -> int:
-        """Return the bytes of data in what is sent next of an object."""
+        """Return the bytes of data in the next record of an object."""
         return CHECK_BYTES if self._turn(sending, now) else sending.outgoing.fragment_bytes
 
     def next_destination(self, sending: Sending, now: int) -> int:
-        """Return the address that what is sent next of an object goes to."""
+        """Return the destination of the next record of an object."""
         return self._turn(sending, now) or sending.outgoing.destination
 
     def _turn(self, sending: Sending, now: int) -> int | None:
@@ -352,7 +352,7 @@ class OutgoingObjects:
         )
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
-        """Take a feedback; False when it belongs to no object or says nothing new."""
+        """Take a feedback; False when it belongs to no object or is not new."""
         sending = self._sendings.get(feedback.transfer)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
@@ -371,7 +371,7 @@ class OutgoingObjects:
                 self._conclude(sending)
 
     def _conclude(self, sending: Sending) -> None:
-        """Tell of an object of which a receiver has told, and end it after the last."""
+        """Report an object after a receiver's feedback, and end it after the last one."""
         outgoing = sending.outgoing
         if not outgoing.is_finished:
             self._report(sending, ObjectState.UNDER_WAY, "")

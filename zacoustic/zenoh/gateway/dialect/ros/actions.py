@@ -49,13 +49,13 @@ _SERVICES: Final = (ActionKey.SEND_GOAL, ActionKey.CANCEL_GOAL, ActionKey.GET_RE
 
 
 class RosActionForm(ActionForm):
-    """What is said about the goals of one action.
+    """Messages about the goals of one action.
 
     Args:
         stream: The action.
         action: What it is in ROS.
         graph: Its endpoints.
-        island: Where it is.
+        island: The session.
         wall_clock: What time it is, ns since 1970.
     """
 
@@ -221,7 +221,7 @@ class RosActionForm(ActionForm):
         return Ending(status=status, result=said.get("result", {}) if has_result else None)
 
     def write_refusal(self, which: ActionKey) -> bytes | None:
-        """Write a response that says no: clients of ROS pass over error replies."""
+        """Write a negative response: clients of ROS ignore error replies."""
         if which is ActionKey.GET_RESULT:
             return self.write_ending(Ending(status=GoalStatus.UNKNOWN))
         return self.write_verdict(which, (), Verdict(accepted=False))
@@ -243,7 +243,7 @@ class RosActionForm(ActionForm):
 
 
 def putter(form: ActionForm) -> Callable[[ActionKey, bytes], None]:
-    """Return what puts feedback and status of goals beyond the water."""
+    """Return what puts feedback and status of remote goals."""
     assert isinstance(form, RosActionForm)
     return form.put
 

@@ -1,4 +1,4 @@
-"""The graph of ROS on one island: own endpoints, and those of others.
+"""The ROS graph of one local network: own endpoints, and those of others.
 
 The problem: a client waits until it sees a server, a subscription asks a publisher's cache, and
 `ros2 topic list` lists what has tokens. All of that the gateway has to be for what lives beyond the
@@ -36,7 +36,7 @@ _CALLED: Final = {
 
 
 class Graph:
-    """What is known of the ROS graph of an island.
+    """The known ROS graph of a local network.
 
     Args:
         domain: ``ROS_DOMAIN_ID``.
@@ -116,7 +116,7 @@ class Graph:
     # Others
 
     def take(self) -> bool:
-        """Take in what was seen, on the loop; tells whether anybody came or went."""
+        """Take observations, on the loop; return whether any endpoint came or went."""
         with self._guard:
             news, self._news = self._news, {}
             has_changed, self._has_changed = self._has_changed, False
@@ -125,7 +125,7 @@ class Graph:
         return has_changed
 
     def serves(self, key: RosKey) -> bool:
-        """Tell whether a program on this island serves a service."""
+        """Tell whether a local program serves a service."""
         with self._guard:
             return bool(self._servers.get(f"/{key.name}"))
 
