@@ -12,12 +12,11 @@ from tests.hostile import fleet
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import Event, GoalReceived, RequestReceived
+from zacoustic.core.engine.events import Event, GoalReceived, GoalStatus, RequestReceived
 from zacoustic.core.linktypes import LinkMetrics, PeerMeasured
 from zacoustic.core.streams.commands import Order, OrderKind
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalStatus
 from zacoustic.testing.virtual import VirtualNetwork
 
 SHORE = fleet.SERVER
