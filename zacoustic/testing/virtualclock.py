@@ -1,8 +1,8 @@
 """The clocks of a node in a `VirtualNetwork`: one that drifts, and one that people set.
 
 The monotonic clock is what the engine gets as `now`. It goes as fast as the crystal does, and
-begins anew when the computer does, so an instant of it means nothing in another life. The wall
-clock is what people set, forward and back, by years if they like; no engine may depend on it.
+starts again with the computer, so an instant of it means nothing after a reboot. The wall clock is
+what people set, forward and back, by years if they like; no engine may depend on it.
 """
 
 from typing import Final

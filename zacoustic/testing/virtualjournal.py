@@ -1,8 +1,8 @@
 """The journal of a node in a `VirtualNetwork`: a dictionary that survives its engine.
 
-It behaves as a real one: what an engine hands out while a commit is under way waits for the next
-commit, a commit takes its time, and it is there all or none. A crash before its end takes it away;
-with a chance (`JournalSpec.untold`) it had been written all the same, and nobody was told.
+It behaves like a real one: writes during a commit wait for the next commit, a commit takes its
+time, and it is there all or none. A crash before its end loses it; with a probability
+(`JournalSpec.untold`) it had been written all the same, without a report.
 """
 
 import random

@@ -1,7 +1,7 @@
 """The channel of a `VirtualNetwork` and its modems: from a transmission to its receptions.
 
-`zacoustic.channel.Medium` knows what sound does; here is what the modems do with it. They outlive
-the engines: what a modem has begun it ends, whoever has crashed meanwhile.
+`zacoustic.channel.Medium` computes the sound; here are the modems. They outlive the engines: a
+modem ends what it has begun, also after a crash of its node.
 """
 
 import random

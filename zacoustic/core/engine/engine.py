@@ -227,7 +227,6 @@ class Engine:
         if not self._transmitter.finish(report, now):
             self.stats.drop("stray_report")
             return
-        self._protocols.handle_report(report, now)
         outcome = report.outcome.value
         self.stats.reports[outcome] = self.stats.reports.get(outcome, 0) + 1
         self._trace.note(now, "report", detail=outcome)

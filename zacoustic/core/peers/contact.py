@@ -22,6 +22,8 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 from zacoustic.core.streams.table import StreamTable
@@ -126,12 +128,18 @@ class Contact:
 
     # Heartbeats
 
-    @property
-    def due_at(self) -> int | None:
-        """Instant at which a heartbeat is due, ns; None: never."""
+    def due_at(self, now: int) -> int | None:
+        """Return the instant at which a heartbeat is due, ns; None: never."""
         if self._rules.heartbeat_s is None or not self._said_at:
             return None
         return min(self._said_at.values()) + self._pause_ns
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer a heartbeat that is due."""
+        due_at = self.due_at(now)
+        if due_at is None or due_at > now:
+            return None
+        return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, must_go=Cause.HEARTBEAT)
 
     def transmitted(self, destination: int, now: int) -> None:
         """A frame goes to a node, or to all."""

@@ -55,6 +55,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.introducing import Introductions
 from zacoustic.core.peers.peer import Peer
@@ -186,7 +187,19 @@ class Handshake:
                     peer.speak_at = None
         return taken
 
-    def speak_next(self) -> tuple[int, int] | None:
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame goes that only says what is owed, ns, or None."""
+        speak = self._speak_next()
+        return speak and speak[0]
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer what found no room in time: it goes before what else waits."""
+        speak = self._speak_next()
+        if speak is None or speak[0] > now:
+            return None
+        return Offer(destination=speak[1], owed_first=True, rides=True)
+
+    def _speak_next(self) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
         waiting = [
             (peer.speak_at, address)

@@ -21,6 +21,7 @@ from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
@@ -75,6 +76,7 @@ class Waiting:
         "for_one_node",
         "head",
         "is_copy",
+        "part",
         "payload",
         "prefix",
         "queued_at",
@@ -124,6 +126,8 @@ class Waiting:
         """How often it was sent in a row."""
         self.is_copy = False
         """It was just sent, and is to follow that at once, where it is heard out."""
+        self.part: Part | None = None
+        """Who is told what becomes of its transmissions; None: nobody asks."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
     def head_at(self, now: int) -> bytes:
@@ -434,6 +438,14 @@ class TransmitQueue:
                 if earliest is None or due_at < earliest:
                     earliest = due_at
         return earliest
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer the most valuable payload that is a reason to send."""
+        for lane, item in self.candidates(now):
+            if lane.due_at <= now:
+                is_urgent = lane.qos.priority is Priority.REAL_TIME
+                return Offer(destination=item.destination, rank=lane.rank, ignores_hold=is_urgent)
+        return None
 
     def drop_expired(self, now: int) -> int | None:
         """Forget what is too old; returns when the next payload will be, ns, or None."""

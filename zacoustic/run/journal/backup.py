@@ -1,9 +1,9 @@
 """A copy of a journal, also of one in use; and the state of a journal's files.
 
-The files of a node that runs change while they are read. A copy counts only when it is whole by
-its own checks (`inspection`), so that all of it is of one instant; otherwise it is made again.
-A copy says that it is one: a node that finds it in the place of its journal begins a life that
-knows that it has forgotten something.
+The files of a running node change while they are read. A copy counts only when it is whole by its
+own checks (`inspection`), so that all of it is of one instant; otherwise it is made again. A copy
+is marked as one: a node that finds it in the place of its journal starts in an epoch that knows
+that it has forgotten something.
 """
 
 import os

@@ -1,10 +1,9 @@
-"""What the two files of a database hold together, without opening them: nothing is changed on disk.
+"""The contents of the two files of a database, without opening them: nothing is changed on disk.
 
-SQLite writes a log of pages beside the file, and copies them into the file now and then. Whoever
-opens a database lets it do that, and so destroys the evidence where one of the two is damaged. So
-the pages of the log are laid over those of the file in memory, by the rules that SQLite itself
-has: frames count as long as salt and running check are right, up to the last one that ends a
-commit.
+SQLite writes a log of pages beside the file, and copies them into the file now and then. To open a
+database lets it do that, and so destroys the evidence if one of the two is damaged. So the pages of
+the log are laid over those of the file in memory, by SQLite's own rules: frames count as long as
+salt and running check are right, up to the last one that ends a commit.
 """
 
 import struct

@@ -1,10 +1,10 @@
-"""What is in a journal, and whether that can be proved; nothing is changed by looking.
+"""The contents of a journal, and whether they are proved; inspection changes nothing.
 
 A journal is *whole* when each entry has its check, and all entries together have the sum that the
 last commit has written beside their number: so no page is of another instant than the rest. It is
-*current* when no commit is missing that its mark has counted, and it was not put back from a
-backup. What is whole and current is what this node has written last. Of anything else the entries
-that are right are found here as well, with a line that says what is wrong.
+*current* when no commit is missing that its mark has counted, and it is no restored backup. A whole
+and current journal is this node's last state. Of any other one the valid entries are found here as
+well, with a line that names the fault.
 """
 
 import contextlib

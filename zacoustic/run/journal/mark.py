@@ -1,9 +1,9 @@
-"""The mark beside a journal: how many commits it has, so that a part that is missing is missed.
+"""The mark beside a journal: its number of commits, so that a missing part is noticed.
 
-The log of a database ends where it ends: whoever cuts it off, deletes it, or puts an older file
-back, leaves something that is whole and too old. So each commit is counted in the journal, and
-behind each commit the count is written here, in two places by turns, each with a check of its own.
-The disk is not waited for: a journal is never behind its mark, whatever a loss of power leaves.
+The log of a database ends where it ends: if it is cut off, deleted, or replaced by an older file,
+the rest is whole and too old. So each commit is counted in the journal, and after each commit the
+count is written here, in two places by turns, each with its own check. It does not wait for the
+disk: a journal is never behind its mark, whatever a power cut leaves.
 
 The mark is also what a node locks: a second one is refused, and the kernel unlocks it with the
 process.

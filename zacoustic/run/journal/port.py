@@ -1,9 +1,9 @@
 """The contract between the runtime, which commits in its own thread, and a store.
 
-A node may promise only what its next life still knows, and peers must be able to tell its lives
-apart. So a store keeps entries, each under a key, and says how a life begins: with another boot
-epoch, and another number of the life. No store looks at a wall clock: one that jumps by years does
-no harm.
+A node may promise only what it still knows after a restart, and peers must be able to distinguish
+its boot epochs. So a store keeps entries, each under a key, and decides how an epoch begins: with
+another boot epoch, and another count of starts. No store looks at a wall clock: one that jumps by
+years does no harm.
 """
 
 import random

@@ -1,13 +1,13 @@
-"""A store in a file: what it has kept survives ``kill -9`` and the loss of power.
+"""A store in a file: its entries survive ``kill -9`` and a power cut.
 
 A commit is one transaction, on the disk when it returns (see `file` for how). The file does not
 grow beyond a limit: pages of deleted entries are used again, and a commit that would need more is
-refused, all of it, until something has been deleted.
+refused as a whole, until something has been deleted.
 
-Whatever is found of the files, the node begins a life: a vehicle that does not start because its
-disk has a bad bit is lost. Files that are not whole are set aside under another name, never
-deleted, and a new one begins with the entries that are right. A disk that cannot be written at the
-start is tried again with each commit. Only a file that another process uses is refused.
+The node starts with any state of the files: a vehicle that does not start because its disk has a
+bad bit is lost. Files that are not whole are set aside under another name, never deleted, and a new
+one begins with the valid entries. A disk that cannot be written at the start is tried again with
+each commit. Only a file that another process uses is refused.
 """
 
 import contextlib

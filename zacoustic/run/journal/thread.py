@@ -1,12 +1,12 @@
 """The journal's thread: commits in groups, off the loop, and again while they fail.
 
-A commit waits for the disk, so the loop must not. While one is under way whatever comes gathers,
-and goes into the next: a slow disk makes larger groups, not a longer queue.
+A commit waits for the disk, so the loop must not. Writes during a commit gather and go into the
+next one: a slow disk makes larger groups, not a longer queue.
 
 A commit may fail: the disk is full, or the system has made it read-only after a fault of the card.
 To stop the node then would take from a vehicle the telemetry and the emergency commands, which need
-no journal. So nothing that waits is given up or reported as committed; whoever waits for it goes on
-waiting; people are told; and the same group, with what has come since, is tried again later.
+no journal. So nothing that waits is given up or reported as committed: its callers go on waiting,
+people are informed, and the same group, with later writes, is tried again.
 """
 
 import asyncio

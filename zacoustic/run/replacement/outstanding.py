@@ -1,15 +1,14 @@
 """`Outstanding`: what an application waits for from an engine, reported when that engine is lost.
 
-An engine that has raised is replaced by one that goes on from the journal, as after a crash; but
-the application has not crashed with it and still waits for what it had asked for. So whoever drives
-the engine keeps the ids of all that is under way, outside of it:
+A new engine replaces one that has raised, and goes on from the journal, as after a crash; but the
+application has not crashed with it and still waits for its requests. So the driver of the engine
+keeps the ids of all that is under way, outside of it:
 
 - A sample that was in the journal goes on. Any other one ends with a `DeliveryEnded`.
-- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Of any other
-  one, and of each call and range, a failure is told. Whether it was executed is unknown.
-- Subscriptions to on-demand topics, and ranges that are measured periodically, are requested
-  again.
-- What the new engine finds in the journal and the old one had told of already is not told twice.
+- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Any other
+  one, and each call and range, fails. Whether it was executed is unknown.
+- Subscriptions to on-demand topics, and ranges that are measured periodically, are requested again.
+- What the new engine finds in the journal and the old one had reported is not reported twice.
 """
 
 from collections.abc import Iterator

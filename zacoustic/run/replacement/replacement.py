@@ -1,9 +1,9 @@
 """`Replacement`: the next engine of a node, in place of one that has raised.
 
-It is made as after a crash of the process: of what the journal has committed, in a new boot epoch.
-What waited for a commit is forgotten with the engine that wanted it; what was committed is known
-here, so the store is not read again. An entry that makes the next one raise, too, is left out
-(`intact`); and where none can be made, that is tried again until one can.
+It is made as after a crash of the process: from the committed entries of the journal, in a new boot
+epoch. Uncommitted writes are forgotten with their engine; committed ones are known here, so the
+store is not read again. An entry that makes the next engine raise, too, is left out (`intact`); if
+none can be made, that is tried again until one can.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""Stories: random weather for a fleet of real engines, and what must hold in any.
+"""Random scenarios for a fleet of real engines, and the invariants that must hold in each.
 
 ::
 
@@ -8,8 +8,8 @@
 
 - `story`: a random scenario: channel, faults, tables, traffic.
 - `drawing`: one for each seed, `random_story`.
-- `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, by which an arrival is
-  known again whatever happened to it.
+- `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, which identifies an
+  arrival in any case.
 - `witness`: the checker; `invariants`: the checkers that complain; `tally`: counters.
 
 `zacoustic sim --story SEED` runs the same scenario.

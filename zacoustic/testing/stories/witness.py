@@ -1,7 +1,7 @@
 """The checker of a run: gets each publication with its outcome.
 
-`Telling` knows by the ticket which publication an arrival belongs to, so a witness never looks into
-a payload. All instants are those of the network, ns, whatever the clocks of the nodes say.
+`Telling` knows the publication of an arrival by its ticket, so a checker never looks into a
+payload. All instants are those of the network, ns, whatever the clocks of the nodes show.
 """
 
 from collections.abc import Mapping

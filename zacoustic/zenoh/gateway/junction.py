@@ -1,8 +1,8 @@
-"""The junction: an open session, an engine and its link, joined; what a running gateway is.
+"""The gateway session: an open Zenoh session, an engine and its link, joined; a running gateway.
 
-Queries that are held get an error before anything is closed, because a session that is closed over
-an unanswered query lets the caller believe that nobody is there. So the end goes: refuse queries,
-engine and link, declarations, session.
+Held queries get an error before anything is closed: a session that is closed over an unanswered
+query lets the caller believe that there is no server. So the end goes: refuse queries, engine and
+link, declarations, session.
 """
 
 import asyncio

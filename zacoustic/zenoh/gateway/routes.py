@@ -4,19 +4,19 @@
 job        declared                   on
 =========  =========================  ====================================================
 forward    a subscriber               the keys that this node publishes
-deliver    a queryable                the keys that come from beyond the water; it answers
-                                      a `get` from the last value and is not complete: a
-                                      storage on the island may know more
+deliver    a queryable                the keys of remote nodes; it answers a `get` from the
+                                      last value and is not complete: a local storage may
+                                      know more
 proxy      complete queryables        the service's name, or all keys of the action; not
                                       while its dialect stands back
 serve      nothing of Zenoh's         a service of this node: what makes its client visible
 attend     a subscriber               the feedback of the program that serves the action
 watch      publishers that put        the keys of an on-demand topic that is delivered here:
-           nothing                    Zenoh tells them whether anybody subscribes
+           nothing                    Zenoh tells them whether there are subscribers
 =========  =========================  ====================================================
 
-Keys are those of the stream's dialect, which declares beside them what makes the job visible. Each
-of them costs a thread of Zenoh's. Declaring may block, so it is done in the worker, in order.
+Keys are those of the stream's dialect, which also declares what makes the job visible. Each
+declaration costs a thread of Zenoh's. Declaring may block, so the worker does it, in order.
 """
 
 from functools import partial

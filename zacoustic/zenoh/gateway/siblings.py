@@ -1,30 +1,29 @@
 """Redundant gateways on one local network: who does what for which stream.
 
 Two gateways on one network hear the same samples, and each hears on the channel what the other one
-sent. Without agreement each sample would cross twice and come back. They agree without a word, by
-one rule that all of them compute from the same list, the addresses of those alive:
+sent. Without agreement each sample would cross twice and come back. They agree without a message,
+by one rule that all of them compute from the same list, the addresses of the live ones:
 
 ==========  =======================================================  ===============================
 job         of                                                       done by
 ==========  =======================================================  ===============================
-forward     samples of the island to the water                       the lowest of those that may
+forward     local samples to the channel                             the lowest of those that may
                                                                      publish the stream
-deliver     samples from the water to the island, last values        the lowest of those that may
+deliver     received samples to the local network, last values       the lowest of those that may
                                                                      subscribe to it
-proxy       calls and goals of the island for a server beyond the    the lowest
-            water
-serve       calls from the water                                     the stream's server
-attend      goals from the water, feedback and results for it        the stream's server
+proxy       local calls and goals for a remote server                the lowest
+serve       received calls                                           the stream's server
+attend      received goals, their feedback and results               the stream's server
 ==========  =======================================================  ===============================
 
-Two exceptions. A topic with ``{node}`` in its name has keys of its own for each gateway: each
-forwards its own. And what comes from a sibling through the water is delivered by nobody, since the
-island has it already; this still holds `RETIRED_S` after the sibling is gone, for what it
-had on the air. A service whose server is a sibling is left to that one.
+Two exceptions. A topic with ``{node}`` in its name has different keys for each gateway: each
+forwards its own. And samples from another local gateway through the channel are delivered by none,
+since the network has them already; this still holds `RETIRED_S` after that gateway is gone, for its
+frames on the air. A service whose server is another local gateway is left to that one.
 
-What several of them forward may come of one event on the island, at one instant: then their frames
-would meet at every receiver, each time, and best-effort samples have no second try. So each waits
-with those until the gateways before it can have said a frame (`Topics.drain`).
+Samples that several of them forward may come of one local event, at one instant: their frames would
+collide at every receiver, each time, and best-effort samples have no second try. So each waits with
+those until the gateways before it can have sent a frame (`Topics.drain`).
 
 When a token of the list disappears the next lowest takes over; when one appears the higher one
 stands by.

@@ -1,7 +1,7 @@
-"""From Zenoh's threads to the loop: a bell that rings once.
+"""The wake-up from Zenoh's threads to the loop: at most one is under way.
 
-A loop that is called for each sample collects an unbounded queue of calls. So whoever hands
-something over keeps it, bounded, and rings: that wakes the loop if no wake-up is under way.
+A loop that is called for each sample collects an unbounded queue of calls. So the sender keeps what
+it hands over, bounded, and wakes the loop unless a wake-up is under way.
 """
 
 import asyncio

@@ -2,8 +2,8 @@
 
 Zenoh's advanced subscriber with a history, which a *transient local* subscription of rmw_zenoh is,
 asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher is such a
-cache. It needs samples with time stamps: where the file has turned those off there is no cache, and
-that is said.
+cache. It needs samples with time stamps: if the file has turned those off, there is no cache, and a
+warning says so.
 """
 
 import json

@@ -1,17 +1,16 @@
 """The mark on samples from the channel: their publisher and their age.
 
-A second gateway on the same island hears what the first one puts there and must not send it back.
-Nothing in a Zenoh sample tells who published it, so the gateway says it in the *attachment*, a CBOR
-map::
+A second local gateway hears what the first one puts and must not send it back. Nothing in a Zenoh
+sample names its publisher, so the gateway writes it into the *attachment*, a CBOR map::
 
     {"acoustic": 2, "age_s": 1.3}
     {"acoustic": 2, "call": "2/17/20/5"}
 
 `acoustic` is always there and comes first: the acoustic address of the node that published the
-sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: how old
-the sample was when its frame was composed, and for an answer to a `get` also how long it has been
-kept; infinity means over an hour. `call` is there on calls: the call id. Everything with this mark
-stays on its network. An attachment that an application sets does not cross the channel.
+sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: the
+sample's age when its frame was composed, and for an answer to a `get` also the time since then;
+infinity means over an hour. `call` is there on calls: the call id. Everything with this mark stays
+on its network. An attachment that an application sets does not cross the channel.
 """
 
 from typing import Final

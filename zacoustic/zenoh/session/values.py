@@ -1,7 +1,7 @@
 """Values on the Zenoh side: CBOR maps or JSON objects for types, bytes as they are without one.
 
-Reading and writing does not ask whether the type allows the value; that is for whoever gives it to
-an engine or to an application.
+Decoding and encoding does not check whether the type allows the value; the caller that gives it to
+an engine or to an application does.
 """
 
 from zacoustic.core.values.encoding import OPAQUE, decode_application, encode_application

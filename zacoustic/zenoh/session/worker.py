@@ -1,6 +1,6 @@
 """The one thread for calls of Zenoh that may block.
 
-A reply to somebody who does not read, a declaration on a full connection, opening and closing can
+A reply to a client that does not read, a declaration on a full connection, opening and closing can
 each block for seconds; the loop, which owns the engine, must not. The order of the steps is kept.
 """
 

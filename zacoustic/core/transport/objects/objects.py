@@ -4,7 +4,6 @@ What the engine does with it::
 
     publish, cancel, cancel_incoming                      commands
     due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
-    transmitted                                           each frame of this node has ended
     hold_until                                            until then nothing else should start
     fragment, feedback                                    what arrived
     restore                                               once, with entries of former boot epochs
@@ -14,18 +13,21 @@ the listen windows are those of medium access, which is told when a transfer is 
 """
 
 from collections.abc import Callable, Mapping, Set
+from functools import partial
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
-from zacoustic.core.schedule.sources import Offer, Taken
+from zacoustic.core.schedule.sources import Taken
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.gate import Gate
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.receiving.receiving import IncomingObjects
+from zacoustic.core.transport.objects.receiving.replies import Place
 from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Owner, Sending
 from zacoustic.core.transport.objects.stored import (
     StoredObject,
@@ -88,8 +90,6 @@ class Objects:
         self._timing: Timing | None = None
         self._fragment_bytes = 0
         self._last_fragment_at = 0
-        self._fragment_on_air = False
-        self._feedback_on_air = False
 
     def use_link(
         self, capabilities: LinkCapabilities, room_bytes: int, pause_ns: int, now: int
@@ -262,8 +262,8 @@ class Objects:
         return min((at for at in instants if at is not None), default=None)
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether to send feedback about an object."""
-        return self._incoming.due_at(now) is not None
+        """Tell whether to send feedback about an object, or whether it is still on the air."""
+        return self._incoming.owes_answer(now)
 
     def offer(self, now: int) -> Offer | None:
         """Return the due record: feedback before a fragment."""
@@ -273,9 +273,10 @@ class Objects:
         if destination is not None:
             return Offer(
                 destination=destination,
-                size_bytes=FEEDBACK_BYTES,
-                is_fragment=False,
                 rank=0,
+                owed_first=True,
+                is_answer=True,
+                ignores_hold=True,
             )
         sending = self._sending(now)
         if sending is None:
@@ -283,8 +284,8 @@ class Objects:
         patience_ns = PATIENCE_NS.get(sending.priority, 0)
         return Offer(
             destination=self._outgoing.next_destination(sending, now),
-            size_bytes=FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now),
             is_fragment=True,
+            ignores_hold=True,
             rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
         )
 
@@ -294,15 +295,19 @@ class Objects:
 
     def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
         """Take an answer that is due and goes to this destination, if it fits."""
-        if room_bytes < FEEDBACK_BYTES or self._feedback_on_air:
+        if room_bytes < FEEDBACK_BYTES:
             return None
         taken = self._incoming.take(destination, now)
         if taken is None:
             return None
-        feedback, stream_id = taken
-        self._feedback_on_air = True
+        feedback, place = taken
         record = feedback.encode()
-        return Taken(stream_id=stream_id, record=record, header_bytes=len(record))
+        return Taken(
+            stream_id=self._incoming.stream_of(*place),
+            record=record,
+            header_bytes=len(record),
+            part=Part(reported=partial(self._feedback_reported, place)),
+        )
 
     def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
         """Take the fragment of `offer`, if it fits.
@@ -321,7 +326,6 @@ class Objects:
         if taken is None:
             return None
         sending, fragment = taken
-        self._fragment_on_air = True
         self._last_fragment_at = now
         return Taken(
             stream_id=sending.stream_id,
@@ -330,19 +334,8 @@ class Objects:
             is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
             ends_run=fragment.call is Call.WINDOW,
+            part=Part(reported=partial(self._fragment_reported, sending)),
         )
-
-    def transmitted(self, finished_at: int) -> None:
-        """A frame of this node has been on the air, or was given up."""
-        timing = self._timing
-        if timing is None:
-            return
-        if self._fragment_on_air:
-            self._fragment_on_air = False
-            self._outgoing.transmitted(finished_at, timing)
-        if self._feedback_on_air:
-            self._feedback_on_air = False
-            self._incoming.transmitted(finished_at, timing)
 
     def hold(self, stream_id: int, until: int) -> None:
         """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
@@ -405,6 +398,14 @@ class Objects:
         return self._outgoing.is_exclusive
 
     # Below the methods above
+
+    def _fragment_reported(self, sending: Sending, report: TransmitReport, now: int) -> None:
+        assert self._timing is not None
+        self._outgoing.transmitted(sending, report.finished_at, self._timing)
+
+    def _feedback_reported(self, place: Place, report: TransmitReport, now: int) -> None:
+        assert self._timing is not None
+        self._incoming.transmitted(place, report.finished_at, self._timing)
 
     def _fragment_due_at(self, now: int) -> int | None:
         sending, at = self._outgoing.next(max(now, self._incoming.quiet_until))

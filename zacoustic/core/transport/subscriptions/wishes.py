@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable
 
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import NO_STREAM, Cause
-from zacoustic.core.transport.repeating import RepeatedRecord, Repeater, Repetition
+from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.transport.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
 
 LETTER_LANE = 0
@@ -138,7 +139,7 @@ class Wishes:
     def _say(self, key: tuple[int, int], letter: _Letter, version: int, now: int) -> None:
         source, page = key
         letter.version = version
-        record = RepeatedRecord(
+        record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,

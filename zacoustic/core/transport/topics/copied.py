@@ -12,11 +12,12 @@ that restarts knows no numbers, and would take an old one for new.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from functools import partial
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.handshake import Handshake
@@ -40,7 +41,8 @@ class _Copied:
     """A sample and its copies left to send."""
 
     __slots__ = (
-        "copies_left", "due_at", "ends_at", "in_the_dark", "key", "qos", "record", "was_sent"
+        "copies_left", "due_at", "ends_at", "in_the_dark", "is_on_air", "key", "qos", "record",
+        "was_sent",
     )  # fmt: skip
 
     def __init__(self, key: LaneKey, record: Waiting, qos: Qos, copies: int, ends_at: int) -> None:
@@ -51,6 +53,7 @@ class _Copied:
         self.copies_left = copies
         self.in_the_dark = _MOST_IN_THE_DARK
         self.was_sent = False
+        self.is_on_air = False
         self.due_at: int | None = None
         """When it goes again, ns; None: it waits in the queue, or is on the air."""
 
@@ -69,16 +72,14 @@ class CopiedSamples:
         self._times: LinkTimes | None = None
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
-        self._on_air: list[_Copied] = []
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
     # What this node publishes
 
     def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link; nothing is under way on the one before."""
+        """Take the airtimes of a link; what went on the one before goes no more."""
         self._times = times
         self._copied.clear()
-        self._on_air.clear()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
         """Queue a best-effort sample, so that it goes as often as it has to."""
@@ -89,7 +90,12 @@ class CopiedSamples:
             record.sync = Sync(self._handshake.epoch, self._next_number).encode()
             self._next_number += 1
             record.dense_value = None
-            self._copied[id(record)] = _Copied(key, record, qos, copies, now + COPIED_NS)
+            each = _Copied(key, record, qos, copies, now + COPIED_NS)
+            self._copied[id(record)] = each
+            record.part = Part(
+                transmitted=partial(self._transmitted, each),
+                reported=partial(self._reported, each),
+            )
         self._queue.push(key, record, qos)
 
     def peer_forgotten(self, source: int, now: int) -> None:
@@ -102,40 +108,6 @@ class CopiedSamples:
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
-    def transmitted(self, records: Iterable[Waiting]) -> None:
-        """Note which samples are in the transmission that begins."""
-        self._on_air = [self._copied[id(each)] for each in records if id(each) in self._copied]
-
-    def handle_report(self, report: TransmitReport) -> None:
-        """A transmission has ended: its samples go again, now or in another pause."""
-        on_air, self._on_air = self._on_air, []
-        for each in on_air:
-            if id(each.record) not in self._copied or self._times is None:
-                continue
-            record, listening = each.record, self._times.listening
-            at = report.finished_at
-            invited_at = (
-                listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
-            )
-            each.was_sent = True
-            if invited_at is None and each.in_the_dark:
-                each.in_the_dark -= 1  # no known pause for it
-            else:
-                each.copies_left -= 1
-            if each.copies_left <= 0 or listening is None or at > each.ends_at:
-                self._end(each)
-                continue
-            record.cause = Cause.REPEAT
-            record.copies += 1
-            detour_ns = listening.detour_ns(record.destination, at)
-            in_row = record.copies < _in_row(record, self._times, detour_ns)
-            record.is_copy = in_row and listening.is_heard_out(at + self._times.gap_ns)
-            if record.is_copy:
-                self._queue.push(each.key, record, each.qos)
-                continue
-            record.copies = 0
-            each.due_at = invited_at or at + self._times.first_round_trip_ns
-
     def expire(self, now: int) -> None:
         """Queue due copies, and drop those that are too old or have left the queue."""
         for each in list(self._copied.values()):
@@ -147,7 +119,7 @@ class CopiedSamples:
                 each.due_at = None
                 self._queue.push(each.key, each.record, each.qos)
             elif each.due_at is None and not (
-                each in self._on_air or self._queue.holds(each.key, each.record)
+                each.is_on_air or self._queue.holds(each.key, each.record)
             ):
                 self._end(each)
 
@@ -184,6 +156,38 @@ class CopiedSamples:
             return 1
         detour_ns = listening.detour_ns(record.destination, now)
         return _ROWS * _in_row(record, self._times, detour_ns)
+
+    def _transmitted(self, each: _Copied, now: int) -> None:
+        each.is_on_air = True
+
+    def _reported(self, each: _Copied, report: TransmitReport, now: int) -> None:
+        """A sample has been sent: it goes again, now or in another pause."""
+        each.is_on_air = False
+        if id(each.record) not in self._copied or self._times is None:
+            return
+        record, listening = each.record, self._times.listening
+        at = report.finished_at
+        invited_at = (
+            listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
+        )
+        each.was_sent = True
+        if invited_at is None and each.in_the_dark:
+            each.in_the_dark -= 1  # no known pause for it
+        else:
+            each.copies_left -= 1
+        if each.copies_left <= 0 or listening is None or at > each.ends_at:
+            self._end(each)
+            return
+        record.cause = Cause.REPEAT
+        record.copies += 1
+        detour_ns = listening.detour_ns(record.destination, at)
+        in_row = record.copies < _in_row(record, self._times, detour_ns)
+        record.is_copy = in_row and listening.is_heard_out(at + self._times.gap_ns)
+        if record.is_copy:
+            self._queue.push(each.key, record, each.qos)
+            return
+        record.copies = 0
+        each.due_at = invited_at or at + self._times.first_round_trip_ns
 
     def _end(self, copied: _Copied) -> None:
         del self._copied[id(copied.record)]

@@ -1,10 +1,9 @@
 """Remote commands from the local network: executed here for this node, else sent to the other one.
 
 The keys are those of `zacoustic.zenoh.session.asking.orders`. Each gateway answers for its own
-node. For a remote node the lowest local gateway asks, unless that node's own
-gateway is here; a command for an unknown node is left to others. A query with a wildcard
-in place of the address is for the local gateways only: browsing commands no remote
-node.
+node. For a remote node the lowest local gateway asks, unless that node's own gateway is here; a
+command for an unknown node is left to others. A query with a wildcard in place of the address is
+for the local gateways only: browsing commands no remote node.
 
 A command is answered when it is in the journal of the node that executes it.
 """

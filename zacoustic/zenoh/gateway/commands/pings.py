@@ -1,10 +1,10 @@
 """Pings from the local network: does the node answer, how fast, how far away is it?
 
-The node itself is asked whether it is silent (an order that changes nothing,
-`zacoustic.core.transport.commands`): what comes back says that its engine lives, not only its
-modem, and a refusal says so as well. Then, where the modem measures ranges and has told none on
-those frames, one is asked for: behind the answer, since a modem that waits for an acknowledgement
-is deaf to it. Where the wire knows no orders the range alone has to do.
+The gateway asks the node whether it is silent (a command that changes nothing,
+`zacoustic.core.transport.commands`): an answer, also a refusal, shows that its engine runs, not
+only its modem. Then, if the modem measures ranges and has reported none on those frames, the
+gateway asks for one: after the answer, since a modem that waits for an acknowledgement is deaf to
+it. A wire without remote commands gives the range alone.
 """
 
 from collections.abc import Iterable

@@ -1,10 +1,10 @@
 """Dialects: the form of a stream on the local network.
 
-What crosses the water is the same whoever lives on the island. There, a topic is a key with samples
-of some form, and something beside each that tells what came off the water; a service is a key with
-questions and answers. A dialect is those forms. `PlainTopic` and `PlainService` are what Zenoh
-programs have: keys as the configuration writes them, CBOR or JSON, and a mark (`island.marker`).
-Nodes of ROS 2 have another one: `zacoustic.zenoh.gateway.dialect.ros`.
+Frames are the same for all local programs. Locally, a topic is a key with samples of some form,
+each with an attachment that marks samples from the channel; a service is a key with questions and
+answers. A dialect is these forms. `PlainTopic` and `PlainService` are those of Zenoh programs: keys
+as the configuration writes them, CBOR or JSON, and a mark (`island.marker`). Nodes of ROS 2 have
+another one: `zacoustic.zenoh.gateway.dialect.ros`.
 """
 
 from abc import ABC, abstractmethod

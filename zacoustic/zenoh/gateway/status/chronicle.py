@@ -1,7 +1,7 @@
 """Recent events: notices, and input errors of the local network.
 
-``@acoustic/ADDRESS/events`` is a document of the health report: whoever comes later reads what was
-said before, and a monitor shows the last errors.
+``@acoustic/ADDRESS/events`` is a document of the health report: a late reader gets the earlier
+events, and a monitor shows the last errors.
 """
 
 import time

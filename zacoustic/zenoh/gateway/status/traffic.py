@@ -1,8 +1,8 @@
-"""When each stream crossed, how often, and what became of frames to each node.
+"""When each stream crossed, how often, and the outcomes of frames to each node.
 
-Facts that stay true while nothing happens: instants by the clock of people and mean times between
-two, not rates and ages, which an idle gateway would have to put again and again. Whoever shows them
-makes rates and ages of them (`zacoustic.app.tools.watch`).
+Facts that stay true while nothing happens: instants by the wall clock and mean times between two,
+not rates and ages, which an idle gateway would have to put again and again. Monitors compute rates
+and ages (`zacoustic.app.tools.watch`).
 
 The memory is bounded by 255 stream ids and 255 addresses.
 """

@@ -1,8 +1,8 @@
 """The frames on the channel: the one being sent, and the last ones sent and heard.
 
-``@acoustic/ADDRESS/water`` is a document of the health report. Counters tell how much has crossed;
-this tells what crosses now, so that whoever waits can see whether it is worth waiting. A frame that
-was sent is still on its way for as long as sound needs: instants are those of its beginning.
+``@acoustic/ADDRESS/water`` is a document of the health report. Counters show how much has crossed;
+this shows what crosses now, for a user who waits. A frame that was sent is still under way for the
+propagation delay: instants are those of its beginning.
 """
 
 import time

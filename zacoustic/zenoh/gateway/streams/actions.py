@@ -1,11 +1,11 @@
 """Actions: local goals for remote servers, and received goals.
 
-A goal of the island arrives in a `GoalHall`, which answers for the server beyond the water. Its
-name there, 16 bytes, stays on the island: on the water a goal has a number. The engine keeps the
-name as its tag, so a gateway that is restarted still knows it.
+A local goal arrives in a `GoalHall`, which stands for the remote server. Its local name, 16 bytes,
+does not cross: on the channel a goal has a number. The engine keeps the name as its tag, so a
+restarted gateway still knows it.
 
-A goal from the water is a `GoalErrand` on the island: sent to the program that serves, followed to
-its end. If the program ends without one, what became of the goal is unknown, and that is said.
+A received goal is a `GoalErrand`: sent to the local program that serves, followed to its end. If
+the program ends without one, the outcome is unknown, and the client learns that.
 """
 
 import contextlib

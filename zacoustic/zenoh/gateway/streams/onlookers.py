@@ -1,13 +1,12 @@
 """Local subscribers of on-demand topics, for which the gateway subscribes at remote nodes.
 
-Zenoh tells a publisher whether anybody subscribes to its key (*matching*). So for each on-demand
-topic that this gateway delivers a publisher is declared that never puts anything: on the keys of
-the topic, or, where the name of the node is in them, one for each node that may publish. What this
-gateway itself has subscribed to does not count; a sibling that forwards the same topic does, it
-subscribes as anybody.
+Zenoh tells a publisher whether its key has subscribers (*matching*). So for each on-demand topic
+that this gateway delivers it declares a publisher that never puts anything: on the keys of the
+topic, or, if the name of the node is in them, one for each node that may publish. The gateway's own
+subscriptions do not count; those of another local gateway that forwards the same topic do.
 
-A subscriber that goes is often back at once: its program is restarted, or the router is. So a
-topic is wanted `GRACE_S` longer than anybody looks at it, and nothing crosses the water for that.
+A subscriber that goes is often back at once: its program or the router restarts. So a subscription
+lasts `GRACE_S` longer than its last local subscriber, and nothing crosses for that.
 """
 
 import asyncio

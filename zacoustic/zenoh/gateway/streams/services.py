@@ -1,12 +1,12 @@
 """Services: local calls to remote servers, and received calls.
 
-A call of the island is a `Query` that is held until the engine has the answer or gives up at the
-stream's deadline; then it is answered or refused, never left silent. Zenoh does not tell how long
-the caller waits: 10 s unless it says otherwise, which on sound is short.
+A local call is a `Query` that is held until the engine has the answer or gives up at the stream's
+deadline; then it is answered or refused, never left silent. Zenoh does not tell how long the caller
+waits: 10 s by default, which is short for sound.
 
-A call from the water becomes a `get` on the island. The first good reply is the answer; if there is
-none, the first error. If there is nothing at all, then nobody serves; but if somebody was there
-when it was asked, that one has ended without an answer, and what it has done is unknown.
+A received call becomes a local `get`. The first good reply is the answer; if there is none, the
+first error. Without any reply there is no server; but if one was there when it was asked, it has
+ended without an answer, and the outcome is unknown.
 """
 
 from collections import deque

@@ -1,8 +1,7 @@
-"""Where the goals of an island arrive: queries about goals, and what is to be said of each.
+"""The goal server of a local network: queries about goals, and their answers.
 
-Behind it stands whoever pursues them: a program, or a gateway with the water behind it. A goal is
-begun once, however often it is sent; whoever asks for its result waits for the end, or is answered
-from what was kept.
+A program pursues the goals, or a gateway for a remote server. A goal is begun once, however often
+it is sent; a query for its result waits for the end, or is answered from the kept one.
 """
 
 import time

@@ -1,4 +1,4 @@
-"""Actions on Zenoh: five keys below ``<name>/_action``, named as in ROS 2, and what is said there.
+"""Actions on Zenoh: five keys below ``<name>/_action``, named as in ROS 2, and their messages.
 
 ===============  ======================================  =========================================
 key              asked, or put                           answered
@@ -11,12 +11,11 @@ key              asked, or put                           answered
 ===============  ======================================  =========================================
 
 Everything is a map: in CBOR, or in JSON where the stream's encoding says so and all three types are
-given. Whoever sends a goal chooses its `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal
-that is sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in
-lower case, and before the end ``executing`` and ``canceling``.
+given. The client chooses the `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal that is
+sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in lower case,
+and before the end ``executing`` and ``canceling``.
 
-What nodes of ROS 2 say under these keys is another form of the same
-(`zacoustic.zenoh.gateway.dialect.ros`).
+Nodes of ROS 2 have another form of the same messages (`zacoustic.zenoh.gateway.dialect.ros`).
 """
 
 import enum

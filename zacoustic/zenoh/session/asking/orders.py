@@ -11,8 +11,8 @@ A `get` returns the state; with parameters it commands::
     @acoustic/2/stream/11?on=true;min_interval_s=10;priority=background
     @acoustic/2/stream/11?reset=true              as its configuration says
 
-A gateway of the island answers for its own node, and asks across the water for others. `within_s`
-says how long it is to try there, s.
+A local gateway answers for its own node, and asks remote nodes across the channel. `within_s` is
+how long it tries there, s.
 """
 
 import math

@@ -1,7 +1,7 @@
 """A ping as a Zenoh key: the query, and the JSON of its answer.
 
-A `get` on ``@acoustic/2/ping?within_s=30`` has the gateway of this island ask node 2, which answers
-by itself, whatever it is doing.
+A `get` on ``@acoustic/2/ping?within_s=30`` makes the local gateway ask node 2, which answers by
+itself, whatever it is doing.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Local queries: each is answered exactly once in any case.
 
 A `get` ends when its `Query` is dropped, and a query that is lost without an answer looks to the
-caller like "nobody is there". So every query lives in a `HeldQuery` from the moment at which Zenoh
-hands it over: it is answered with values, or refused with a reason, or refused when whoever holds
-it stops. What is too much at once is refused on the spot.
+caller as if there were no server. So every query lives in a `HeldQuery` from the moment at which
+Zenoh hands it over: it is answered with values, refused with a reason, or refused when its holder
+stops. Too many at once are refused on the spot.
 """
 
 import logging

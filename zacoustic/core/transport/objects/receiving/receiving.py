@@ -188,8 +188,12 @@ class IncomingObjects:
         due = self._replies.due(now)
         return due[0][0] if due else None
 
-    def take(self, destination: int, now: int) -> tuple[Feedback, int] | None:
-        """Return ``(feedback, stream id)`` of an answer that is due and goes there, or None."""
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether an answer is to go, or has not yet been on the air."""
+        return self._replies.owes_answer(now)
+
+    def take(self, destination: int, now: int) -> tuple[Feedback, Place] | None:
+        """Return an answer that is due and goes there, and what it is about, or None."""
         for place in self._replies.due(now, destination):
             feedback = self._feedback(place)
             if feedback is None:
@@ -199,12 +203,12 @@ class IncomingObjects:
             self._told[place] = feedback
             while len(self._told) > _MOST_TOLD:
                 del self._told[next(iter(self._told))]
-            return feedback, self.stream_of(*place)
+            return feedback, place
         return None
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The answer just taken has been on the air."""
-        self._replies.transmitted(finished_at, timing)
+    def transmitted(self, place: Place, finished_at: int, timing: Timing) -> None:
+        """An answer that was taken has been on the air."""
+        self._replies.transmitted(place, finished_at, timing)
 
     @property
     def quiet_until(self) -> int:

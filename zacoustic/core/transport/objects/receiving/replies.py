@@ -31,6 +31,7 @@ class _Reply:
         self.copies = copies
         self.until = until
         """Instant after which it would come too late; None: until the sender sends on."""
+        self.is_on_air = False
 
 
 class Replies:
@@ -45,7 +46,6 @@ class Replies:
         self._rng = rng
         self._is_sayable = is_sayable
         self._replies: dict[Place, _Reply] = {}
-        self._speaking: Place | None = None
         self.quiet_until = 0
         """Until then fragments of another node, or an exchange with it, are expected."""
 
@@ -109,9 +109,14 @@ class Replies:
     def due_at(self, now: int) -> int | None:
         """Return the instant at which the next answer is to go, or None."""
         for place, reply in list(self._replies.items()):
-            if reply.until is not None and reply.until < now and place != self._speaking:
+            if reply.until is not None and reply.until < now and not reply.is_on_air:
                 del self._replies[place]
         return min((reply.at for _, reply in self._sayable()), default=None)
+
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether an answer is to go, or has not yet been on the air."""
+        is_on_air = any(reply.is_on_air for reply in self._replies.values())
+        return is_on_air or self.due_at(now) is not None
 
     def due(self, now: int, source: int | None = None) -> list[Place]:
         """Return the objects with due feedback, to one source or to all."""
@@ -124,7 +129,7 @@ class Replies:
 
     def say(self, place: Place) -> None:
         """An answer is in the frame that goes now."""
-        self._speaking = place
+        self._replies[place].is_on_air = True
 
     def drop(self, place: Place) -> None:
         """There is no feedback to send."""
@@ -135,12 +140,12 @@ class Replies:
         for place in [place for place in self._replies if place[0] == source]:
             self.drop(place)
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The answer has been on the air: repeat it, or not."""
-        place, self._speaking = self._speaking, None
-        reply = self._replies.get(place) if place is not None else None
-        if place is None or reply is None:
+    def transmitted(self, place: Place, finished_at: int, timing: Timing) -> None:
+        """An answer has been on the air: repeat it, or not."""
+        reply = self._replies.get(place)
+        if reply is None:
             return
+        reply.is_on_air = False
         reply.copies -= 1
         reply.at = finished_at + timing.gap_ns
         if reply.copies <= 0:
@@ -156,4 +161,8 @@ class Replies:
         return at
 
     def _sayable(self) -> list[tuple[Place, _Reply]]:
-        return [(place, reply) for place, reply in self._replies.items() if self._is_sayable(place)]
+        return [
+            (place, reply)
+            for place, reply in self._replies.items()
+            if not reply.is_on_air and self._is_sayable(place)
+        ]

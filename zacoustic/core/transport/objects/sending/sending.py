@@ -101,7 +101,6 @@ class OutgoingObjects:
         self._journal = journal
         self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
         self._losses: dict[int, LossEstimate] = {}
-        self._on_air: Sending | None = None
         self.held: dict[int, int] = {}
         """Instant before which no fragment of a stream goes, ns, by stream."""
         self._off: set[int] = set()
@@ -309,7 +308,6 @@ class OutgoingObjects:
         else:
             fragment = outgoing.take(timing, window_follows=window_follows)
         self._keep_place(sending)
-        self._on_air = sending
         return sending, fragment
 
     def next_bytes(self, sending: Sending, now: int) -> int:
@@ -330,11 +328,10 @@ class OutgoingObjects:
         begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The fragment just taken has been on the air."""
-        sending, self._on_air = self._on_air, None
-        if sending is not None:
-            outgoing = sending.outgoing
+    def transmitted(self, sending: Sending, finished_at: int, timing: Timing) -> None:
+        """A fragment that was taken has been on the air."""
+        outgoing = sending.outgoing
+        if self._sendings.get(outgoing.transfer) is sending:
             outgoing.transmitted_until(finished_at, timing)
             if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
                 sending.told_bytes = outgoing.sent_bytes
@@ -427,8 +424,6 @@ class OutgoingObjects:
     def _end(self, sending: Sending) -> None:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
-        if self._on_air is sending:
-            self._on_air = None
         if sending.keeps:
             self.forget(transfer)
 

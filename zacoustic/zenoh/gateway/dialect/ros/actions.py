@@ -1,9 +1,9 @@
 """Actions of ROS 2: three services and two topics, as rmw_zenoh has them.
 
-On the water a goal is a number of one byte, and what is said of it one record each. On the island
-of the client the gateway makes of that what a server of ROS would say: answers, feedback, and after
-each change the status of all goals, which is a latched topic. On the island of the server it is a
-client: it asks for the result as soon as a goal is accepted, and what comes crosses by itself.
+On the channel a goal is a number of one byte, and each message about it one record. On the client's
+network the gateway makes of that the messages of a ROS server: answers, feedback, and after each
+change the status of all goals, which is a latched topic. On the server's network it is a client: it
+asks for the result as soon as a goal is accepted, and the rest arrives by itself.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,8 +1,8 @@
 """Services of ROS 2: CDR and attachments, under the keys of rmw_zenoh.
 
 A client of rmw_zenoh asks all servers that are complete, and only logs error replies; so it learns
-of a failure by its own time limit. Several servers on the island of the server are no trouble: the
-gateway asks one of them.
+of a failure by its own time limit. Several local servers are no problem: the gateway asks one of
+them.
 """
 
 from collections.abc import Sequence
