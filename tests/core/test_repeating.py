@@ -7,6 +7,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.transport.repeating import Repeater, Repetition
@@ -23,7 +24,7 @@ class Sea:
     def __init__(self) -> None:
         self.queue = TransmitQueue()
         self.queue.limit(61)
-        self.repeater = Repeater(self.queue, random.Random(1))
+        self.repeater = Repeater(self.queue, Peers(), random.Random(1))
         self.repeater.use_link(TIMES)
         self.now = 0
         self.sent: list[bytes] = []

@@ -24,6 +24,8 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.peers import Peers
+from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 from zacoustic.core.streams.table import StreamTable
 
 LEAST_HEARTBEAT_S: Final = 1.0
@@ -48,12 +50,17 @@ class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a node is lost."""
 
-    is_lost: bool
-    """Nothing was heard of it for as long as the config says."""
+    state: Reachability
+    """Whether it is heard."""
     since: int
     """Instant since when that is so, ns."""
     heard_at: int | None
     """Instant at which it was heard last, ns; None: not in this life."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Nothing was heard of it for as long as the config says."""
+        return self.state is Reachability.LOST
 
 
 class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
@@ -83,6 +90,7 @@ class Contact:
         address: Address of the node.
         table: Its table; what it lists are the nodes there are.
         rules: What the config says.
+        peers: The other nodes.
         rng: Draws the pauses.
         emit: Takes events.
     """
@@ -92,6 +100,7 @@ class Contact:
         address: int,
         table: StreamTable,
         rules: ContactRules,
+        peers: Peers,
         rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
     ) -> None:
@@ -103,6 +112,7 @@ class Contact:
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
         self._sightings: dict[int, Sighting] = {}
+        peers.on_forget(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
@@ -113,7 +123,7 @@ class Contact:
         for address in self._rules.lost_after_s:
             if address != self._address:
                 self._sightings.setdefault(
-                    address, Sighting(is_lost=False, since=now, heard_at=None)
+                    address, Sighting(state=REACHABILITY.first, since=now, heard_at=None)
                 )
 
     # Heartbeats
@@ -145,7 +155,9 @@ class Contact:
         """A frame of a node arrived, for whomever it was."""
         known = self._sightings.get(source)
         since = now if known is None or known.is_lost else known.since
-        self._sightings[source] = Sighting(is_lost=False, since=since, heard_at=now)
+        before = REACHABILITY.first if known is None else known.state
+        state = REACHABILITY.after(before, Change.FRAME)
+        self._sightings[source] = Sighting(state=state, since=since, heard_at=now)
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
 
@@ -155,7 +167,8 @@ class Contact:
             at = self._lost_at(address, known)
             if at is not None and at <= now:
                 heard_at = known.heard_at
-                self._sightings[address] = Sighting(is_lost=True, since=now, heard_at=heard_at)
+                state = REACHABILITY.after(known.state, Change.SILENCE)
+                self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
                 self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
 
     def next_deadline_at(self) -> int | None:
@@ -172,6 +185,9 @@ class Contact:
         }
 
     # Below the methods above
+
+    def _forget(self, address: int, now: int) -> None:
+        self._sightings.pop(address, None)
 
     def _lost_after_s(self, address: int) -> float | None:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)

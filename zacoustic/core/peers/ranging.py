@@ -144,6 +144,10 @@ class Ranging:
             if quest.requests.pop(range_id, None) is not None:
                 self._forget_if_idle(address)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node; its range is not measured any more."""
+        self._quests.pop(address, None)
+
     def repeat(self, address: int, every_s: float, now: int) -> None:
         """Measure the range of a peer again and again; replaces an earlier schedule for it.
 

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.base.stats import Cause
@@ -154,6 +155,7 @@ class Lane:
     __slots__ = (
         "_min_interval_ns",
         "_untuned",
+        "destination",
         "held_until",
         "is_on",
         "items",
@@ -167,6 +169,8 @@ class Lane:
     def __init__(self, key: LaneKey, qos: Qos, tuning: Tuning) -> None:
         self.key = key
         self.items: deque[Waiting] = deque()
+        self.destination = BROADCAST
+        """Whom its last payload was for."""
         self.held_until = 0
         """Nothing goes before, ns."""
         self.taken_at: int | None = None
@@ -280,6 +284,7 @@ class TransmitQueue:
             lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.items.append(item)
+        lane.destination = item.destination
         if len(lane.items) > qos.depth:
             lane.items.popleft()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
@@ -357,6 +362,12 @@ class TransmitQueue:
         """Take back all payloads of the lanes whose key begins so."""
         for key in [key for key in self._busy if key[: len(kind)] == kind]:
             self.drop_lane(key)
+
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Keep no lane of what was for one node; what waits in one does so."""
+        for key, lane in list(self._lanes.items()):
+            if lane.destination == address and not lane.items:
+                del self._lanes[key]
 
     def readdress(self, stream_id: int, destination: int) -> None:
         """Send what waits of a stream to another node, or to all."""

@@ -243,6 +243,11 @@ class Objects:
         """Keep nothing of a stream of these sources: this node has unsubscribed."""
         self._incoming.drop_unwanted(stream_id, sources)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self._incoming.peer_forgotten(address, now)
+        self._outgoing.peer_forgotten(address, now)
+
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
         self._incoming.look_again(source)

@@ -115,6 +115,11 @@ class Deadlines:
         key = (sample.source, sample.stream_id, sample.instance)
         self._note(key, now, deleted=sample.deleted)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing of a node is awaited before it is heard again."""
+        for key in [key for key in self._awaited if key[0] == source]:
+            del self._awaited[key]
+
     def expire(self, now: int) -> None:
         """Report the samples that have not come in time."""
         for key, awaited in list(self._awaited.items()):
