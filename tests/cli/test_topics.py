@@ -9,7 +9,7 @@ from tests.gateway.islands import cbor, get, hear, run
 from zacoustic.app.cli import main
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.zenoh.gateway.notices import LinkChanged, RouterChanged
-from zacoustic.zenoh.gateway.status.chronicle import EVENTS_KEPT, TROUBLES_KEPT, Chronicle
+from zacoustic.zenoh.gateway.status.recent_events import EVENTS_KEPT, TROUBLES_KEPT, RecentEvents
 from zacoustic.zenoh.gateway.status.traffic import EXCHANGES_KEPT, Traffic
 
 
@@ -128,13 +128,13 @@ def test_error_rate_is_that_of_the_last_frames_to_each_node() -> None:
     assert traffic.of_peer(2)["not_delivered"] == EXCHANGES_KEPT / 4 + 1
 
 
-def test_chronicle_keeps_the_last_and_troubles_longer() -> None:
-    chronicle = Chronicle(lambda: 5.0)
+def test_recent_events_keep_the_last_and_troubles_longer() -> None:
+    recent_events = RecentEvents(lambda: 5.0)
     for _ in range(EVENTS_KEPT):
-        chronicle.note(LinkChanged(state="up"))
-    chronicle.note(RouterChanged(state="lost"))
-    chronicle.complain("x" * 1000)
-    events = chronicle.document()["events"]
+        recent_events.note(LinkChanged(state="up"))
+    recent_events.note(RouterChanged(state="lost"))
+    recent_events.complain("x" * 1000)
+    events = recent_events.document()["events"]
     assert isinstance(events, list)
     assert len(events) == EVENTS_KEPT
     assert [each["trouble"] for each in events[-3:]] == [False, True, True]
@@ -146,12 +146,12 @@ def test_chronicle_keeps_the_last_and_troubles_longer() -> None:
     }
     assert len(events[-1]["text"]) == 200
     for _ in range(EVENTS_KEPT):
-        chronicle.note(LinkChanged(state="up"))
-    events = chronicle.document()["events"]
+        recent_events.note(LinkChanged(state="up"))
+    events = recent_events.document()["events"]
     assert isinstance(events, list)
     assert [each["trouble"] for each in events] == [True, True] + [False] * EVENTS_KEPT
     for _ in range(2 * EVENTS_KEPT):
-        chronicle.complain("no")
-    events = chronicle.document()["events"]
+        recent_events.complain("no")
+    events = recent_events.document()["events"]
     assert isinstance(events, list)
     assert len(events) == EVENTS_KEPT + TROUBLES_KEPT

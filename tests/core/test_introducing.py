@@ -1,4 +1,4 @@
-"""How frames to one node introduce their sender, and what a vouch is worth."""
+"""How frames to one node introduce their sender, and what a provisional confirm is worth."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ from zacoustic.core.engine.events import RequestReceived, ResponseReceived
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import ASSURED, VOUCHED, WIRE_VERSION, Confirm, Hello, Tag
+from zacoustic.core.wire.frame import ASSURED, PROVISIONAL, WIRE_VERSION, Confirm, Hello, Tag
 
 ARM: Final = 20
 
@@ -52,11 +52,11 @@ def test_answer_says_that_it_knows_the_caller_in_place_of_its_own_digest() -> No
     asked = ask(rig)
     assert asked[0].startswith(Hello(WIRE_VERSION, 1, table().digest).encode())
     (answered, *_) = answer(rig)
-    assert answered.startswith(Tag(1).encode() + Confirm(VOUCHED, 1).encode())
+    assert answered.startswith(Tag(1).encode() + Confirm(PROVISIONAL, 1).encode())
     assert [event.value for event in rig[1].got(ResponseReceived)] == [b"!"]
 
 
-def test_a_vouch_for_a_node_that_is_old_is_all_that_it_needs() -> None:
+def test_a_provisional_confirm_for_an_old_node_is_all_that_it_needs() -> None:
     rig = old_rig()
     ask(rig)
     answer(rig)
@@ -72,7 +72,7 @@ def test_a_vouch_for_a_node_that_is_old_is_all_that_it_needs() -> None:
     assert sorted(rig.exchange()) == [b"\x0ba", b"\x0bb"]
 
 
-def test_a_vouch_holds_only_when_nothing_of_a_former_life_can_be_under_way() -> None:
+def test_a_provisional_confirm_holds_when_nothing_of_a_former_life_is_under_way() -> None:
     rig = old_rig()
     ask(rig)
     answer(rig)
@@ -82,7 +82,7 @@ def test_a_vouch_holds_only_when_nothing_of_a_former_life_can_be_under_way() -> 
     assert frame == Tag(1).encode() + b"\x0ba"
 
 
-def test_a_young_node_decodes_what_is_vouched_for_and_believes_no_more() -> None:
+def test_a_young_node_decodes_what_is_confirmed_for_now_and_believes_no_more() -> None:
     rig = Rig({1: table(), 2: table()})
     ask(rig)
     answer(rig)
@@ -95,7 +95,7 @@ def test_a_young_node_decodes_what_is_vouched_for_and_believes_no_more() -> None
     assert rig[1].engine.peers()[2]
 
 
-def test_nothing_is_decoded_that_vouches_for_a_former_life() -> None:
+def test_nothing_is_decoded_that_confirms_a_former_life_for_now() -> None:
     rig = old_rig()
     ask(rig)
     request = rig[2].got(RequestReceived)[-1]
@@ -103,7 +103,7 @@ def test_nothing_is_decoded_that_vouches_for_a_former_life() -> None:
     rig[2].engine.reply(request.call, b"!", rig.now)
     transmission = rig[2].send(rig.now)
     assert transmission is not None
-    assert Confirm(VOUCHED, 1).encode() in transmission.frame_bytes
+    assert Confirm(PROVISIONAL, 1).encode() in transmission.frame_bytes
     rig.deliver(2, transmission)
     assert rig[1].got(ResponseReceived) == []
     assert rig[1].engine.stats.dropped["unconfirmed"] == 1
@@ -121,7 +121,7 @@ def test_who_is_asked_for_its_digest_says_it() -> None:
     assert Hello(WIRE_VERSION, 1, table().digest).encode() in b"".join(frames)
 
 
-def test_a_life_that_has_said_nothing_is_vouched_for_by_nobody() -> None:
+def test_a_life_that_has_said_nothing_is_confirmed_by_nobody() -> None:
     rig = old_rig()
     ask(rig)
     request = rig[2].got(RequestReceived)[-1]

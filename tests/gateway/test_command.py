@@ -127,7 +127,7 @@ def test_two_gateways_join_their_islands_and_end_on_a_signal(tmp_path: Path) -> 
     run(main())
 
 
-def test_gateway_that_is_killed_is_replaced_by_its_sibling(tmp_path: Path) -> None:
+def test_gateway_that_is_killed_is_replaced_by_its_redundant_one(tmp_path: Path) -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
             link = await open_water(stack, tmp_path)
@@ -147,7 +147,7 @@ def test_gateway_that_is_killed_is_replaced_by_its_sibling(tmp_path: Path) -> No
             shore.put("chat", b"by the first")
             assert await heard.payload() == b"by the first"
             processes[1].kill()
-            while (await notice(processes[3], "siblings"))["addresses"] != [3]:
+            while (await notice(processes[3], "redundant"))["addresses"] != [3]:
                 pass
             assert (await get(shore, "@acoustic/3/link")).good  # behind its declarations
             shore.put("chat", b"by the second")

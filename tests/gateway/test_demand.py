@@ -23,7 +23,7 @@ from tests.gateway.islands import (
 )
 from zacoustic.gateway import Notice
 from zacoustic.zenoh.gateway.notices import PeerBack, PeerMissed, Subscribed
-from zacoustic.zenoh.gateway.streams import onlookers
+from zacoustic.zenoh.gateway.streams import matching
 
 N = TypeVar("N", bound=Notice)
 
@@ -47,7 +47,7 @@ NAV = cbor(depth=12.3, mode="survey")
 
 @pytest.fixture(autouse=True)
 def _no_grace(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(onlookers, "GRACE_S", 0.0)
+    monkeypatch.setattr(matching, "GRACE_S", 0.0)
 
 
 def told(where: Island, kind: type[N]) -> list[N]:
@@ -180,7 +180,7 @@ def test_looker_that_was_there_before_the_gateway_counts() -> None:
 
 
 def test_looker_that_is_back_at_once_costs_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(onlookers, "GRACE_S", 3600.0)
+    monkeypatch.setattr(matching, "GRACE_S", 3600.0)
 
     async def scene() -> None:
         water = Water()
@@ -200,7 +200,7 @@ def test_looker_that_is_back_at_once_costs_nothing(monkeypatch: pytest.MonkeyPat
     run(scene())
 
 
-def test_sibling_that_takes_over_asks_in_its_place() -> None:
+def test_redundant_gateway_that_takes_over_asks_in_its_place() -> None:
     async def scene() -> None:
         water = Water()
         with zenoh_router() as port:

@@ -14,7 +14,7 @@ from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import PARCEL_OVERHEAD_BYTES, Mailbox, Parcel
-from zacoustic.zenoh.session.doorbell import Doorbell
+from zacoustic.zenoh.session.wake_up import WakeUp
 
 Count = Callable[[int], int]
 
@@ -47,23 +47,23 @@ def test_mailbox_is_bounded_whatever_the_keys_and_payloads(count: Count) -> None
     assert (len(mailbox), mailbox.oversized) == (0, 1)
 
 
-def test_doorbell_calls_the_loop_once_for_any_number_of_rings(count: Count) -> None:
+def test_wake_up_calls_the_loop_once_for_any_number_of_rings(count: Count) -> None:
     answers = []
 
     async def main() -> None:
         loop: Any = asyncio.get_running_loop()
-        doorbell = Doorbell(loop, lambda: answers.append(len(loop._ready)))
+        wake_up = WakeUp(loop, lambda: answers.append(len(loop._ready)))
         before = len(loop._ready)
         for _ in range(count(100_000)):
-            doorbell.ring()
+            wake_up.ring()
         assert len(loop._ready) == before + 1
-        await asyncio.get_running_loop().run_in_executor(None, doorbell.ring)
+        await asyncio.get_running_loop().run_in_executor(None, wake_up.ring)
 
     run(main())
     assert len(answers) in (1, 2)
     closed = asyncio.new_event_loop()
     closed.close()
-    Doorbell(closed, lambda: None).ring()
+    WakeUp(closed, lambda: None).ring()
 
 
 def test_last_values_are_bounded(count: Count) -> None:

@@ -23,7 +23,7 @@ from tests.gateway.islands import (
     zenoh_router,
 )
 from zacoustic.app.cli import main
-from zacoustic.zenoh.gateway.notices import SiblingsChanged, SilenceKept, TopicTuned
+from zacoustic.zenoh.gateway.notices import RedundancyChanged, SilenceKept, TopicTuned
 
 NOT_OF_SHORE = SECTION | {"orders_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
@@ -209,7 +209,7 @@ def test_of_two_gateways_one_passes_an_order_on_and_each_obeys_its_own() -> None
             first = await stack.enter_async_context(island(1, water, join=port))
             await stack.enter_async_context(island(3, water, join=port))
             await until(
-                lambda: any(isinstance(each, SiblingsChanged) for each in first.notices),
+                lambda: any(isinstance(each, RedundancyChanged) for each in first.notices),
                 first.changed,
             )
             await stack.enter_async_context(island(2, water))

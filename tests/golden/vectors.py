@@ -38,7 +38,7 @@ from zacoustic.core.wire.calls import NAMED, CallKind, encode_call_byte, encode_
 from zacoustic.core.wire.envelope import Envelope
 from zacoustic.core.wire.frame import (
     ASSURED,
-    VOUCHED,
+    PROVISIONAL,
     Ask,
     Confirm,
     Control,
@@ -147,12 +147,12 @@ def _controls() -> Iterator[Vector]:
     assured = Confirm(ASSURED, 0x1234).encode()
     meaning = "CONFIRM: epoch 1234 of the destination, which has confirmed the sender"
     yield _vector("confirm_assured", assured, meaning)
-    vouched = Tag(0x1234).encode() + Confirm(VOUCHED, 0x5678).encode()
+    provisional = Tag(0x1234).encode() + Confirm(PROVISIONAL, 0x5678).encode()
     meaning = (
         "TAG: epoch 1234; a provisional confirm for epoch 5678 of the destination, "
         "whose table the sender has"
     )
-    yield _vector("confirm_vouched", vouched, meaning)
+    yield _vector("confirm_provisional", provisional, meaning)
     yield _vector("ask_hello", Ask(2, 0).encode(), "ASK: node 2, its HELLO")
     yield _vector("ask_row", Ask(2, 10).encode(), "ASK: node 2, its row of stream 10")
     row = TableRow(0x1234, 10, digest).encode()

@@ -157,11 +157,13 @@ def test_no_goal_runs_twice_and_each_ends_once_whatever_goes_wrong(
         assert story.run() == []
 
 
-def test_story_finds_it_when_a_vouch_holds_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_story_finds_it_when_a_provisional_confirm_holds_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     def believe(self: Handshake, peer: Peer, now: int) -> None:
         peer.take(Change.CONFIRM)
 
-    monkeypatch.setattr(Handshake, "_heard_vouch", believe)
+    monkeypatch.setattr(Handshake, "_heard_provisional_confirm", believe)
     assert any(GoalStory(seed).run() for seed in (302,))
 
 
@@ -344,7 +346,8 @@ def test_confirm_of_the_client_ends_what_the_server_says_of_itself() -> None:
         desk.feed(goal, b"%d" % number)
     desk.run(200)
     said = [frame.hex() for node, frame in desk.frames if node == 1 and frame[-1:].isdigit()]
-    # Behind a vouch for the client's epoch, 1, as long as that does not know it to be known.
+    # Behind a provisional confirm for the client's epoch, 1, as long as that does not know it to be
+    # known.
     assert said == ["b10001b5ff00011ea030", "1ea031", "1ea032", "1ea033"]
     # Confirms, and not a record of the client: it has said nothing but its goal.
     assert {frame[-2:] for node, frame in desk.frames if node == 2} == {b"re", b"\0\1"}

@@ -167,13 +167,13 @@ class Link(ABC):
         Args:
             patience_s: How long the device may take to answer, s.
         """
-        onlooker = _Onlooker()
+        watcher = _UpWatcher()
         try:
             async with asyncio.timeout(patience_s):
-                await self.open(onlooker)
-                await onlooker.up.wait()
+                await self.open(watcher)
+                await watcher.up.wait()
         except (TimeoutError, LinkOpenError) as error:
-            said = str(error) or f"not ready after {patience_s:g} s: {onlooker.detail}"
+            said = str(error) or f"not ready after {patience_s:g} s: {watcher.detail}"
             return [
                 Finding(
                     what=f"the modem cannot be used: {said}",
@@ -203,7 +203,7 @@ class Link(ABC):
         return iter(())
 
 
-class _Onlooker:
+class _UpWatcher:
     """Hears from a link whether it is UP, and nothing else."""
 
     def __init__(self) -> None:

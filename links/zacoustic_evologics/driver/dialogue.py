@@ -4,7 +4,7 @@ The contract with the shell that has both (`link`): after any input or command c
 until None and write that, `poll_event` until None, and arm one timer with `poll_timeout`; `now`
 never decreases. What comes from the modem never raises. States are in `states`, what is
 done in them in `startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both speak through
-one `channel`. Besides them there are *errands*: single questions that belong to no state,
+one `channel`. Besides them there are *inquiries*: single questions that belong to no state,
 such as `AT?T` after an exchange. Their answers may come in any state, and a frame does not wait for
 more than one of them.
 
@@ -30,12 +30,12 @@ from zacoustic_evologics.at.notifications import Notification, PhyOff, PhyOn, So
 from zacoustic_evologics.at.replies import CommandReply, ModeReply
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
 from zacoustic_evologics.driver.channel import FENCE_TICKET, Answer, CommandChannel
-from zacoustic_evologics.driver.errands import Errands
 from zacoustic_evologics.driver.events import (
     ConnectionUseless,
     Event,
     OpeningHopeless,
 )
+from zacoustic_evologics.driver.inquiries import Inquiries
 from zacoustic_evologics.driver.outbox import Outbox
 from zacoustic_evologics.driver.sending import Sending
 from zacoustic_evologics.driver.sending_service import choose_carriage
@@ -76,7 +76,7 @@ class AtDialogue:
         self._startup: StartupRun | None = None
         self._sending: Sending | None = None
         self._outbox = Outbox(self._session)
-        self._errands = Errands(self._channel, self._session, self._outbox.put)
+        self._inquiries = Inquiries(self._channel, self._session, self._outbox.put)
         self._due_at: int | None = None
 
     @property
@@ -208,7 +208,7 @@ class AtDialogue:
             case RawData():
                 self._session.count("raw_bytes", len(message.content))
                 if self.state is State.READY:
-                    self._errands.check(now)
+                    self._inquiries.check(now)
             case Unrecognised() | Noise():
                 self._session.count("unrecognised")
             case _:
@@ -225,7 +225,7 @@ class AtDialogue:
         elif sending is not None and ticket == sending.ticket:
             sending.handle_answer(answer, now)
             self._collect(now)
-        elif suspicion := self._errands.handle_answer(answer, now):
+        elif suspicion := self._inquiries.handle_answer(answer, now):
             self._give_up(suspicion, now)
 
     def _handle_notification(self, record: Notification, now: int) -> None:
@@ -235,7 +235,7 @@ class AtDialogue:
             return
         self._outbox.put(self._reception.handle(record, is_sending=is_sending, now=now))
         if isinstance(record, Received):
-            self._errands.note_message()
+            self._inquiries.note_message()
         if sending is not None:
             sending.handle_notification(record, now)
             self._collect(now)
@@ -244,9 +244,9 @@ class AtDialogue:
             case PhyOff():
                 self._give_up("the physical layer of the modem is off", now)
             case PhyOn():
-                self._errands.check(now)
+                self._inquiries.check(now)
             case SourceLevel() if on_deck and record.level != IN_AIR_SOURCE_LEVEL:
-                self._errands.silence(now)
+                self._inquiries.silence(now)
             case _:
                 pass
 
@@ -308,8 +308,8 @@ class AtDialogue:
         self._step(Input.ENDED)
         if sending.report.outcome is TransmitOutcome.DELIVERED:
             to = sending.carriage.destination
-            self._errands.measure_delay(to, sending.report, sending.answer, now)
-        self._errands.read_battery(now)
+            self._inquiries.measure_delay(to, sending.report, sending.answer, now)
+        self._inquiries.read_battery(now)
 
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
         """Give up the connection; reopen it at once, or later where that changes nothing."""
@@ -336,7 +336,7 @@ class AtDialogue:
         self._due_at = None
         self._startup = self._sending = None
         self._channel.reset()
-        self._errands.forget()
+        self._inquiries.forget()
         self._decoder = AtDecoder()
         self._outbox.put(self._reception.stop(now))
 

@@ -278,7 +278,7 @@ def _refuse(setting: Set, reply: Refused) -> None:
     """See whether one can do without."""
     if setting.name in ("RI", "LC"):
         # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without
-        # the second the level is set again when somebody changes it (`Errands.silence`).
+        # the second the level is set again when somebody changes it (`Inquiries.silence`).
         return
     words = reply_text(reply)
     is_controlled = reply.reason == "NO CONTROL"

@@ -41,11 +41,11 @@ A CONFIRM that finds no frame to ride on goes behind the next frame of its peer:
 is on its way. At any other instant one may be, and would be lost where this node transmits; so a
 CONFIRM that no such frame has called forth waits until the peer has been silent for long.
 
-A *vouch* is a CONFIRM that does not wait for the settling time
+A *provisional confirm* is a CONFIRM that does not wait for the settling time
 (`zacoustic.core.peers.introducing`). What it says is true when it is said; only a late HELLO of a
 former life of the hearer can undo it. The hearer knows how old it is itself, and that nothing of a
-former life is under way any more: then the vouch is a confirmation, from when its sender decodes
-frames without a TAG. It is told so at once.
+former life is under way any more: then it is a confirmation, from when its sender decodes frames
+without a TAG. It is told so at once.
 """
 
 import random
@@ -66,7 +66,7 @@ from zacoustic.core.wire.frame import (
     ABSENT_DIGEST,
     ASSURED,
     LAST_STREAM_ID,
-    VOUCHED,
+    PROVISIONAL,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -236,7 +236,7 @@ class Handshake:
     def begin_frame(self, source: int, now: int) -> None:
         """A frame arrived; what it says follows."""
         peer = self._peers[source]
-        peer.is_vouching = False
+        peer.confirms_now = False
         peer.ripen(now)
 
     def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> None:
@@ -316,9 +316,9 @@ class Handshake:
             peer.take(Change.DOUBT)
             self._introduce_soon(peer, now)
             return
-        peer.is_vouching = unicast
-        if confirm.address == VOUCHED:
-            self._heard_vouch(peer, now)
+        peer.confirms_now = unicast
+        if confirm.address == PROVISIONAL:
+            self._heard_provisional_confirm(peer, now)
             return
         peer.take(Change.CONFIRM)
         if unicast and confirm.address == ASSURED:
@@ -434,11 +434,11 @@ class Handshake:
 
     def _is_about_us(self, confirm: Confirm, *, unicast: bool) -> bool:
         return confirm.address == self._address or (
-            unicast and confirm.address in (ASSURED, VOUCHED)
+            unicast and confirm.address in (ASSURED, PROVISIONAL)
         )
 
-    def _heard_vouch(self, peer: Peer, now: int) -> None:
-        """A peer has vouched for us: if this life is older than what was late then, that holds."""
+    def _heard_provisional_confirm(self, peer: Peer, now: int) -> None:
+        """A peer confirms us for now: if this life is older than what was late then, that holds."""
         is_old = self._began_at is not None and now >= self._began_at + 2 * self.settling_ns
         if is_old and peer.agreement is Agreement.UNCONFIRMED:
             peer.take(Change.EARLY_CONFIRM)

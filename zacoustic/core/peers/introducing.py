@@ -10,9 +10,9 @@ TAG        epoch; 3                      the hearer has heard the rest, or will 
 =========  ============================  ===========================================================
 
 A CONFIRM is what a node may rely on from then on, so it waits until nothing of a former life of the
-hearer can arrive (`zacoustic.core.peers.handshake`). A *VOUCH* is one that has not waited: it
-vouches for the frame that it is in, and only a hearer that has been alive for long may make more of
-it.
+hearer can arrive (`zacoustic.core.peers.handshake`). A *provisional
+confirm* has not waited: it holds for the frame that it is in, and only a hearer that has been alive
+for long may make more of it.
 """
 
 from typing import Final
@@ -26,7 +26,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.frame import (
     ASSURED,
     HELLO_BYTES,
-    VOUCHED,
+    PROVISIONAL,
     WIRE_VERSION,
     Confirm,
     Hello,
@@ -109,7 +109,7 @@ class Introductions:
         self._since_hello[destination] = 1
         self.is_told = True
         if destination != BROADCAST and not asked and audience[0].shares(self.digest):
-            return tag + self._vouch(destination, audience[0], now)
+            return tag + self._early_confirm(destination, audience[0], now)
         for peer in self._peers.values() if destination == BROADCAST else audience:
             if peer.owes_hello:
                 peer.owes_hello = False
@@ -139,10 +139,10 @@ class Introductions:
 
     # Below the methods above
 
-    def _vouch(self, address: int, peer: Peer, now: int) -> bytes:
+    def _early_confirm(self, address: int, peer: Peer, now: int) -> bytes:
         """Say to a node that we know its table, and share it."""
         peer.is_being_confirmed = True
-        named = VOUCHED
+        named = PROVISIONAL
         if now >= peer.settled_at:
             named = ASSURED if peer.confirmed_us else address
             peer.said(Cause.CONFIRM, now, self.unit_ns)

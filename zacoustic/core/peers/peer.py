@@ -59,7 +59,7 @@ class Peer:
         """Instant from which a provisional agreement holds, ns."""
         self.is_assured = False
         """It knows that we have confirmed it."""
-        self.is_vouching = False
+        self.confirms_now = False
         """The frame that is read now says that it knows our present epoch, and shares our table."""
         self.is_being_confirmed = False
         """The frame that is composed now says so to it."""
@@ -145,7 +145,7 @@ class Peer:
     def doubt(self, event: Change) -> None:
         """Of its table and ours nothing is agreed any more, because of an event."""
         self.take(event)
-        self.knows_us = self.is_assured = self.is_vouching = False
+        self.knows_us = self.is_assured = self.confirms_now = False
         self.owes_confirm = False
         self.answered_at = 0
         self.rows.clear()

@@ -35,7 +35,7 @@ LAST_STREAM_ID: Final = 0xAF
 ASSURED: Final = 0
 """Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
 sender."""
-VOUCHED: Final = 0xFF
+PROVISIONAL: Final = 0xFF
 """Address of a CONFIRM in a unicast frame: a provisional confirm for the destination."""
 DENSE_FROM: Final = 0xC0
 """A dense string begins with a byte from here on."""
@@ -116,7 +116,7 @@ class Confirm(msgspec.Struct, frozen=True):
     """The sender knows and shares the table of a node's epoch."""
 
     address: int
-    """The node, `ASSURED`, or `VOUCHED`."""
+    """The node, `ASSURED`, or `PROVISIONAL`."""
     epoch: int
 
     def encode(self) -> bytes:

@@ -5,7 +5,7 @@ module for each noun:
 
 - `gateway`, `junction`, `exchange`: start and stop, the session joined to an engine, the event
   dispatcher; the session is a `zacoustic.zenoh.session`;
-- `routes`, `jobs`: the declarations for each stream; `siblings`: which of several local gateways
+- `routes`, `jobs`: the declarations for each stream; `redundant`: which of several local gateways
   does a job;
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
 - `dialect`: the forms of streams for Zenoh programs, and for nodes of ROS 2 (`ros`);

@@ -4,7 +4,7 @@
 
     Zenoh's threads                       the loop                                      the link
     subscriber ──► Mailbox ──┐                             ┌────────────┐
-    queryable ──► QueryDesk ─┼─► Doorbell ──► Exchange ───►│ LinkRunner │──► transmit
+    queryable ──► QueryDesk ─┼─► WakeUp ──► Exchange ───►│ LinkRunner │──► transmit
     token ──────► Presence ──┘                             │   Engine   │
     put, reply ◄── Island, Worker ◄── Topics, Services ◄───│            │◄── frames
                                                            └────────────┘
@@ -226,7 +226,7 @@ class Gateway:
             forgotten=self._forgotten(),
             metrics=self._metrics.url if self._metrics is not None else "",
             recording=str(self._recording.path) if self._recording is not None else "",
-            siblings=tuple(each for each in junction.siblings.alive if each != config.address),
+            redundant=tuple(each for each in junction.redundant.alive if each != config.address),
         )
 
     @property

@@ -35,22 +35,22 @@ from zacoustic.zenoh.gateway.commands.pings import PingDesk
 from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.exchange import Exchange
-from zacoustic.zenoh.gateway.notices import Notice, Notify, RouterChanged, SiblingsChanged
+from zacoustic.zenoh.gateway.notices import Notice, Notify, RedundancyChanged, RouterChanged
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.routes import Routes
-from zacoustic.zenoh.gateway.siblings import Siblings
-from zacoustic.zenoh.gateway.status.chronicle import Chronicle
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
 from zacoustic.zenoh.gateway.status.health import Counts, Health
 from zacoustic.zenoh.gateway.status.presence import Presence
+from zacoustic.zenoh.gateway.status.recent_events import RecentEvents
 from zacoustic.zenoh.gateway.streams.actions import Actions
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
-from zacoustic.zenoh.gateway.streams.onlookers import Onlookers
+from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.queries import QueryDesk
-from zacoustic.zenoh.session.doorbell import Doorbell, tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 FAREWELL_LIMIT_S: Final = 3.0
 """How long the last replies may take at the end, s, and how long undeclaring may."""
@@ -108,7 +108,7 @@ class Junction:
         make_engine: MakeEngine = Engine,
     ) -> None:
         self.failure: Exception | None = None
-        self.siblings = Siblings(address, clock)
+        self.redundant = RedundantGateways(address, clock)
         self.island = island
         self._notify = notify
         self._is_closing = False
@@ -116,8 +116,8 @@ class Junction:
         self._ranges = ranges
         self._ended = asyncio.Event()
         self._loop = asyncio.get_running_loop()
-        self._doorbell = Doorbell(self._loop, self._attend)
-        ring = self._doorbell.ring
+        self._wake_up = WakeUp(self._loop, self._attend)
+        ring = self._wake_up.ring
 
         def renew(epoch: int, stored: Mapping[str, bytes]) -> Engine:
             seed = random.SystemRandom().getrandbits(64)
@@ -145,14 +145,14 @@ class Junction:
             permit_log=permit_log,
         )
         dates = Dates(clock, host.utc_ns)
-        self._chronicle = Chronicle(dates.unix_s)
-        self._complaints = Complaints(clock, tell=self._chronicle.complain)
+        self._recent_events = RecentEvents(dates.unix_s)
+        self._complaints = Complaints(clock, tell=self._recent_events.complain)
         self._presence = Presence(address, table.digest.hex(), island, ring)
         self._desk = QueryDesk(island.worker, ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT)
         self._dialects = dialects(island, self._complaints, ring)
         self._topics = Topics(
             table,
-            self.siblings,
+            self.redundant,
             self._complaints,
             self._dialects,
             KeptSamples(self.runner.keep, clock=clock, wall_clock=host.utc_ns),
@@ -171,17 +171,17 @@ class Junction:
             runner=self.runner,
             clock=clock,
         )
-        self._onlookers = Onlookers(
-            table, island, self.siblings, self._topics, self.runner, ring=ring
+        self._matching = MatchingSubscribers(
+            table, island, self.redundant, self._topics, self.runner, ring=ring
         )
         self._routes = Routes(
             table,
             island,
-            self.siblings,
+            self.redundant,
             topics=self._topics,
             services=self._services,
             actions=self._actions,
-            onlookers=self._onlookers,
+            matching=self._matching,
             dialects=self._dialects,
             desk=self._desk,
             runner=self.runner,
@@ -192,7 +192,7 @@ class Junction:
             self.runner,
             island,
             objects=self._objects,
-            chronicle=self._chronicle,
+            recent_events=self._recent_events,
             about=about,
             jobs=lambda: self._routes.jobs,
             losses=self._losses,
@@ -201,9 +201,9 @@ class Junction:
             clock=clock,
         )
         self._orders = OrderDesk(
-            table, self.runner, self.siblings, clock=clock, wall_clock=host.utc_ns
+            table, self.runner, self.redundant, clock=clock, wall_clock=host.utc_ns
         )
-        self._pings = PingDesk(self.runner, self.siblings, clock=clock)
+        self._pings = PingDesk(self.runner, self.redundant, clock=clock)
         self._own_queryables: list[zenoh.Queryable[None]] = []
         self._exchange = Exchange(
             table,
@@ -229,7 +229,7 @@ class Junction:
         if self.island.mode == "client":
             await self.island.worker.run(lambda: self.island.watch(self._see_router))
         for address in await self._presence.declare():
-            self.siblings.update(address, is_alive=True)
+            self.redundant.update(address, is_alive=True)
         await self._dialects.open()
         await self.runner.start()
         self._topics.recover(self.runner.engine.stored)
@@ -238,13 +238,13 @@ class Junction:
         self._routes.reconcile()
         await self.island.worker.run(self._declare_own)  # and all that was to be declared
         self._health.touch()
-        self._doorbell.ring()
+        self._wake_up.ring()
 
     async def close(self) -> None:
         """Stop in the order that leaves no caller waiting."""
         self._is_closing = True
         self._desk.close()
-        self._onlookers.close()
+        self._matching.close()
         self._feed.close()
         self._services.close()
         self._actions.close()
@@ -281,7 +281,7 @@ class Junction:
         return self._health.documents()
 
     def _attend(self) -> None:
-        """Take in what Zenoh's threads have handed over; the answer to the doorbell."""
+        """Take in what Zenoh's threads have handed over; the answer to the wake-up."""
         if self._is_closing:
             return
         try:
@@ -290,24 +290,24 @@ class Junction:
                 self._routes.reconcile()
             for held, serve in self._desk.take():
                 serve(held)
-            self._onlookers.settle()
+            self._matching.settle()
             self.runner.apply(self._exchange.drain)
         except LinkClosedError:
             return  # the runner has failed, and `wait_failed` says so
         except Exception as error:
-            _logger.exception("gateway %d: stopped by a fault", self.siblings.address)
+            _logger.exception("gateway %d: stopped by a fault", self.redundant.address)
             self.failure = error
             self._ended.set()
 
     def _take_presence(self) -> None:
         changed = [
-            self.siblings.update(address, is_alive=is_alive)
+            self.redundant.update(address, is_alive=is_alive)
             for address, is_alive in self._presence.take().items()
         ]
         if any(changed):
             self._routes.reconcile()
             self._health.touch()
-            self._tell(SiblingsChanged(addresses=self.siblings.alive))
+            self._tell(RedundancyChanged(addresses=self.redundant.alive))
 
     def _see_router(self, is_there: bool) -> None:
         """Note that the router was lost or is back; on Zenoh's thread."""
@@ -324,14 +324,14 @@ class Junction:
     def _deliver(self, event: Event) -> None:
         self._exchange.deliver(event)
         if isinstance(event, EngineRestarted):
-            self._doorbell.ring()  # the island goes on
+            self._wake_up.ring()  # the island goes on
         if isinstance(event, PeerLost | PeerFound):
             is_lost = isinstance(event, PeerLost)
             if self._dialects.note_peer(event.address, is_lost=is_lost):
                 self._routes.reconcile()
 
     def _tell(self, notice: Notice) -> None:
-        self._chronicle.note(notice)
+        self._recent_events.note(notice)
         if not self._is_closing:
             self._notify(notice)
 

@@ -54,7 +54,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     """Where it answers to Prometheus; empty: nowhere."""
     recording: str = ""
     """File into which everything is recorded; empty: nothing is."""
-    siblings: tuple[int, ...] = ()
+    redundant: tuple[int, ...] = ()
     """Addresses of the other local gateways."""
 
     def lines(self) -> list[str]:
@@ -74,7 +74,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
             lines.append(f"metrics   {self.metrics}")
         if self.recording:
             lines.append(f"recording {self.recording}")
-        return lines + [f"sibling   gateway {address}" for address in self.siblings]
+        return lines + [f"redundant gateway {address}" for address in self.redundant]
 
 
 class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
@@ -355,7 +355,7 @@ class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
         return [f"ranging   node {self.address}: {self.text}"]
 
 
-class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):
+class RedundancyChanged(Notice, frozen=True, kw_only=True, tag="redundant"):
     """The local gateways have changed."""
 
     addresses: tuple[int, ...]
@@ -363,7 +363,7 @@ class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):
 
     def lines(self) -> list[str]:
         """One line."""
-        return [f"siblings  gateways on this island: {', '.join(map(str, self.addresses))}"]
+        return [f"redundant gateways on this network: {', '.join(map(str, self.addresses))}"]
 
 
 class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):

@@ -28,9 +28,9 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import Declared, Dialects
 from zacoustic.zenoh.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE, WATCH
-from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.actions import Actions
-from zacoustic.zenoh.gateway.streams.onlookers import Onlookers
+from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.asking.goals import ActionKey
@@ -44,11 +44,11 @@ class Routes:
     Args:
         table: All streams.
         island: The session of the declarations.
-        siblings: Which jobs are ours.
+        redundant: Which jobs are ours, of those that redundant gateways share.
         topics: Takes samples, answers a `get` on a topic.
         services: Takes calls.
         actions: Takes goals, and feedback.
-        onlookers: Watches who subscribes to on-demand topics.
+        matching: Watches who subscribes to on-demand topics.
         dialects: Make jobs visible, and see local programs.
         desk: Takes queries from Zenoh's threads.
         runner: Gives calls to the engine.
@@ -58,12 +58,12 @@ class Routes:
         self,
         table: StreamTable,
         island: Island,
-        siblings: Siblings,
+        redundant: RedundantGateways,
         *,
         topics: Topics,
         services: Services,
         actions: Actions,
-        onlookers: Onlookers,
+        matching: MatchingSubscribers,
         dialects: Dialects,
         desk: QueryDesk,
         runner: LinkRunner,
@@ -72,11 +72,11 @@ class Routes:
         """Job and stream id of present declarations, or soon to be."""
         self._table = table
         self._island = island
-        self._siblings = siblings
+        self._redundant = redundant
         self._topics = topics
         self._services = services
         self._actions = actions
-        self._onlookers = onlookers
+        self._matching = matching
         self._dialects = dialects
         self._desk = desk
         self._runner = runner
@@ -89,12 +89,12 @@ class Routes:
             (job, stream.stream_id)
             for stream in self._table
             for job, is_ours in (
-                (FORWARD, self._siblings.forwards(stream)),
-                (DELIVER, self._siblings.delivers(stream)),
+                (FORWARD, self._redundant.forwards(stream)),
+                (DELIVER, self._redundant.delivers(stream)),
                 (PROXY, self._proxies(stream)),
                 (SERVE, self._serves(stream)),
-                (ATTEND, self._siblings.attends(stream)),
-                (WATCH, stream.is_on_demand and self._siblings.delivers(stream)),
+                (ATTEND, self._redundant.attends(stream)),
+                (WATCH, stream.is_on_demand and self._redundant.delivers(stream)),
             )
             if is_ours
         )
@@ -105,7 +105,7 @@ class Routes:
         for job, stream_id in sorted(new):
             stream = self._table.by_id(stream_id)
             self._island.worker.submit(partial(self._declare, job, stream))
-        self._onlookers.watch({stream_id for job, stream_id in wanted if job == WATCH})
+        self._matching.watch({stream_id for job, stream_id in wanted if job == WATCH})
 
     def undeclare(self) -> None:
         """Undeclare everything; in the worker."""
@@ -113,11 +113,11 @@ class Routes:
             self._undeclare(key)
 
     def _proxies(self, stream: Stream) -> bool:
-        return self._siblings.proxies(stream) and not self._dialects.stands_back(stream)
+        return self._redundant.proxies(stream) and not self._dialects.stands_back(stream)
 
     def _serves(self, stream: Stream) -> bool:
         is_ours = (
-            isinstance(stream.spec, ServiceSpec) and stream.spec.server == self._siblings.address
+            isinstance(stream.spec, ServiceSpec) and stream.spec.server == self._redundant.address
         )
         return is_ours and self._dialects.visible(stream)
 
@@ -133,7 +133,7 @@ class Routes:
         if job == SERVE:
             return []
         if job == WATCH:
-            return [self._onlookers.declare(stream)]
+            return [self._matching.declare(stream)]
         if job == ATTEND:
             key = self._actions.forms[stream_id].key(ActionKey.FEEDBACK)
             subscriber = session.declare_subscriber(
@@ -144,7 +144,7 @@ class Routes:
             return [subscriber]
         if job == FORWARD:
             dialect = self._topics.dialects[stream_id]
-            expression = dialect.key(stream.keys.expression(self._siblings.address))
+            expression = dialect.key(stream.keys.expression(self._redundant.address))
             return list(dialect.subscribe(expression, partial(self._topics.post, stream_id)))
         declared: list[Declared] = []
         keys, serve = self._served(job, stream)
@@ -175,16 +175,16 @@ class Routes:
 
     def _asked(self, stream: Stream) -> str:
         """Return the key expression of remote samples."""
-        publishers = self._siblings.publishers_beyond(stream)
+        publishers = self._redundant.publishers_beyond(stream)
         only_one = publishers is not None and len(publishers) == 1
         expression = stream.keys.expression(publishers[0] if publishers and only_one else None)
         return self._topics.dialects[stream.stream_id].key(expression)
 
     def _sources(self, stream: Stream) -> tuple[int, ...]:
         """Return the remote nodes that may publish, as far as they are listed."""
-        publishers = self._siblings.publishers_beyond(stream)
+        publishers = self._redundant.publishers_beyond(stream)
         if publishers is None:
-            return tuple(each for each in self._table.nodes if each not in self._siblings.alive)
+            return tuple(each for each in self._table.nodes if each not in self._redundant.alive)
         return publishers
 
     def _answer(self, stream_id: int) -> Serve:

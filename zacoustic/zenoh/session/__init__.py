@@ -2,7 +2,7 @@
 
 - `session`: an open session; `explain`: why there is none; `worker`, `exitguard`: the thread for
   calls that may block, and its end with the process;
-- `doorbell`: the wake-up from Zenoh's threads to the loop;
+- `wake_up`: the wake-up from Zenoh's threads to the loop;
 - `asking`: queries of others, and own ones: calls, goals, commands;
 - `latching`: publishers that keep samples for late joiners, and subscribers that ask for them;
 - `values`, `marker`: payloads, and the attachments of a gateway.

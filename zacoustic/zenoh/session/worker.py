@@ -13,8 +13,8 @@ from typing import Final, TypeVar
 
 import zenoh
 
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.exitguard import ExitGuard
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 

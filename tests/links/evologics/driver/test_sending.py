@@ -486,7 +486,7 @@ def test_what_cannot_be_the_answer_is_not_taken_for_it() -> None:
     assert bench.dialogue.diagnostics()["stray_replies"] == len(noise)
 
 
-def test_frame_waits_for_one_errand_at_most() -> None:
+def test_frame_waits_for_one_inquiry_at_most() -> None:
     bench = ready()
 
     def go_on(report: TransmitReport) -> None:

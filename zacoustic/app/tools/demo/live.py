@@ -136,8 +136,8 @@ def _water(logbook: Logbook, width: int) -> RenderableType:
     count = max(10, min(_WATER_CELLS, width - _BESIDE_WATER))
     cells = ["·"] * count
     styles = ["dim"] * count
-    sounding = logbook.in_the_water()
-    for frame in sounding:
+    under_way = logbook.in_the_water()
+    for frame in under_way:
         for far in _cells_of(frame, now, logbook.propagation_s, count):
             position = far if frame.source == SHORE else count - 1 - far
             cells[position] = ")" if frame.source == SHORE else "("
@@ -149,7 +149,7 @@ def _water(logbook: Logbook, width: int) -> RenderableType:
     said = " · ".join(
         f"{island_name(frame.source)} → {island_name(frame.target)}: {frame.frame_bytes} bytes, "
         f"{frame.airtime_s:.3f} s of airtime"
-        for frame in sounding
+        for frame in under_way
     ) or _waiting(logbook)
     if logbook.began_at is None:
         said = f"starting; ready: {', '.join(sorted(logbook.ready)) or 'nothing yet'}"

@@ -31,8 +31,8 @@ from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.pings import PingAnswer, ping_selector
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose answer says more.
 _BEHIND_S: Final = 2.0

@@ -14,8 +14,8 @@ from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.orders import PREFIX
-from zacoustic.zenoh.session.doorbell import Doorbell, tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import WakeUp, tell_loop
 
 PULSE_S: Final = 0.5
 """Time between two checks of the gateways, s: a hanging one leaves no other trace."""
@@ -50,7 +50,7 @@ class Watch:
         self._settings = session_config(config, connect)
         self._ask_s = ask_s
         self._loop = asyncio.get_running_loop()
-        self._doorbell = Doorbell(self._loop, self._attend)
+        self._wake_up = WakeUp(self._loop, self._attend)
         self._guard = threading.Lock()
         self._news: dict[str, bytes] = {}
         self._alive: dict[int, bool] = {}
@@ -155,7 +155,7 @@ class Watch:
             if key not in self._news and len(self._news) >= _KEYS_LIMIT:
                 return
             self._news[key] = sample.payload.to_bytes()
-        self._doorbell.ring()
+        self._wake_up.ring()
 
     def _see(self, sample: zenoh.Sample) -> None:
         found = _TOKEN.fullmatch(str(sample.key_expr))
@@ -163,7 +163,7 @@ class Watch:
             return
         with self._guard:
             self._alive[int(found[1])] = sample.kind == zenoh.SampleKind.PUT
-        self._doorbell.ring()
+        self._wake_up.ring()
 
     # On the loop
 

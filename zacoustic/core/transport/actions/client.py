@@ -164,7 +164,7 @@ class GoalClient:
         epoch = message.epoch
         if epoch is None:
             server = self._handshake.peer(source)
-            if not server.knows_us and not server.is_vouching:
+            if not server.knows_us and not server.confirms_now:
                 # It may be said to a former life of this node.
                 self._handshake.heard_too_short(source, now)
                 return "unconfirmed"

@@ -24,7 +24,7 @@ from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError
 from zacoustic.run.permitlog import utc_text
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.orders import (
     PREFIX,
     SUBJECTS,
@@ -45,7 +45,7 @@ class OrderDesk:
     Args:
         table: All streams.
         runner: Its engine executes, or sends.
-        siblings: The local gateways.
+        redundant: The local gateways.
         clock: Where instants come from.
         wall_clock: Tells UTC, ns since 1970.
     """
@@ -54,14 +54,14 @@ class OrderDesk:
         self,
         table: StreamTable,
         runner: LinkRunner,
-        siblings: Siblings,
+        redundant: RedundantGateways,
         *,
         clock: Clock,
         wall_clock: Callable[[], int] = time.time_ns,
     ) -> None:
         self._table = table
         self._runner = runner
-        self._siblings = siblings
+        self._redundant = redundant
         self._clock = clock
         self._wall_clock = wall_clock
         self._sent: dict[int, tuple[HeldQuery, int, Order]] = {}
@@ -69,7 +69,7 @@ class OrderDesk:
     @property
     def own_keys(self) -> tuple[str, ...]:
         """Where this node is asked."""
-        return tuple(f"{PREFIX}/{self._siblings.address}/{subject}" for subject in SUBJECTS)
+        return tuple(f"{PREFIX}/{self._redundant.address}/{subject}" for subject in SUBJECTS)
 
     @property
     def keys_beyond(self) -> tuple[str, ...]:
@@ -78,7 +78,7 @@ class OrderDesk:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query for this node."""
-        own = self._siblings.address
+        own = self._redundant.address
         asked = self._read(held, lambda node: node in (None, own))
         if asked is None:
             return
@@ -131,7 +131,7 @@ class OrderDesk:
         if event.ends_at is not None:
             left_s = ns_to_seconds(event.ends_at - self._clock())
         state = OrderState(silent=event.is_silent, ordered=event.is_ordered, left_s=left_s)
-        return self._silence(self._siblings.address, state)
+        return self._silence(self._redundant.address, state)
 
     # Below the methods above
 
@@ -154,9 +154,9 @@ class OrderDesk:
         """Tell whether this gateway asks a remote node."""
         if node is None:
             return False
-        alive = self._siblings.alive
+        alive = self._redundant.alive
         is_known = 1 <= node <= 254 and (not self._table.nodes or node in self._table.nodes)
-        return is_known and node not in alive and self._siblings.address == alive[0]
+        return is_known and node not in alive and self._redundant.address == alive[0]
 
     def _answer(self, held: HeldQuery, node: int, order: Order, state: OrderState) -> None:
         document: SilenceState | StreamState
@@ -179,7 +179,7 @@ class OrderDesk:
         until_utc, why = None, ""
         if state.left_s is not None:
             until_utc = utc_text(self._wall_clock() + seconds_to_ns(state.left_s))
-        if node == self._siblings.address:
+        if node == self._redundant.address:
             engine = self._runner.engine
             why = engine.clock.doubt or engine.silence.state(self._clock()).doubt
         return SilenceState(

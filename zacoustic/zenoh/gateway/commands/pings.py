@@ -21,7 +21,7 @@ from zacoustic.core.streams.commands import Order
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.pings import (
     PINGS,
     PingAnswer,
@@ -40,13 +40,13 @@ class PingDesk:
 
     Args:
         runner: Whose engine asks.
-        siblings: The local gateways.
+        redundant: The local gateways.
         clock: Where instants come from.
     """
 
-    def __init__(self, runner: LinkRunner, siblings: Siblings, *, clock: Clock) -> None:
+    def __init__(self, runner: LinkRunner, redundant: RedundantGateways, *, clock: Clock) -> None:
         self._runner = runner
-        self._siblings = siblings
+        self._redundant = redundant
         self._clock = clock
         self._by_call: dict[int, _Ping] = {}
         self._by_range: dict[int, _Ping] = {}
@@ -72,7 +72,7 @@ class PingDesk:
             return
         assert asked is not None
         node, within_s = asked
-        if node in self._siblings.alive:
+        if node in self._redundant.alive:
             text = f"node {node} is on this island: there is no water between"
             held.refuse(CallFailure.BAD_REQUEST, text)
             return
@@ -118,7 +118,7 @@ class PingDesk:
         """Tell whether this gateway asks, of the local ones."""
         nodes = self._runner.engine.table.nodes
         is_known = 1 <= node <= 254 and (not nodes or node in nodes)
-        return is_known and self._siblings.address == self._siblings.alive[0]
+        return is_known and self._redundant.address == self._redundant.alive[0]
 
     def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
         ping = _Ping(held, node, within_s, now)

@@ -2,7 +2,7 @@
 
 Zenoh calls a subscriber on its own thread and, when that thread is slow, stalls the whole
 session. So the callback does two things only: `Mailbox.post`, which keeps the newest samples of
-each key, and `Doorbell.ring`. The loop empties all mailboxes whenever the bell has rung.
+each key, and `WakeUp.ring`. The loop empties all mailboxes whenever the bell has rung.
 """
 
 import threading

@@ -21,8 +21,8 @@ from zacoustic.run.recording.channels import received_frame, report_record, sent
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.session.asking.orders import PREFIX
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 FRAMES: Final = "frames"
 REPORTS: Final = "reports"

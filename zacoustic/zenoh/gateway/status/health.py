@@ -24,7 +24,7 @@ answered to a `get`:
 ``clock``     what time it is here; answered to a `get`, and put when the clock has been set
 ============  =====================================================================================
 
-and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
+and what is known of others, by `peer_status`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
 ``…/position``, ``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
@@ -54,9 +54,9 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.values.encoding import JSON
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.objects import ObjectDesk
-from zacoustic.zenoh.gateway.status.chronicle import Chronicle
 from zacoustic.zenoh.gateway.status.dates import Dates
-from zacoustic.zenoh.gateway.status.soundings import Soundings
+from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
+from zacoustic.zenoh.gateway.status.recent_events import RecentEvents
 from zacoustic.zenoh.gateway.status.traffic import Traffic
 from zacoustic.zenoh.gateway.status.water import FrameLog
 from zacoustic.zenoh.session.asking.orders import PREFIX
@@ -83,7 +83,7 @@ class Health:
         runner: Whose engine and link.
         island: Where it is put.
         objects: Knows how far large samples are.
-        chronicle: Keeps the recent events.
+        recent_events: Keeps the recent events.
         about: What does not change: the document ``node``.
         jobs: What this gateway does: job and stream id.
         losses: Useless local input.
@@ -99,7 +99,7 @@ class Health:
         island: Island,
         *,
         objects: ObjectDesk,
-        chronicle: Chronicle,
+        recent_events: RecentEvents,
         about: Mapping[str, object],
         jobs: Callable[[], frozenset[tuple[str, int]]],
         losses: Callable[[], Counts],
@@ -111,7 +111,7 @@ class Health:
         self._runner = runner
         self._island = island
         self._objects = objects
-        self._chronicle = chronicle
+        self._recent_events = recent_events
         self._about = {**about, "started_at_unix_s": round(dates.unix_s(), 3)}
         self._jobs = jobs
         self._losses = losses
@@ -130,7 +130,7 @@ class Health:
         self._traffic = Traffic(dates.unix_s)
         engine = runner.engine
         self._frames = FrameLog(engine, unix_s=dates.unix_s)
-        self._soundings = Soundings(
+        self._peer_status = PeerStatus(
             engine.measurements,
             engine.contact,
             engine.deadlines,
@@ -239,8 +239,8 @@ class Health:
                 "doubt": self._engine.doubt.reason,
             },
             "dropped": self._dropped(),
-            "events": self._chronicle.document(),
-            **self._soundings.documents(),
+            "events": self._recent_events.document(),
+            **self._peer_status.documents(),
         }
         return {name: self._dates.told(each) for name, each in documents.items()}
 

@@ -5,10 +5,11 @@ Each gateway declares two::
     @acoustic/ADDRESS/gateway           the address is taken, by a gateway of whatever fleet
     @acoustic/ADDRESS/gateway/DIGEST    with the digest of its stream table
 
-and watches the second kind, with its own digest: those are its siblings. Gateways with other tables
-belong to other fleets and share nothing but the network. Tokens are the session's: they vanish with
-the process, and come back when a router does. A key that begins with ``@`` matches no wildcard of
-an application, and no stream can have one, so nothing of this ever crosses the water.
+and watches the second kind, with its own digest: those are redundant gateways.
+Gateways with other tables belong to other fleets and share nothing but the network. Tokens are the
+session's: they vanish with the process, and come back when a router does. A key that begins with
+``@`` matches no wildcard of an application, and no stream can have one, so nothing of this ever
+crosses the channel.
 """
 
 import re
@@ -49,7 +50,7 @@ class Presence:
         self._declared: list[zenoh.LivelinessToken | zenoh.Subscriber[None]] = []
 
     async def declare(self) -> list[int]:
-        """Become visible; returns the addresses of the siblings that are there already.
+        """Become visible; returns the addresses of redundant gateways that are there already.
 
         Raises:
             SessionError: A gateway with this address is there.
@@ -82,15 +83,15 @@ class Presence:
                 zenoh.KeyExpr(self._tokens), self._island.callback(self._see), history=True
             )
         )
-        siblings = map(_address_in, self._look(self._tokens))
-        return [each for each in siblings if each is not None and each != self._address]
+        redundant = map(_address_in, self._look(self._tokens))
+        return [each for each in redundant if each is not None and each != self._address]
 
     def _look(self, tokens: str) -> list[str]:
         replies = self._island.session.liveliness().get(tokens, timeout=_LOOK_LIMIT_S)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
     def _see(self, sample: zenoh.Sample) -> None:
-        """Note a sibling that appeared or disappeared; on Zenoh's thread."""
+        """Note a redundant gateway that appeared or disappeared; on Zenoh's thread."""
         address = _address_in(str(sample.key_expr))
         if address is None:
             return

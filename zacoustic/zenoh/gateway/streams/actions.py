@@ -1,11 +1,11 @@
 """Actions: local goals for remote servers, and received goals.
 
-A local goal arrives in a `GoalHall`, which stands for the remote server. Its local name, 16 bytes,
-does not cross: on the channel a goal has a number. The engine keeps the name as its tag, so a
-restarted gateway still knows it.
+A local goal arrives in a `LocalGoalServer`, which stands for the remote server. Its local name, 16
+bytes, does not cross: on the channel a goal has a number. The engine keeps the name as its tag, so
+a restarted gateway still knows it.
 
-A received goal is a `GoalErrand`: sent to the local program that serves, followed to its end. If
-the program ends without one, the outcome is unknown, and the client learns that.
+A received goal is a `LocalGoalRequest`: sent to the local program that serves, followed to its end.
+If the program ends without one, the outcome is unknown, and the client learns that.
 """
 
 import contextlib
@@ -35,9 +35,9 @@ from zacoustic.errors import LinkClosedError, LocalError, PayloadInvalidError, Z
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
-from zacoustic.zenoh.session.asking.goalerrand import FeedbackEar, GoalErrand
-from zacoustic.zenoh.session.asking.goalhall import GoalHall, Put
+from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
 from zacoustic.zenoh.session.asking.goals import GOAL_ID_BYTES, ActionForm, Ending, Verdict
+from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer, Put
 from zacoustic.zenoh.session.asking.queries import HeldQuery
 from zacoustic.zenoh.session.marker import Marker
 from zacoustic.zenoh.session.session import Island
@@ -103,7 +103,7 @@ class Actions:
 
     def ask(self, stream_id: int, held: HeldQuery) -> None:
         """Take a query about goals for a remote server."""
-        self._proxies[stream_id].hall.take(held)
+        self._proxies[stream_id].goal_server.take(held)
 
     def ear(self, stream_id: int) -> Callable[[zenoh.Sample], None]:
         """Return what takes the feedback of the program here, on Zenoh's thread."""
@@ -143,7 +143,7 @@ class _Proxy:
         self._keys: dict[bytes, GoalKey] = {}
         assert isinstance(stream.spec, ActionSpec)
         self._form = form
-        self.hall = GoalHall(
+        self.goal_server = LocalGoalServer(
             form,
             self,
             put=put,
@@ -183,7 +183,7 @@ class _Proxy:
         if isinstance(event, GoalRecovered):
             if len(event.tag) == GOAL_ID_BYTES:
                 self._learn(event.goal, event.tag)
-                self.hall.adopt(event.tag)
+                self.goal_server.adopt(event.tag)
             return
         goal_id = self._ids.get(event.goal)
         if goal_id is None:
@@ -191,30 +191,32 @@ class _Proxy:
         match event:
             case GoalAnswered():
                 verdict = Verdict(accepted=event.accepted, failure=event.failure, text=event.text)
-                self.hall.answer(goal_id, verdict)
+                self.goal_server.answer(goal_id, verdict)
                 if not event.accepted:
                     self._forget(event.goal)
             case FeedbackReceived():
                 try:
-                    self.hall.feed(goal_id, event.value)
+                    self.goal_server.feed(goal_id, event.value)
                 except PayloadInvalidError as error:
                     self._complaints.add(self._stream.name, "feedback", str(error))
             case CancelAnswered():
                 verdict = Verdict(accepted=event.accepted, text=event.text)
-                self.hall.answer_cancel(goal_id, verdict)
+                self.goal_server.answer_cancel(goal_id, verdict)
             case ResultReceived():
                 self._forget(event.goal)
                 try:
-                    self.hall.end(goal_id, Ending(status=event.status, result=event.value))
+                    self.goal_server.end(goal_id, Ending(status=event.status, result=event.value))
                 except PayloadInvalidError as error:
-                    self.hall.fail(goal_id, CallFailure.BAD_RESPONSE, str(error))
+                    self.goal_server.fail(goal_id, CallFailure.BAD_RESPONSE, str(error))
             case GoalFailed():
                 self._forget(event.goal)
                 if event.failure is GoalFailure.UNKNOWN:
-                    self.hall.end(goal_id, Ending(status=GoalStatus.UNKNOWN, text=event.text))
+                    self.goal_server.end(
+                        goal_id, Ending(status=GoalStatus.UNKNOWN, text=event.text)
+                    )
                 else:
                     failure = _AS_CALL.get(event.failure, CallFailure.NO_SERVER)
-                    self.hall.fail(goal_id, failure, event.text)
+                    self.goal_server.fail(goal_id, failure, event.text)
             case _:
                 pass
 
@@ -227,7 +229,7 @@ class _Proxy:
 
 
 class _Attendant:
-    """Takes the received goals of one action to the program that serves it; see `Errands`."""
+    """Takes the received goals of one action to the program that serves it; see `GoalSender`."""
 
     def __init__(
         self,
@@ -249,20 +251,20 @@ class _Attendant:
         self._rng = random.SystemRandom()
         self._keys: dict[bytes, GoalKey] = {}
         self._ids: dict[GoalKey, bytes] = {}
-        self._errands: dict[bytes, GoalErrand] = {}
+        self._goal_requests: dict[bytes, LocalGoalRequest] = {}
         self._accepted: set[bytes] = set()
         self.ear = FeedbackEar(form, self._feed, hears_marked=False)
 
     def deliver(self, event: GoalReceived | CancelRequested) -> None:
         """Take an event about a received goal."""
         if isinstance(event, CancelRequested):
-            errand = self._errands.get(self._ids.get(event.goal, b""))
-            if errand is not None:
-                errand.cancel()
+            goal_request = self._goal_requests.get(self._ids.get(event.goal, b""))
+            if goal_request is not None:
+                goal_request.cancel()
             return
         goal_id = self._rng.randbytes(GOAL_ID_BYTES)
         self._keys[goal_id], self._ids[event.goal] = event.goal, goal_id
-        errand = self._errands[goal_id] = GoalErrand(
+        goal_request = self._goal_requests[goal_id] = LocalGoalRequest(
             self._island,
             self._form,
             goal_id,
@@ -272,12 +274,12 @@ class _Attendant:
             mark=Marker(acoustic=event.goal.client).encode(),
         )
         left_s = ns_to_seconds(event.deadline_at - self._clock())
-        errand.begin(event.value, max(left_s, _LEAST_LIMIT_S))
+        goal_request.begin(event.value, max(left_s, _LEAST_LIMIT_S))
 
     def close(self) -> None:
         """Stop asking the local network."""
-        for errand in self._errands.values():
-            errand.close()
+        for goal_request in self._goal_requests.values():
+            goal_request.close()
 
     # From the program
 
@@ -292,7 +294,7 @@ class _Attendant:
         self._accepted.add(goal_id)
         if not _apply(self._runner, lambda engine, now: engine.actions.accept(key, now)):
             # Its client has given it up meanwhile: it must not run.
-            self._errands[goal_id].cancel()
+            self._goal_requests[goal_id].cancel()
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
         """The program will end a goal, or will not."""
@@ -353,9 +355,9 @@ class _Attendant:
             self._complaints.add(self._stream.name, "result", str(error))
 
     def _forget(self, goal_id: bytes) -> GoalKey | None:
-        errand = self._errands.pop(goal_id, None)
-        if errand is not None:
-            errand.close()
+        goal_request = self._goal_requests.pop(goal_id, None)
+        if goal_request is not None:
+            goal_request.close()
         self._accepted.discard(goal_id)
         key = self._keys.pop(goal_id, None)
         if key is not None:

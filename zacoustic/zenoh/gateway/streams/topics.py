@@ -23,7 +23,7 @@ from zacoustic.zenoh.gateway.complaints import Complaints
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects, Reading, Written
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
 from zacoustic.zenoh.gateway.dialect.mailbox import Mailbox, Parcel
-from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
@@ -36,7 +36,7 @@ class Topics:
 
     Args:
         table: All streams.
-        siblings: The jobs of the local gateways.
+        redundant: The jobs of the local gateways.
         complaints: Takes the errors of local samples.
         dialects: Their local forms.
         kept: Samples of latched topics, in the journal.
@@ -47,7 +47,7 @@ class Topics:
     def __init__(
         self,
         table: StreamTable,
-        siblings: Siblings,
+        redundant: RedundantGateways,
         complaints: Complaints,
         dialects: Dialects,
         kept: KeptSamples,
@@ -59,7 +59,7 @@ class Topics:
         self._alarm: asyncio.TimerHandle | None = None
         self._kept = kept
         self._table = table
-        self._siblings = siblings
+        self._redundant = redundant
         self._complaints = complaints
         self._clock = clock
         self._ring = ring
@@ -125,12 +125,12 @@ class Topics:
 
     def deliver(self, event: SampleReceived) -> None:
         """Put a received sample on the local network, and keep it for `answer`."""
-        if self._siblings.shares_island(event.source):
+        if self._redundant.shares_island(event.source):
             return
         dialect = self.dialects[event.stream_id]
         stream = dialect.stream
         key = dialect.key(stream.keys.key(event.source, event.instance))
-        delivers = self._siblings.delivers(stream)
+        delivers = self._redundant.delivers(stream)
         if event.deleted:
             self.last_values.forget(key)
             self._kept.forget(stream, key)
@@ -195,7 +195,7 @@ class Topics:
         if link is None or not can_wait:
             return 0
         frame_ns = link.airtime_ns(link.mtu_bytes) + seconds_to_ns(link.gap_s + _APART_S)
-        return self._siblings.rank * frame_ns
+        return self._redundant.rank * frame_ns
 
     def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
         dialect = self.dialects[stream.stream_id]

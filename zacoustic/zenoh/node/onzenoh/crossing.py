@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
-from zacoustic.zenoh.session.doorbell import Doorbell
+from zacoustic.zenoh.session.wake_up import WakeUp
 
 CROSSING_LIMIT: Final = 256
 """Arrivals of one endpoint that wait for the loop; as many as Zenoh's own channels hold."""
@@ -26,7 +26,7 @@ class Crossing(Generic[T]):
         self._take = take
         self._items: deque[T] = deque(maxlen=limit)
         self._guard = threading.Lock()
-        self._bell = Doorbell(asyncio.get_running_loop(), self._drain)
+        self._bell = WakeUp(asyncio.get_running_loop(), self._drain)
 
     def put(self, item: T) -> None:
         """Bring an arrival; from any thread."""

@@ -18,8 +18,7 @@ from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.form import Form
 from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, SentGoal, TakeFeedback, goal_error
 from zacoustic.zenoh.node.routes import ActionRoute
-from zacoustic.zenoh.session.asking.goalerrand import FeedbackEar, GoalErrand
-from zacoustic.zenoh.session.asking.goalhall import GoalHall
+from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
 from zacoustic.zenoh.session.asking.goals import (
     GOAL_ID_BYTES,
     ActionKey,
@@ -27,10 +26,11 @@ from zacoustic.zenoh.session.asking.goals import (
     Ending,
     Verdict,
 )
+from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryDesk
-from zacoustic.zenoh.session.doorbell import Doorbell
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import Island, one_line
+from zacoustic.zenoh.session.wake_up import WakeUp
 
 QUERIES_LIMIT: Final = 256
 """Queries about the goals of one action that can be held at once."""
@@ -76,11 +76,11 @@ class ZenohGoals:
         sent = ZenohSentGoal(self._island(), route, messages, goal_id, feed, tag)
         self._sent[goal_id] = sent
         try:
-            sent.errand.begin(checked, limit_s + _BEHIND_S)
+            sent.goal_request.begin(checked, limit_s + _BEHIND_S)
             async with asyncio.timeout(limit_s):
                 await asyncio.shield(sent.known)
         except (TimeoutError, asyncio.CancelledError) as error:
-            sent.errand.cancel()
+            sent.goal_request.cancel()
             self._sent.pop(goal_id, None)
             if isinstance(error, asyncio.CancelledError):
                 raise
@@ -118,7 +118,7 @@ class ZenohGoals:
         sent = list(self._sent.values())
         self._sent.clear()
         for each in sent:
-            each.errand.close()
+            each.goal_request.close()
             each.end_with(GoalEnd(error=LinkClosedError("the node was closed")))
 
     def _hear(self, route: Route, messages: ActionMessages) -> None:
@@ -165,7 +165,7 @@ class ZenohSentGoal:
         """It has ended."""
         self._name = route.name
         self._cancels: list[asyncio.Future[tuple[bool, str]]] = []
-        self.errand = GoalErrand(
+        self.goal_request = LocalGoalRequest(
             island,
             messages,
             goal_id,
@@ -180,7 +180,7 @@ class ZenohSentGoal:
             raise LocalError(f"{self._name}: the goal has ended")
         answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
         self._cancels.append(answer)
-        self.errand.cancel()
+        self.goal_request.cancel()
         return await answer
 
     async def end(self) -> GoalEnd:
@@ -242,7 +242,7 @@ class _Server:
         self._route = route
         self._desk = desk
         self._goals: dict[bytes, _TakenGoal] = {}
-        bell = Doorbell(asyncio.get_running_loop(), self._drain)
+        bell = WakeUp(asyncio.get_running_loop(), self._drain)
         self._queries = QueryDesk(
             island.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
         )
@@ -257,7 +257,7 @@ class _Server:
                 priority=route.qos.priority,
             )
 
-        self.hall = GoalHall(
+        self.goal_server = LocalGoalServer(
             messages,
             self,
             put=put,
@@ -267,7 +267,7 @@ class _Server:
 
     def bring(self, query: zenoh.Query) -> None:
         """Take a query; on Zenoh's thread."""
-        self._queries.admit(self.hall.take, query)
+        self._queries.admit(self.goal_server.take, query)
 
     def close(self) -> None:
         """Refuse held queries, and later ones."""
@@ -291,7 +291,7 @@ class _Server:
         goal = self._goals.get(goal_id)
         if goal is None or not goal.is_accepted:
             refused = Verdict(accepted=False, text="the goal does not run")
-            self.hall.answer_cancel(goal_id, refused)
+            self.goal_server.answer_cancel(goal_id, refused)
         else:
             self._desk.cancel(goal)
 
@@ -315,32 +315,32 @@ class _TakenGoal:
 
     def accept(self) -> bool:
         self.is_accepted = True
-        self._server.hall.answer(self._goal_id, Verdict(accepted=True))
+        self._server.goal_server.answer(self._goal_id, Verdict(accepted=True))
         return True
 
     def reject(self, failure: GoalFailure, text: str) -> bool:
         self._server.forget(self._goal_id)
         refused = Verdict(accepted=False, failure=failure, text=text)
-        self._server.hall.answer(self._goal_id, refused)
+        self._server.goal_server.answer(self._goal_id, refused)
         return True
 
     def feed(self, value: object) -> bool:
-        self._server.hall.feed(self._goal_id, _checked(self._route.feedback, value))
+        self._server.goal_server.feed(self._goal_id, _checked(self._route.feedback, value))
         return True
 
     def finish(self, status: GoalStatus, value: object) -> bool:
         self._server.forget(self._goal_id)
-        hall = self._server.hall
+        goal_server = self._server.goal_server
         try:
             result = None if value is None else _checked(self._route.result, value)
-            hall.end(self._goal_id, Ending(status=status, result=result))
+            goal_server.end(self._goal_id, Ending(status=status, result=result))
         except PayloadInvalidError as error:
-            hall.end(self._goal_id, Ending(status=GoalStatus.ABORTED, text=str(error)))
+            goal_server.end(self._goal_id, Ending(status=GoalStatus.ABORTED, text=str(error)))
             raise
         return True
 
     def answer_cancel(self, accepted: bool, text: str) -> bool:
-        self._server.hall.answer_cancel(self._goal_id, Verdict(accepted=accepted, text=text))
+        self._server.goal_server.answer_cancel(self._goal_id, Verdict(accepted=accepted, text=text))
         return True
 
 

@@ -44,11 +44,11 @@ from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
 from zacoustic.zenoh.session.asking.orderquestion import OrderQuestion
 from zacoustic.zenoh.session.asking.orders import read_state
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, Island, one_line, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own time limit is above ours, whose error says more.
 _BEHIND_S: Final = 1.0

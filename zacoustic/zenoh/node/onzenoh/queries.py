@@ -13,9 +13,9 @@ from zacoustic.errors import PayloadInvalidError
 from zacoustic.zenoh.node.carrier import CLOSED_TEXT, IncomingCall
 from zacoustic.zenoh.node.routes import ServiceRoute
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery, QueryDesk
-from zacoustic.zenoh.session.doorbell import Doorbell
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.values import said_encoding
+from zacoustic.zenoh.session.wake_up import WakeUp
 from zacoustic.zenoh.session.worker import Worker
 
 CALLS_LIMIT: Final = 64
@@ -39,7 +39,7 @@ class ServiceDesk:
     ) -> None:
         self._route = route
         self._handle = handle
-        bell = Doorbell(asyncio.get_running_loop(), self._drain)
+        bell = WakeUp(asyncio.get_running_loop(), self._drain)
         self._desk = QueryDesk(worker, bell.ring, limit=CALLS_LIMIT, closed_text=CLOSED_TEXT)
 
     def bring(self, query: zenoh.Query) -> None:

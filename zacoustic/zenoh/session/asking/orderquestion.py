@@ -9,8 +9,8 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.commands import Order
 from zacoustic.zenoh.session.asking.orders import selector
 from zacoustic.zenoh.session.asking.replies import read_error
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 # Zenoh's own limit is above the gateway's, whose error says more.
 _BEHIND_S: Final = 2.0

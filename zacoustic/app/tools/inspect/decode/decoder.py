@@ -27,7 +27,7 @@ from zacoustic.core.wire.content import measure_content, server_of, split_age
 from zacoustic.core.wire.frame import (
     ABSENT_DIGEST,
     ASSURED,
-    VOUCHED,
+    PROVISIONAL,
     WIRE_VERSION,
     Ask,
     Confirm,
@@ -182,7 +182,7 @@ class _Reader:
                 text = f"TAG epoch {epoch}: I do not know whether you know my table"
                 return DecodedItem(kind="tag", text=text)
             case Confirm(address, epoch):
-                named = {ASSURED: "you, who have confirmed me", VOUCHED: "you, for this frame"}
+                named = {ASSURED: "you, who have confirmed me", PROVISIONAL: "you, for this frame"}
                 node = named.get(address, f"node {address}")
                 text = f"CONFIRM {node}, epoch {epoch}: our tables are the same"
                 return DecodedItem(kind="confirm", text=text)

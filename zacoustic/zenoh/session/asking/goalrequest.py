@@ -12,8 +12,8 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.zenoh.session.asking.goals import ActionForm, ActionKey, Ending, Verdict
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.session import Island
+from zacoustic.zenoh.session.wake_up import tell_loop
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ _PAUSE_S: Final = 0.5
 _LONGEST_PAUSE_S: Final = 10.0
 
 
-class Errands(Protocol):
+class GoalSender(Protocol):
     """Who has sent a goal; all of it is called on the loop, as soon as it is known."""
 
     def answered(self, goal_id: bytes, verdict: Verdict) -> None:
@@ -45,7 +45,7 @@ class Errands(Protocol):
         ...
 
 
-class GoalErrand:
+class LocalGoalRequest:
     """One goal for a local server; for the loop.
 
     Args:
@@ -63,7 +63,7 @@ class GoalErrand:
         island: Island,
         form: ActionForm,
         goal_id: bytes,
-        sender: Errands,
+        sender: GoalSender,
         *,
         priority: Priority,
         patience_s: float,

@@ -40,7 +40,7 @@ RETIRED_S: Final = 10.0
 """How long a gateway that is gone still counts as local, s."""
 
 
-class Siblings:
+class RedundantGateways:
     """The gateways of one local network, as one of them sees them; for the loop.
 
     Args:

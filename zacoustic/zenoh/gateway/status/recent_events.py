@@ -21,7 +21,7 @@ COMPLAINT: Final = "complaint"
 """The `event` of an input error of the local network."""
 
 
-class Chronicle:
+class RecentEvents:
     """The recent events of one gateway; for the loop.
 
     Args:

@@ -27,8 +27,8 @@ from tests.gateway.islands import (
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import SessionError
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import SiblingsChanged, Started
-from zacoustic.zenoh.gateway.siblings import RETIRED_S, Siblings
+from zacoustic.zenoh.gateway.notices import RedundancyChanged, Started
+from zacoustic.zenoh.gateway.redundant import RETIRED_S, RedundantGateways
 
 
 class Fleet:
@@ -65,7 +65,7 @@ async def fleet() -> AsyncIterator[Fleet]:
 
 def alive(of: Island) -> tuple[int, ...]:
     """Return the gateways on an island as its last notice about them says."""
-    found = [each.addresses for each in of.notices if isinstance(each, SiblingsChanged)]
+    found = [each.addresses for each in of.notices if isinstance(each, RedundancyChanged)]
     return found[-1] if found else ()
 
 
@@ -160,7 +160,7 @@ async def declared(session: zenoh.Session, address: int) -> None:
     assert (await get(session, f"@acoustic/{address}/link")).good
 
 
-def test_service_whose_server_is_a_sibling_is_left_to_it() -> None:
+def test_service_whose_server_is_a_redundant_gateway_is_left_to_it() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
             water = Water()
@@ -183,13 +183,13 @@ def test_second_gateway_with_the_same_address_is_refused() -> None:
             config = config_of(1, zenoh_config("client", connect=a.port))
             with pytest.raises(SessionError, match="has the address 1"):
                 await Gateway(config, link=water.medium.link(3)).start()
-            assert not [each for each in a.notices if isinstance(each, SiblingsChanged)]
-            assert [each.siblings for each in a.notices if isinstance(each, Started)] == [()]
+            assert not [each for each in a.notices if isinstance(each, RedundancyChanged)]
+            assert [each.redundant for each in a.notices if isinstance(each, Started)] == [()]
 
     run(main())
 
 
-def test_gateway_of_another_fleet_is_no_sibling() -> None:
+def test_gateway_of_another_fleet_is_not_redundant() -> None:
     async def main() -> None:
         water = Water()
         async with (
@@ -202,8 +202,10 @@ def test_gateway_of_another_fleet_is_no_sibling() -> None:
                 documents = await get(shore, "@acoustic/*/streams")
                 assert sorted(documents.good) == ["@acoustic/1/streams", "@acoustic/3/streams"]
             for each in (a, other):
-                assert not [said for said in each.notices if isinstance(said, SiblingsChanged)]
-                assert [said.siblings for said in each.notices if isinstance(said, Started)] == [()]
+                assert not [said for said in each.notices if isinstance(said, RedundancyChanged)]
+                assert [said.redundant for said in each.notices if isinstance(said, Started)] == [
+                    ()
+                ]
             config = config_of(3, zenoh_config("client", connect=other.port))
             with pytest.raises(SessionError, match="has the address 3"):
                 await Gateway(config, link=water.medium.link(2)).start()
@@ -219,7 +221,7 @@ def stream(name: str) -> Stream:
 
 
 def test_lowest_that_may_do_it_does_it() -> None:
-    first, third = Siblings(1, lambda: 0), Siblings(3, lambda: 0)
+    first, third = RedundantGateways(1, lambda: 0), RedundantGateways(3, lambda: 0)
     first.update(3, is_alive=True)
     third.update(1, is_alive=True)
     assert first.forwards(stream("chat"))
@@ -235,32 +237,32 @@ def test_lowest_that_may_do_it_does_it() -> None:
 
 
 def test_each_gateway_forwards_its_own_keys_of_a_stream_with_node_in_its_name() -> None:
-    siblings = Siblings(3, lambda: 0)
-    siblings.update(1, is_alive=True)
-    assert siblings.forwards(stream("fleet/{node}/status"))
-    assert not siblings.delivers(stream("fleet/{node}/status"))
+    redundant = RedundantGateways(3, lambda: 0)
+    redundant.update(1, is_alive=True)
+    assert redundant.forwards(stream("fleet/{node}/status"))
+    assert not redundant.delivers(stream("fleet/{node}/status"))
 
 
 def test_what_nobody_beyond_the_water_sends_or_wants_is_no_job() -> None:
-    vehicle = Siblings(2, lambda: 0)
+    vehicle = RedundantGateways(2, lambda: 0)
     assert not vehicle.forwards(stream("auv1/text"))
     assert not vehicle.delivers(stream("auv1/nav"))
     assert not vehicle.proxies(stream("auv1/arm"))
-    shore = Siblings(1, lambda: 0)
+    shore = RedundantGateways(1, lambda: 0)
     shore.update(3, is_alive=True)
     assert not shore.delivers(stream("auv1/text"))
 
 
-def test_sibling_that_is_gone_is_of_this_island_for_what_it_had_on_the_air() -> None:
+def test_redundant_gateway_that_is_gone_is_of_this_island_for_what_it_had_on_the_air() -> None:
     now = 0
-    siblings = Siblings(1, lambda: now)
-    assert not siblings.shares_island(3)
-    assert siblings.update(3, is_alive=True)
-    assert not siblings.update(3, is_alive=True)
-    assert siblings.shares_island(3)
-    siblings.update(3, is_alive=False)
-    assert siblings.shares_island(3)
+    redundant = RedundantGateways(1, lambda: now)
+    assert not redundant.shares_island(3)
+    assert redundant.update(3, is_alive=True)
+    assert not redundant.update(3, is_alive=True)
+    assert redundant.shares_island(3)
+    redundant.update(3, is_alive=False)
+    assert redundant.shares_island(3)
     now = round(RETIRED_S * 1e9)
-    assert not siblings.shares_island(3)
-    assert not siblings.update(1, is_alive=False)
-    assert siblings.alive == (1,)
+    assert not redundant.shares_island(3)
+    assert not redundant.update(1, is_alive=False)
+    assert redundant.alive == (1,)

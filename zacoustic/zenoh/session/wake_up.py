@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable
 
 
-class Doorbell:
+class WakeUp:
     """Wakes the loop from any thread, once until it has been answered.
 
     Args:

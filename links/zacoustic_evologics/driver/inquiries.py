@@ -33,7 +33,7 @@ BATTERY_PAUSE_S: Final = 300.0
 See = Callable[[CommandReply | None, int], str]
 
 
-class Errands:
+class Inquiries:
     """Asks, and reads the answers.
 
     Args:

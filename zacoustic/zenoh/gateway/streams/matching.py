@@ -19,7 +19,7 @@ import zenoh
 
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.siblings import Siblings
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.session import Island
 
@@ -44,13 +44,13 @@ class Lookout:
             self._declared.pop().undeclare()
 
 
-class Onlookers:
+class MatchingSubscribers:
     """The local subscribers; for the loop, except for `declare`.
 
     Args:
         table: All streams.
         island: Their session.
-        siblings: The local nodes.
+        redundant: The local nodes.
         topics: What topics look like there.
         runner: Whose engine asks for what they want to see.
         ring: Wakes the loop, which then calls `settle`.
@@ -61,7 +61,7 @@ class Onlookers:
         self,
         table: StreamTable,
         island: Island,
-        siblings: Siblings,
+        redundant: RedundantGateways,
         topics: Topics,
         runner: LinkRunner,
         *,
@@ -70,7 +70,7 @@ class Onlookers:
     ) -> None:
         self._table = table
         self._island = island
-        self._siblings = siblings
+        self._redundant = redundant
         self._topics = topics
         self._runner = runner
         self._ring = ring
@@ -87,7 +87,7 @@ class Onlookers:
         dialect = self._topics.dialects[stream.stream_id]
         nodes: tuple[int, ...] = (_ANY,)
         if stream.keys.is_named_by_node:
-            others = set(self._table.nodes) - {self._siblings.address}
+            others = set(self._table.nodes) - {self._redundant.address}
             nodes = tuple(each for each in sorted(others) if stream.may_publish(each))
         for node in nodes:
             publisher = self._island.session.declare_publisher(
@@ -147,7 +147,7 @@ class Onlookers:
             }
         publishers = self._runner.engine.demand.publishers(stream)
         wanted = publishers if _ANY in seen else publishers & seen
-        return wanted.difference(self._siblings.alive)
+        return wanted.difference(self._redundant.alive)
 
     def _settle(self, stream_id: int) -> None:
         stream = self._table.by_id(stream_id)

@@ -24,7 +24,7 @@ from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.transport.topics.deadlines import Deadlines
 
 
-class Soundings:
+class PeerStatus:
     """What one engine knows of others; for the loop.
 
     Args:

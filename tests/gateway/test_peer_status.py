@@ -30,7 +30,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
 from zacoustic.zenoh.gateway.notices import RangingFailed
-from zacoustic.zenoh.gateway.status.soundings import Soundings
+from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
 from zacoustic_sim.link import SimConfig, SimLink
 
 ASKS = SimConfig(acknowledges=True)
@@ -136,13 +136,13 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     rules = ContactRules(lost_after_s={3: 50})
     contact = Contact(1, StreamTable(), rules, peers, random.Random(1), lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
-    soundings = Soundings(
+    peer_status = PeerStatus(
         known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s
     )
-    assert soundings.documents() == {}
+    assert peer_status.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
     known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))
-    before = soundings.documents()
+    before = peer_status.documents()
     assert before == {
         "peer/2/range": {
             "propagation_s": 0.5,
@@ -152,17 +152,17 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
         }
     }
     now, unix_s = 200 * NS_PER_S, 1100.4
-    assert soundings.documents() == before
+    assert peer_status.documents() == before
     known.handle(PeerMeasured(address=2, measured_at=now, metrics=delay))
-    after: Any = soundings.documents()["peer/2/range"]
+    after: Any = peer_status.documents()["peer/2/range"]
     assert after["measured_at_unix_s"] == 1100.4
     contact.begin(190 * NS_PER_S)
     key = "peer/3/lost"
     here = {"lost": False, "since_unix_s": 1090.4, "heard_at_unix_s": None}
-    assert soundings.documents()[key] == here
+    assert peer_status.documents()[key] == here
     contact.heard(3, 195 * NS_PER_S)
-    assert soundings.documents()[key] == here
+    assert peer_status.documents()[key] == here
     now, unix_s = 250 * NS_PER_S, 1150.4
     contact.expire(now)
     gone = {"lost": True, "since_unix_s": 1150.4, "heard_at_unix_s": 1095.4}
-    assert soundings.documents()[key] == gone
+    assert peer_status.documents()[key] == gone

@@ -65,7 +65,7 @@ class _Known:
         }
 
 
-class GoalHall:
+class LocalGoalServer:
     """The local goals of one action; for the loop.
 
     Args:
