@@ -164,10 +164,10 @@ class Protocols:
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
+            large=self.large,
             demand=self.demand,
             emit=self._hand_on,
         )
-        self.topics.large = self.large
         self.services = Services(
             address,
             table,
