@@ -16,12 +16,14 @@ node; without them nothing is sent and no timer is armed.
 
 import random
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.streams.table import StreamTable
 
 LEAST_HEARTBEAT_S: Final = 1.0
@@ -81,6 +83,7 @@ class Contact:
         address: Address of the node.
         table: Its table; what it lists are the nodes there are.
         rules: What the config says.
+        timers: Tell who has become lost.
         rng: Draws the pauses.
         emit: Takes events.
     """
@@ -90,11 +93,13 @@ class Contact:
         address: int,
         table: StreamTable,
         rules: ContactRules,
+        timers: Timers,
         rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
     ) -> None:
         self._address = address
         self._rules = rules
+        self._timers = timers
         self._rng = rng
         self._emit = emit
         self._hearers = [each for each in table.nodes if each != address] or [BROADCAST]
@@ -113,6 +118,7 @@ class Contact:
                 self._sightings.setdefault(
                     address, Sighting(is_lost=False, since=now, heard_at=None)
                 )
+                self._arm(address)
 
     # Heartbeats
 
@@ -138,22 +144,9 @@ class Contact:
         known = self._sightings.get(source)
         since = now if known is None or known.is_lost else known.since
         self._sightings[source] = Sighting(is_lost=False, since=since, heard_at=now)
+        self._arm(source)
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
-
-    def expire(self, now: int) -> None:
-        """Tell who has become lost."""
-        for address, known in list(self._sightings.items()):
-            at = self._lost_at(address, known)
-            if at is not None and at <= now:
-                heard_at = known.heard_at
-                self._sightings[address] = Sighting(is_lost=True, since=now, heard_at=heard_at)
-                self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which somebody becomes lost, ns, or None."""
-        instants = (self._lost_at(*each) for each in self._sightings.items())
-        return min((at for at in instants if at is not None), default=None)
 
     def sightings(self) -> dict[int, Sighting]:
         """Return whether nodes are lost, by address, for all that can be."""
@@ -168,13 +161,18 @@ class Contact:
     def _lost_after_s(self, address: int) -> float | None:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
 
-    def _lost_at(self, address: int, known: Sighting) -> int | None:
-        """Return when a node becomes lost if it is not heard before, ns."""
-        lost_after_s = self._lost_after_s(address)
-        if known.is_lost or lost_after_s is None:
-            return None
-        seen_at = known.since if known.heard_at is None else known.heard_at
-        return seen_at + seconds_to_ns(lost_after_s)
+    def _arm(self, address: int) -> None:
+        """A node that counts as there becomes lost if it is not heard before."""
+        lost_after_s, known = self._lost_after_s(address), self._sightings[address]
+        if lost_after_s is not None:
+            seen_at = known.since if known.heard_at is None else known.heard_at
+            lost_at = seen_at + seconds_to_ns(lost_after_s)
+            self._timers.at((Due.CONTACT, address), lost_at, partial(self._lose, address))
+
+    def _lose(self, address: int, now: int) -> None:
+        heard_at = self._sightings[address].heard_at
+        self._sightings[address] = Sighting(is_lost=True, since=now, heard_at=heard_at)
+        self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
 
     def _draw_pause(self) -> None:
         if self._rules.heartbeat_s is not None:

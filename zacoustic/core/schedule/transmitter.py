@@ -139,9 +139,8 @@ class Transmitter:
         if state is LinkState.UP:
             self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
 
-    def expire(self, now: int) -> None:
-        """An instant has come that something here has named."""
-        self._host.expire(now)
+    def handle_timeout(self, now: int) -> None:
+        """An instant has come that `next_at` or a timer has named."""
         if self.port is not None:
             self.port.access.handle_timeout(now)
 

@@ -18,6 +18,7 @@ from typing import Final
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.copies import aimed_pause, follow
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
@@ -101,6 +102,7 @@ class Repeater:
 
     Args:
         queue: Takes them.
+        timers: Repeat and end them.
         rng: Draws the pauses.
         introduce: Makes the next frame to a node readable there: address, stream id.
     """
@@ -108,10 +110,12 @@ class Repeater:
     def __init__(
         self,
         queue: TransmitQueue,
+        timers: Timers,
         rng: random.Random,
         introduce: Callable[[int, int], None] = lambda address, stream_id: None,
     ) -> None:
         self._queue = queue
+        self._timers = timers
         self._introduce = introduce
         self._rng = rng
         self._times: LinkTimes | None = None
@@ -180,6 +184,7 @@ class Repeater:
         self._repetitions.pop(repetition, None)
         self._queue.discard(repetition.key, repetition.record)
         repetition.stage = _Stage.OVER
+        self._changed()
 
     def again(self, repetition: Repetition) -> None:
         """Repeat at once: the node has shown that it lacks the record."""
@@ -206,6 +211,7 @@ class Repeater:
                 repetition.stage = _Stage.ON_AIR
                 repetition.is_on_air = True
                 self._on_air.append(repetition)
+        self._changed()
 
     def handle_report(self, report: TransmitReport) -> None:
         """A transmission has ended: from here an answer is awaited."""
@@ -220,6 +226,7 @@ class Repeater:
         for repetition in self._repetitions:
             if repetition.record.destination == source:
                 repetition.due_at = 0
+        self._changed()
 
     def link_up(self, now: int) -> None:
         """The link is up again: everything is due."""
@@ -229,8 +236,14 @@ class Repeater:
         for repetition in self._repetitions:
             repetition.due_at = 0
 
-    def expire(self, now: int) -> None:
+    # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.REPETITION,), self._due_at, self._repeat)
+
+    def _repeat(self, now: int) -> None:
         """Repeat what is due; forget what nobody wants any more."""
+        self._changed()
         for repetition in list(self._repetitions):
             if repetition.until is not None and repetition.until <= now:
                 self.stop(repetition, now)
@@ -253,7 +266,7 @@ class Repeater:
                 timing.await_answer(now, now + pause_ns)
                 self._push_again(repetition)
 
-    def next_due_at(self) -> int | None:
+    def _due_at(self) -> int | None:
         """Return the earliest instant at which something is due or over, ns, or None."""
         earliest: int | None = None
         for repetition in self._repetitions:
@@ -265,10 +278,9 @@ class Repeater:
                 earliest = at
         return earliest
 
-    # Below the methods above
-
     def _landed(self, at: int) -> None:
         """Nothing is on the air any more."""
+        self._changed()
         landed, self._on_air = self._on_air, []
         for repetition in landed:
             repetition.is_on_air = False
@@ -310,6 +322,7 @@ class Repeater:
         self._push(repetition)
 
     def _push(self, repetition: Repetition) -> None:
+        self._changed()
         largest_bytes = self._queue.largest_bytes
         if largest_bytes is not None and repetition.record.size_bytes > largest_bytes:
             # It was made for a link with larger frames.

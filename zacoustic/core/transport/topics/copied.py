@@ -19,6 +19,7 @@ from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
@@ -54,6 +55,18 @@ class _Copied:
         self.due_at: int | None = None
         """When it goes again, ns; None: it waits in the queue, or is on the air."""
 
+    def is_over(self, now: int) -> bool:
+        """Tell whether it is too old to go again."""
+        return self.record.expires_at is not None and self.record.expires_at <= now
+
+    def sent(self) -> None:
+        """It was sent: from now on it does not go for longer than its copies are to."""
+        self.was_sent = True
+        expires_at = self.record.expires_at
+        self.record.expires_at = (
+            self.ends_at if expires_at is None else min(expires_at, self.ends_at)
+        )
+
 
 class CopiedSamples:
     """The samples of one node that go several times, and those of others that came so.
@@ -61,9 +74,11 @@ class CopiedSamples:
     Args:
         queue: Takes the copies.
         handshake: Knows the boot epoch.
+        timers: Send what goes again.
     """
 
-    def __init__(self, queue: TransmitQueue, handshake: Handshake) -> None:
+    def __init__(self, queue: TransmitQueue, handshake: Handshake, timers: Timers) -> None:
+        self._timers = timers
         self._queue = queue
         self._handshake = handshake
         self._times: LinkTimes | None = None
@@ -79,6 +94,7 @@ class CopiedSamples:
         self._times = times
         self._copied.clear()
         self._on_air.clear()
+        self._changed()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
         """Queue a best-effort sample, so that it goes as often as it has to."""
@@ -91,6 +107,10 @@ class CopiedSamples:
             record.dense_value = None
             self._copied[id(record)] = _Copied(key, record, qos, copies, now + COPIED_NS)
         self._queue.push(key, record, qos)
+        for each in [each for each in self._copied.values() if each.key == key]:
+            if not self._queue.holds(key, each.record) and each not in self._on_air:
+                self._end(each)  # pushed out
+        self._changed()
 
     def drop_stream(self, stream_id: int) -> None:
         """Send nothing more of a stream: nobody wants it, or others than before."""
@@ -112,7 +132,7 @@ class CopiedSamples:
             invited_at = (
                 listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
             )
-            each.was_sent = True
+            each.sent()
             if invited_at is None and each.in_the_dark:
                 each.in_the_dark -= 1  # nobody pauses for it, as far as is known
             else:
@@ -130,26 +150,7 @@ class CopiedSamples:
                 continue
             record.copies = 0
             each.due_at = invited_at or at + self._times.first_round_trip_ns
-
-    def expire(self, now: int) -> None:
-        """Queue what is due, and forget what is too old or was pushed out of the queue."""
-        for each in list(self._copied.values()):
-            expires_at = each.record.expires_at
-            is_over = each.was_sent and each.ends_at <= now
-            if is_over or (expires_at is not None and expires_at <= now):
-                self._end(each)
-            elif each.due_at is not None and each.due_at <= now:
-                each.due_at = None
-                self._queue.push(each.key, each.record, each.qos)
-            elif each.due_at is None and not (
-                each in self._on_air or self._queue.holds(each.key, each.record)
-            ):
-                self._end(each)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which something is due, ns, or None."""
-        due = (each.due_at for each in self._copied.values() if each.due_at is not None)
-        return min(due, default=None)
+        self._changed()
 
     # What others publish
 
@@ -166,6 +167,26 @@ class CopiedSamples:
         return False
 
     # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.COPY,), self._due_at, self._go_on)
+
+    def _due_at(self) -> int | None:
+        """Return the earliest instant at which something goes again, ns, or None."""
+        due = (each.due_at for each in self._copied.values() if each.due_at is not None)
+        return min(due, default=None)
+
+    def _go_on(self, now: int) -> None:
+        """Queue what is due, and forget what is too old."""
+        for each in list(self._copied.values()):
+            if each.due_at is None or each.due_at > now:
+                continue
+            if each.is_over(now):
+                self._end(each)
+            else:
+                each.due_at = None
+                self._queue.push(each.key, each.record, each.qos)
+        self._changed()
 
     def _copies(self, record: Waiting, qos: Qos, now: int) -> int:
         """How often a sample goes."""
@@ -184,6 +205,7 @@ class CopiedSamples:
         del self._copied[id(copied.record)]
         if copied.was_sent:
             self._queue.discard(copied.key, copied.record)
+        self._changed()
 
 
 def _in_row(record: Waiting, times: LinkTimes, detour_ns: int) -> int:

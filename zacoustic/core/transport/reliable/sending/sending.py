@@ -10,6 +10,7 @@ from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import LIFE_KEY, JournalPort
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.stats import Cause, EngineStats
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
@@ -68,12 +69,14 @@ class ReliableSending:
         demand: Demand,
         journal: JournalPort,
         doubt: Doubt,
+        timers: Timers,
         generators: Generators,
         stats: EngineStats,
         emit: Callable[[DeliveryEvent], None],
     ) -> None:
         self._table = table
         self._queue = queue
+        self._timers = timers
         self._handshake = handshake
         self._keeping = Keeping(journal)
         self._pacing = Pacing(table, generators.of("pacing"), stats, handshake)
@@ -166,6 +169,7 @@ class ReliableSending:
             if sample.stage is Stage.ON_AIR:
                 sample.stage, sample.due_at = Stage.SENT, AT_ONCE
         self._on_air.clear()
+        self._changed()
 
     def link_up(self, now: int) -> None:
         """What was sent before is due."""
@@ -187,6 +191,7 @@ class ReliableSending:
                 record.sample.order, record.sample.stage = self._order, Stage.ON_AIR
                 self._pacing.begins(record.lane, record.sample, now)
                 self._on_air.append((record.lane, record.sample))
+        self._changed()
 
     def handle_report(self, report: TransmitReport) -> None:
         """A transmission has ended: from here an ACK is awaited."""
@@ -196,6 +201,7 @@ class ReliableSending:
                 sample.stage = Stage.SENT
                 sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
                 sample.due_at = self._pacing.repeat_at(lane, sample, report)
+        self._changed()
 
     # For the water
 
@@ -205,6 +211,7 @@ class ReliableSending:
             for lane in self._lanes:
                 if source in lane.receptions:
                     lane.due_soon(source)
+            self._changed()
 
     def lost_sync(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
@@ -277,19 +284,29 @@ class ReliableSending:
                 self._refresh(lane)
                 self._go_on(lane, now)
 
-    # For the timer
+    def dropped(self, records: Iterable[Waiting], now: int) -> None:
+        """Records fit no frame of the link any more: they go as objects."""
+        for record in records:
+            if isinstance(record, SampleWaiting):
+                self.places.enlarge(record.lane, record.sample, now)
+        self._changed()
 
-    def expire(self, now: int) -> None:
-        """End what is too old, and repeat what is due."""
-        self._paced_until = None
-        for lane in self._lanes:
-            for sample in list(lane.samples):
-                if sample.expires_at is not None and sample.expires_at <= now:
-                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
-            self._advance(lane, now)
-        self._repeat(now)
+    # The journal
 
-    def next_deadline_at(self) -> int | None:
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left; ids of its samples are not given away again."""
+        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
+            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
+        for kept in self._keeping.recover(stored, self._table, self._emit):
+            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
+        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
+
+    # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.SENDING,), self._due_at, self._go_on_all)
+
+    def _due_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
         instants = [] if self._paced_until is None else [self._paced_until]
         times = self._pacing.times
@@ -304,23 +321,15 @@ class ReliableSending:
                 instants += (at for at in ends if at is not None)
         return min(instants, default=None)
 
-    def dropped(self, records: Iterable[Waiting], now: int) -> None:
-        """Records fit no frame of the link any more: they go as objects."""
-        for record in records:
-            if isinstance(record, SampleWaiting):
-                self.places.enlarge(record.lane, record.sample, now)
-
-    # The journal
-
-    def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left; ids of its samples are not given away again."""
-        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
-            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
-        for kept in self._keeping.recover(stored, self._table, self._emit):
-            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
-        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
-
-    # Below the methods above
+    def _go_on_all(self, now: int) -> None:
+        """End what is too old, and repeat what is due."""
+        self._paced_until = None
+        for lane in self._lanes:
+            for sample in list(lane.samples):
+                if sample.expires_at is not None and sample.expires_at <= now:
+                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
+            self._advance(lane, now)
+        self._repeat(now)
 
     def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         if sample.stage is not Stage.STORING:
@@ -340,6 +349,7 @@ class ReliableSending:
 
     def _advance(self, lane: SendLane, now: int) -> None:
         """Queue what has come into the window."""
+        self._changed()
         paced_until = lane.open(now, self._settling_ns)
         if paced_until is not None:
             self._paced_until = min(self._paced_until or paced_until, paced_until)
@@ -434,6 +444,7 @@ class ReliableSending:
         self._pacing.timing(source).quiet_until = 0
         self._refresh(lane)
         lane.due_soon(source)
+        self._changed()
 
     def _end(
         self,
