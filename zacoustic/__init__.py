@@ -1,7 +1,8 @@
-"""Zenoh over sound: joins islands of Zenoh, ROS 2 or plain Python through acoustic modems.
+"""Zenoh over sound: joins networks of Zenoh, ROS 2 or plain Python through acoustic modems.
 
-What a program needs is here; a name is imported when it is first used, so that ``import zacoustic``
-starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without asyncio.
+The names that a program needs are here; a name is imported when it is first used, so that ``import
+zacoustic`` starts neither Zenoh nor a serial port. `zacoustic.blocking` has the same names without
+asyncio.
 """
 
 from zacoustic.errors import (

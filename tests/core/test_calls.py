@@ -44,7 +44,7 @@ def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
     """Return a request that was last sent then, or is just being sent."""
     repetition = Repetition((20, 1, 2), cast("Any", None), Qos(), until=1 << 60)
     repetition.tries = int(sent_at is not None or on_air)
-    repetition.sent_at, repetition.is_on_air = sent_at or 0, on_air
+    repetition.sent_at, repetition.on_air = sent_at or 0, int(on_air)
     return repetition
 
 
@@ -140,7 +140,7 @@ def test_request_that_is_still_being_sent_holds_the_window() -> None:
     calls.fail(first, CallFailure.CANCELLED, "")
     with pytest.raises(QueueFullError):
         begin(calls, 1000)
-    sending.is_on_air = False
+    sending.on_air = 0
     begin(calls, 1000)
 
 

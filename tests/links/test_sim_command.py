@@ -23,7 +23,7 @@ SCENARIO = """
 # What the command line does with a verb.
 MAIN = """
 import argparse, sys
-from zacoustic import registry
+from zacoustic.link import registry
 verb = registry.commands()["medium"]
 parser = argparse.ArgumentParser()
 verb.add_arguments(parser)

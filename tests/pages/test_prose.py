@@ -27,7 +27,7 @@ def prose_lines(text: str) -> Iterator[tuple[int, str]]:
         yield number, _URL.sub("", _TARGET.sub("]()", line))
 
 
-@pytest.mark.parametrize("page", [*PAGES, "examples/auv/README.md"])
+@pytest.mark.parametrize("page", [*PAGES, "CHANGELOG.md", "examples/auv/README.md"])
 def test_a_page_keeps_to_its_columns(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     wide = [number for number, line in prose_lines(text) if len(line) > COLUMNS]

@@ -125,7 +125,7 @@ def test_description_lists_all_links_with_settings_or_error() -> None:
     described = {link.name: link for link in registry.describe()}
     assert list(described) == registry.names() == sorted(described)
     assert {"absent", "needy", "none", "old", *OURS} <= set(described)
-    assert described["sim"].summary.startswith("A modem in simulated water")
+    assert described["sim"].summary.startswith("A modem on a simulated channel")
     assert described["sim"].settings["addressed"] == "true"
     assert described["sim"].package.startswith("zacoustic ")
     assert described["needy"].package == "thirdparty 2.5"
@@ -160,7 +160,7 @@ def test_verbs_are_found_and_a_broken_one_fails_alone() -> None:
 @pytest.mark.parametrize("expression", ["registry.names()", "list(registry.commands())"])
 def test_names_import_nothing(expression: str) -> None:
     code = (
-        f"import sys; from zacoustic import registry; {expression}; "
+        f"import sys; from zacoustic.link import registry; {expression}; "
         "print([name for name in sys.modules if name.startswith('zacoustic_')])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -24,7 +24,7 @@ from zacoustic.testing.stories.story import cast_of, opaque
 from zacoustic.testing.virtual import Modem
 
 if TYPE_CHECKING:
-    from zacoustic.testing.stories import Telling
+    from zacoustic.testing.stories import Run
 
 SCENARIOS: Final = 2000
 BLOCKS: Final = range(10)
@@ -69,7 +69,7 @@ class OneOutcome(Witness):
 class LastArrives(Witness):
     """The last sample of a key that may live for ever arrives, whatever the depth."""
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: "Run") -> None:
         """Remember who is there."""
         self._telling = telling
         self._lanes: dict[tuple[int, ...], list[Publication]] = {}
@@ -96,7 +96,7 @@ class LastArrives(Witness):
                     if not (each.stream.spec.journal and journal.is_kept(each.written))
                 }
 
-    def ends(self, telling: "Telling") -> None:
+    def ends(self, telling: "Run") -> None:
         """Look for the last one of each key."""
         for lane, publications in self._lanes.items():
             stream = publications[-1].stream

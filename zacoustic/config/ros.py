@@ -1,8 +1,8 @@
 """ROS 2 in the section: interfaces as types, and streams that are topics, services, actions of ROS.
 
-A stream may have a ROS type without being one of ROS: then it is on Zenoh as any other, CBOR with
-the member names of the definition. With ``ros: {}`` it is one of rmw_zenoh. What crosses the water
-is the same, so the two ends may differ in that.
+A stream may have a ROS type without being a ROS stream: then it is on Zenoh as any other, CBOR with
+the member names of the definition. With ``ros: {}`` it is one of rmw_zenoh. Frames are the same, so
+the two ends may differ in that.
 """
 
 import os

@@ -1,6 +1,6 @@
 """What a link is, and what it is found and built with.
 
-`contract` is what links and whoever runs them agree on; its names are here as well. `registry`
+`contract` is the contract between links and their drivers; its names are here as well. `registry`
 finds links and verbs, `bytestream` is TCP or a serial port behind one interface, `command` a verb
 that a link brings, `serving` a server on the loopback.
 """

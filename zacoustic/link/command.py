@@ -37,7 +37,7 @@ class Command(ABC):
     """One line for the list of verbs, without a full stop."""
 
     prints_late: ClassVar[bool] = False
-    """It prints when its work is done: until then the terminal says how long it is at work."""
+    """It prints when its work is done: until then the terminal shows how long it runs."""
 
     @abstractmethod
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:

@@ -73,11 +73,11 @@ class LoggedFrame(msgspec.Struct, frozen=True, kw_only=True):
     frame_bytes: bytes
     """The frame."""
     source: int
-    """Who has sent it; 0: the log does not tell."""
+    """Its sender; 0: the log does not have it."""
     destination: int
     """Whom it is for; 255: everybody."""
     is_sent: bool
-    """It went to the device; otherwise it came off the water."""
+    """It went to the device; otherwise it was received."""
 
 
 class LinkReceiver(Protocol):
@@ -92,7 +92,7 @@ class LinkReceiver(Protocol):
         ...
 
     def state_changed(self, state: LinkState, detail: str = "") -> None:
-        """The link went up or down; `detail` says what it waits for."""
+        """The link went up or down; `detail` names what it waits for."""
         ...
 
     def carrier_changed(self, busy: bool) -> None:
@@ -100,7 +100,7 @@ class LinkReceiver(Protocol):
         ...
 
     def measured(self, measurement: Measurement) -> None:
-        """The device has measured something of another modem, or says something of itself."""
+        """The device has measured another modem, or reports values of itself."""
         ...
 
 
@@ -159,7 +159,7 @@ class Link(ABC):
         return {}
 
     async def examine(self, patience_s: float) -> list[Finding]:
-        """Look for what is wrong with the device; for `zacoustic doctor`, in place of `open`.
+        """Look for faults of the device; for `zacoustic doctor`, in place of `open`.
 
         Nothing is transmitted into the water, and nobody else has the device. The default opens the
         link, waits until it is UP, and closes it.
@@ -186,7 +186,7 @@ class Link(ABC):
         return []
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
-        """Tell what is wrong by what a running gateway says of its link; not open.
+        """Find faults in a running gateway's health report of its link; not open.
 
         Args:
             health: The documents below `@acoustic/ADDRESS/`, by name: `link`, `dropped`, `modem`, …
@@ -239,7 +239,7 @@ def convert_config(
         source: The locator, for the message.
 
     Raises:
-        ConfigError: Unknown key or a value of the wrong kind; names both and what is allowed.
+        ConfigError: Unknown key or a value of the wrong kind; names both and the allowed values.
     """
     kinds = get_type_hints(config_type, include_extras=True)
     for name, text in settings.items():

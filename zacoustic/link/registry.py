@@ -1,4 +1,4 @@
-"""Links and verbs by name: what is installed, found through entry points.
+"""Links and verbs by name: the installed ones, found through entry points.
 
 Nothing in `zacoustic` names a link. A package, ours or anybody's, registers a class in the group
 `zacoustic.links` and, if it brings verbs for the command line, in `zacoustic.commands`. Our own
@@ -165,7 +165,7 @@ class UnavailableCommand(Command):
         self.error = error
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Accept anything: the error is to be shown, not a complaint about arguments."""
+        """Accept anything, to show the error and not a complaint about arguments."""
         parser.add_argument("ignored", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
 
     def run(self, arguments: argparse.Namespace) -> int:
@@ -184,7 +184,7 @@ def _load_command(point: metadata.EntryPoint) -> Command:
 
 
 def _import(point: metadata.EntryPoint, what: str) -> object:
-    """Import what an entry point names, with an error that says what to install."""
+    """Import the object of an entry point, with an error that names what to install."""
     try:
         loaded: object = point.load()
     except ImportError as error:

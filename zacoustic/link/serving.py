@@ -50,7 +50,7 @@ def cannot_listen(host: str, port: int, error: OSError, *, rival: str) -> LinkOp
     Args:
         host: As given.
         port: As given.
-        error: What the operating system says.
+        error: The operating system's error.
         rival: Who may have the port.
     """
     is_name = isinstance(error, socket.gaierror)
@@ -83,11 +83,11 @@ class ScaledClock:
         self._origin_at = clock()
 
     def now(self) -> int:
-        """Instant of what is emulated."""
+        """Instant of the emulation."""
         return round((self._clock() - self._origin_at) * self.time_scale)
 
     def delay_s(self, due_at: int) -> float:
-        """Real time until an instant of what is emulated, s; 0 if it is over."""
+        """Real time until an instant of the emulation, s; 0 if it is over."""
         delay_ns = self._origin_at + math.ceil(due_at / self.time_scale) - self._clock()
         return max(0.0, ns_to_seconds(delay_ns))
 
@@ -160,7 +160,7 @@ class LineWriter:
         self._thread.join(_LAST_LINES_S)
 
     def write(self, line: str) -> None:
-        """Write a line soon; dropped, and told once on standard error, when too many wait."""
+        """Write a line soon; drop it, with one note on standard error, when too many wait."""
         try:
             self._lines.put_nowait(line)
         except queue.Full:
@@ -172,7 +172,7 @@ class LineWriter:
         try:
             while (line := self._lines.get()) is not None:
                 sys.stdout.write(line + "\n")
-                sys.stdout.flush()  # whoever reads a pipe wants each line when it happens
+                sys.stdout.flush()  # a reader of a pipe wants each line when it happens
         except BrokenPipeError:
             # The interpreter flushes once more at its end.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""What rmw_zenoh has beside each message, request and response: 33 bytes.
+"""The attachment of rmw_zenoh to each message, request and response: 33 bytes.
 
 ========  ==========================================================================
 bytes     content
@@ -20,13 +20,13 @@ import msgspec
 GID_BYTES: Final = 16
 """Size of a gid."""
 ATTACHMENT_BYTES: Final = 33
-"""Size of an attachment; what is behind that is passed over, as rmw_zenoh does."""
+"""Size of an attachment; later bytes are ignored, as rmw_zenoh does."""
 
 _FORM: Final = struct.Struct("<qqB16s")
 
 
 class Attachment(msgspec.Struct, frozen=True, kw_only=True):
-    """What goes beside a message."""
+    """The attachment of a message."""
 
     sequence: int
     """Number of the message, counted by who sent it."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 HEADER: Final = "std_msgs/msg/Header"
 """What has a stamp and a frame."""
 DEFAULT_DISTRO: Final = "jazzy"
-"""The distribution where nothing is said."""
+"""The default distribution."""
 
 _WITHOUT_HASH: Final = "humble"
 _PREFIX: Final = "ros2_"

@@ -45,7 +45,7 @@ from zacoustic.ros.overlays import (
 )
 
 LONGEST_SEQUENCE: Final = MAX_LENGTH
-"""Most elements of a sequence of which nothing is said; of bytes and texts there is no bound."""
+"""Default bound of a sequence; bytes and texts have none."""
 
 _OCTETS: Final = ("uint8", "byte", "char")
 _ALIASES: Final = {"byte": "uint8", "char": "uint8"}
@@ -76,7 +76,7 @@ class _Part(msgspec.Struct, frozen=True, kw_only=True):
     read: Convert | None = None
     write: Convert | None = None
     standing_in: Any = None
-    """What a member is that does not cross, or that nobody gives."""
+    """The value of a member that does not cross, or that is not set."""
     check: Convert | None = None
     """Refuses what a constant is not."""
 
@@ -113,12 +113,12 @@ class TypeMapper:
         Args:
             name: The interface.
             called: What its type is called; the same unless given.
-            extra: Rules beside those of the overlays, which come first.
+            extra: Further rules, after those of the overlays.
 
         Raises:
             ConfigError: It is not known, or a rule does not fit.
         """
-        self._interfaces.store(name)  # whatever it uses is known
+        self._interfaces.store(name)  # all types that it uses are known
         return self._map(name, called or name, rules_of(extra))
 
     # Below the methods above
@@ -234,7 +234,7 @@ class TypeMapper:
         return _Part(attribute=attribute, standing_in=value, check=refuse)
 
     def _zero(self, member: Member) -> Any:  # noqa: ANN401 (of any type)
-        """Return what a member is that nobody has set."""
+        """Return the value of a member that is not set."""
         if member.is_sequence:
             return [] if member.is_nested or member.type == "string" else _array(member)([])
         if member.is_nested:

@@ -1,4 +1,4 @@
-"""The members of a ROS interface: what a definition says, and no more."""
+"""The members of a ROS interface, exactly as defined."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ BASE_TYPES: Final = (
 """Types that are no interfaces."""
 
 NO_MEMBER: Final = "structure_needs_at_least_one_member"
-"""The only member of an interface without any: a byte that says nothing."""
+"""The only member of an interface without any: a byte without meaning."""
 
 
 class Member(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,9 +1,9 @@
 """`RosMessage`: CDR to values of a type and back.
 
-`header.stamp` of a message that has a header is a matter of its own: eight bytes that say when the
-message was made, in a clock that the far side may not share. What becomes of it is a `HeaderStamp`:
-it crosses as it is; it does not cross; or whoever sends it turns it into an age, which crosses in
-one byte, and the far side makes a stamp of its own clock out of that again.
+`header.stamp` of a message with a header is special: eight bytes with the instant of the message,
+by a clock that the far side may not share. `HeaderStamp` says what becomes of it: it crosses
+unchanged; it does not cross; or the sender turns it into an age, which crosses in one byte, and the
+far side makes a stamp of its own clock from it.
 """
 
 import enum
@@ -84,7 +84,7 @@ class RosMessage:
             become an age, and is not zero.
 
         Raises:
-            PayloadInvalidError: It is no such message, or not what an overlay says.
+            PayloadInvalidError: It is no such message, or violates an overlay.
         """
         try:
             message: Any = self._store.deserialize_cdr(cdr, self.name)

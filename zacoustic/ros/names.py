@@ -36,7 +36,7 @@ _NAMESPACE: Final = re.compile(rf"/?({_CHUNK}(/{_CHUNK})*)?")
 
 
 def is_interface(name: str) -> bool:
-    """Tell whether a name is that of a ROS interface: ``PACKAGE/msg|srv|action/Name``."""
+    """Tell whether a name is a ROS interface's: ``PACKAGE/msg|srv|action/Name``."""
     return INTERFACE.fullmatch(name) is not None
 
 

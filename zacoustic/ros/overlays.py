@@ -1,4 +1,4 @@
-"""Overlays: what a ROS definition lacks, said beside it: bounds, steps, constants.
+"""Overlays: what a ROS definition lacks: bounds, steps, constants.
 
 A `float64` of a message may be anything; a rudder goes to 35 degrees, and nobody cares for less
 than a tenth of one. An overlay says so for the members of one type, by their path from there
@@ -63,7 +63,7 @@ class Rule:
         self.rest = tuple(rest)
 
     def below(self, name: str) -> "Rule | None":
-        """Return what is left of the rule at a member; None where it says nothing of it."""
+        """Return the rest of the rule at a member; None if it does not cover the member."""
         if not self.rest or not fnmatchcase(name, self.rest[0]):
             return None
         return Rule(self.said, self.rest[1:])
@@ -83,7 +83,7 @@ def constant_of(rules: Sequence[Rule]) -> Constant | None:
 
 
 def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
-    """Return a field with what the rules say of it.
+    """Return a field with its rules applied.
 
     Raises:
         ConfigError: The field cannot be so; the message starts with the key.
@@ -101,4 +101,4 @@ def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
     if "values" in changes and field.type == "string":
         changes["type"] = "enum"
     kept = {key: getattr(field, key) for key in FieldSpec.__struct_fields__}
-    return FieldSpec(**(kept | changes))  # made anew: `structs.replace` would not check
+    return FieldSpec(**(kept | changes))  # constructed: `structs.replace` would not check

@@ -137,7 +137,7 @@ def with_event(service: str) -> dict[str, Members]:
 
 
 def _made_of(name: str) -> dict[str, Members]:
-    """Return what ROS makes beside the parts of an interface."""
+    """Return the interfaces that ROS derives from the parts of one."""
     kind = name.split("/")[1]
     if kind == "srv":
         return with_event(name)

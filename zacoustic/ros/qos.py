@@ -16,7 +16,7 @@ import msgspec
 from zacoustic.text.digits import whole_number
 
 DEFAULT_DEPTH: Final = 42
-"""The depth of which nothing is said."""
+"""The default depth."""
 
 _TIMES: Final = ",:,:,,"
 
@@ -36,7 +36,7 @@ class RosDurability(enum.Enum):
 
 
 class RosQos(msgspec.Struct, frozen=True, kw_only=True):
-    """What rmw_zenoh says of the QoS of an endpoint."""
+    """The QoS of an endpoint in rmw_zenoh's form."""
 
     reliability: RosReliability = RosReliability.RELIABLE
     """Of the publisher or subscription."""

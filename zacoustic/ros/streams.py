@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 CANCEL_GOAL: Final = "action_msgs/srv/CancelGoal"
 """The service that cancels goals, of all actions."""
 GOAL_STATUS: Final = "action_msgs/msg/GoalStatusArray"
-"""The message that tells how goals are, of all actions."""
+"""The status message of all actions."""
 
 SERVICE_QOS: Final = RosQos(depth=10)
 """Of services and their clients, and of the feedback of an action: ROS's default profile."""
 STATUS_QOS: Final = RosQos(depth=1, durability=RosDurability.TRANSIENT_LOCAL)
-"""Of the topic that tells how goals are."""
+"""QoS of the status topic."""
 
 
 class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,7 +33,7 @@ class RosTopic(msgspec.Struct, frozen=True, kw_only=True):
     message: "RosMessage"
     """Reads and writes it."""
     qos: RosQos = RosQos()
-    """What tokens say of its endpoints."""
+    """The QoS of its endpoints in tokens."""
 
     def key(self, domain: int, name: str) -> RosKey:
         """Return the key of rmw_zenoh."""
@@ -88,7 +88,7 @@ def ros_service(
     Args:
         interfaces: The definitions.
         interface: Its type.
-        messages: Reads and writes what is said, by interface.
+        messages: Decodes and encodes messages, by interface.
     """
     return RosService(
         interface=interface,

@@ -61,9 +61,9 @@ class Token(msgspec.Struct, frozen=True, kw_only=True):
     """One announcement."""
 
     node: RosNode
-    """The node, or that of the endpoint."""
+    """The node, or the endpoint's node."""
     number: int
-    """Number of the entity in its session; of a node that of the node."""
+    """Number of the entity in its session; of a node the node's."""
     kind: Entity
     """What it is."""
     topic: str = ""

@@ -47,7 +47,7 @@ class Alarm:
             self._timer = None
 
     def see_progress(self, due_at: int | None, now: int) -> None:
-        """Complain about an engine whose timer would spin for ever.
+        """Report an engine whose timer would spin for ever.
 
         Args:
             due_at: What it waits for, after it has had `now`, ns.

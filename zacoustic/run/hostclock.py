@@ -5,7 +5,7 @@ wrong it may be at most: `adjtimex` tells, on Linux, and `ntp_adjtime` on BSD an
 start, and when somebody has set the clock by hand, it is unknown, until a client has set it right.
 Some clients tell the kernel only if they are asked to (chrony: `rtcsync`).
 
-A system that cannot be asked is believed to be as exact as the configuration says.
+For a system without such a report the configuration's error holds.
 """
 
 import ctypes
@@ -28,14 +28,14 @@ _CALLS: Final = ("adjtimex", "ntp_adjtime")
 
 
 class ClockState(msgspec.Struct, frozen=True, kw_only=True):
-    """What the kernel says of its clock."""
+    """The kernel's report on its clock."""
 
     error_ns: int | None
     """How wrong it may be at most, ns; None: nothing keeps it right."""
 
 
 AskClock = Callable[[], ClockState | None]
-"""Asks the kernel; None: this system does not tell."""
+"""Asks the kernel; None: this system has no report."""
 
 
 class _Timex(ctypes.Structure):
@@ -53,7 +53,7 @@ class _Timex(ctypes.Structure):
 
 
 def ask_kernel() -> ClockState | None:
-    """Return what the kernel says of its clock; None: it cannot be asked."""
+    """Return the kernel's report on its clock; None: it has none."""
     if sys.platform == "win32":
         return None
     timex = _Timex()
@@ -71,11 +71,11 @@ def ask_kernel() -> ClockState | None:
 
 
 def error_asked(ask: AskClock | None, stated_s: float) -> Callable[[], int | None]:
-    """Return what tells how wrong the clock may be now, ns; None: nothing keeps it right.
+    """Return a function of the clock's possible error, ns; None: nothing synchronises it.
 
     Args:
         ask: Asks the kernel, or None.
-        stated_s: What the configuration says, s, where nobody can be asked.
+        stated_s: The configuration's error, s, for systems without a report.
     """
 
     def error_ns() -> int | None:

@@ -35,7 +35,7 @@ class Inbox(Generic[T]):
         self._loop = loop
 
     def put(self, command: T) -> bool:
-        """Hand a command over, from any thread; False: too many wait, or nobody takes it."""
+        """Hand a command over, from any thread; False: too many wait, or it is closed."""
         with self._guard:
             loop = self._loop
             if loop is None or len(self._waiting) >= SUBMIT_LIMIT:

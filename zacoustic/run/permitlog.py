@@ -11,7 +11,7 @@ when, how loud and how long. One JSON object a line::
 ``sent``, ``delivered`` and ``not_delivered`` may have been cut short: ``aborted``; what was
 ``rejected`` made no sound and is not in the log.
 
-Files may block, so lines are written by a thread of its own, in their order, each flushed at once.
+Files may block, so a separate thread writes the lines, in order, each flushed at once.
 A file that cannot be opened is an error at the start. One that cannot be written later is a
 warning, once, and lines are tried again with the next emission: a node at sea does not fall silent
 because a disk is full.

@@ -1,6 +1,6 @@
-"""Files that only their owner may read: what crossed the channel is nobody else's business.
+"""Files that only their owner may read: they hold all that crossed the channel.
 
-Journals and recordings hold positions, orders and photos. Who wants to share one says so with
+Journals and recordings hold positions, commands and photos. To share one, use
 ``chmod``, of a recording; a journal is made private again at each start.
 """
 
@@ -25,7 +25,7 @@ def create_private(path: Path) -> IO[bytes]:
 def keep_private(path: Path) -> None:
     """Make a file empty and private where it is missing; take it away from others where it is not.
 
-    What cannot be done is left to whoever opens the file for its own purpose, and complains.
+    Errors are left to the caller that opens the file, which reports them.
     """
     with contextlib.suppress(OSError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT, MODE))

@@ -71,7 +71,7 @@ class LinkRunner:
 
     Args:
         engine: The engine, with what it could not be made of where it was made of a journal;
-            nobody else may touch it from now on.
+            no other caller may touch it from now on.
         link: Its link, not open yet.
         deliver: Takes each event, on the loop; may call `apply`.
         renew: Makes the next engine when one has raised; None: that stops the runner.
@@ -79,7 +79,7 @@ class LinkRunner:
         journal: Where writes go, recovered; None: they count as committed at once. Closed with the
             runner.
         wall_clock: Tells UTC, ns since 1970; None: the engine never hears of it.
-        clock_error_s: How wrong that may be, s, where `ask_clock` tells nothing.
+        clock_error_s: Its possible error, s, if `ask_clock` reports none.
         ask_clock: Asks how wrong that may be.
         permit_log: Takes each emission, or None. Closed with the runner.
     """
@@ -107,7 +107,7 @@ class LinkRunner:
         self.watch: LinkWatch | None = None
         """Whoever sets this sees what crosses between engine and link."""
         self.settled: Callable[[], None] | None = None
-        """Whoever sets this is told each time when all has been done that an input called for."""
+        """Called each time when all actions of an input are done."""
         self._is_foreign_on_air = False
         self._is_busy = False
         self._is_beginning = False
@@ -210,7 +210,7 @@ class LinkRunner:
             self._guarded(self._service)
 
     def keep(self, key: str, value: bytes | None) -> None:
-        """Write something down beside what the engine does, for the next life; None deletes it."""
+        """Journal an entry besides the engine's; None deletes it."""
         if self._journal is not None:
             self._journal.put(JournalWrite(write_id=NO_WRITE, key=key, value=value))
 
@@ -273,7 +273,7 @@ class LinkRunner:
         self._guarded(self._connect, self._service)
 
     def carrier_changed(self, busy: bool) -> None:
-        """Tell the engine whether somebody else is audible."""
+        """Tell the engine whether another node is audible."""
         self._is_busy = busy
         self._guarded(lambda: self.engine.handle_carrier(busy, self._instant()), self._service)
 
@@ -320,7 +320,7 @@ class LinkRunner:
         return not (write is None and transmission is None and event is None)
 
     def _tell_clock(self) -> None:
-        """Tell the engine what UTC is, when it has been moved or was not told for long."""
+        """Give the engine UTC, after a clock change or a long time."""
         if self._wall_clock is None:
             return
         now = self._instant()
@@ -442,7 +442,7 @@ class LinkRunner:
         next_one.begin(self.engine, pause_s, self._journal, trial, self._instant, begin)
 
     def _try(self, engine: Engine) -> None:
-        """Do the first step with an engine that is thrown away then: another one has raised in it.
+        """Do the first step with a disposable engine: another one has raised in it.
 
         Raises:
             Exception: This one does, too.
@@ -474,7 +474,7 @@ class LinkRunner:
         return self._replacement is not None and self._replacement.is_under_way
 
     def _fail(self, error: Exception) -> None:
-        if not isinstance(error, ZacousticError):  # those say by themselves what is wrong
+        if not isinstance(error, ZacousticError):  # those carry their own message
             _logger.error("node %d: stopped by a fault", self.engine.address, exc_info=error)
         self.failure = error
         self._alarm.stop()

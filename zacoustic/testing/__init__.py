@@ -1,8 +1,8 @@
-"""What one needs to test links and applications: shipped, so that third parties can use it.
+"""Tools to test links and applications: shipped, so that third parties can use them.
 
 `virtual` runs many real engines on the simulated channel in virtual time, and lets nodes crash;
-`stories` are random weather for them, with what must hold in any; `conformance` is the battery that
-every link passes.
+`stories` are random scenarios with their invariants; `conformance` is the battery that every link
+passes.
 """
 
 from zacoustic.testing.virtual import Modem, VirtualNetwork

@@ -1,4 +1,4 @@
-"""`Agenda`: virtual time. What is to happen, in order; time jumps from one entry to the next."""
+"""`Agenda`: virtual time. Future actions in order; time jumps from one to the next."""
 
 import heapq
 from collections.abc import Callable
@@ -11,7 +11,7 @@ MOST_AT_ONCE: Final = 100_000
 
 
 class Agenda:
-    """A heap of actions; those of one instant happen in the order in which they were put on it.
+    """A heap of actions; those of one instant happen in the order of their insertion.
 
     It is the hot path of every simulation, so an entry is a function and its arguments, not a
     closure.
@@ -36,7 +36,7 @@ class Agenda:
         self.push(max(self.now, seconds_to_ns(instant_s)), action)
 
     def every(self, period_s: float, action: Callable[[], object], *, first_s: float = 0.0) -> None:
-        """Do something again and again.
+        """Repeat an action.
 
         Raises:
             ValueError: The period is not above 0.
@@ -52,7 +52,7 @@ class Agenda:
         self.push(max(self.now, seconds_to_ns(first_s)), act)
 
     def run(self, *, until_s: float | None = None) -> None:
-        """Let happen what is to happen, up to an instant, or until nothing is left.
+        """Run the actions up to an instant, or until none is left.
 
         Raises:
             RuntimeError: Time does not go on.

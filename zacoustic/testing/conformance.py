@@ -7,9 +7,9 @@ emulator or two modems in a bucket, and the means to disturb them. Then, with py
     def test_conformance(check):
         asyncio.run(check(MyHarness()))
 
-The water of a harness is quiet and loses nothing: a lost frame fails a check. What a check finds
-wrong is an `AssertionError` that says which rule of `zacoustic.link.contract` is broken. All waits
-have a limit, derived from what the link says of itself.
+The channel of a harness is quiet and loses nothing: a lost frame fails a check. A failed check
+is an `AssertionError` that names the broken rule of `zacoustic.link.contract`. All waits
+have a limit, derived from the link's capabilities.
 """
 
 import asyncio
@@ -137,7 +137,7 @@ async def reports_each_transmission_once(harness: LinkHarness) -> None:
 
 
 async def lasts_as_long_as_it_says(harness: LinkHarness) -> None:
-    """The time on the air is that of the capabilities, within a quarter and 50 ms."""
+    """The airtime is that of the capabilities, within a quarter and 50 ms."""
     async with pair(harness) as (near, _):
         told = near.link.capabilities
         for size in (1, told.mtu_bytes):
@@ -181,7 +181,7 @@ async def measures_what_it_says(harness: LinkHarness) -> None:
 
 
 async def measures_ranges(harness: LinkHarness) -> None:
-    """Where it says so: an acknowledged exchange is followed by its propagation delay."""
+    """If it claims so: an acknowledged exchange is followed by its propagation delay."""
     async with pair(harness) as (near, far):
         told = near.link.capabilities
         if not told.measures_range:
@@ -191,7 +191,7 @@ async def measures_ranges(harness: LinkHarness) -> None:
             called_at = time.monotonic_ns()
             report = await near.report(near.transmit(b"far?", far.address, acknowledge=True))
             require(report.outcome is TransmitOutcome.DELIVERED, f"a frame in order was {report}")
-            # What is told now may have been measured in the exchange before.
+            # A report now may come from the exchange before.
             await near.receiver.wait(
                 "propagation delay of this exchange",
                 lambda called_at=called_at: any(  # type: ignore[misc]
@@ -214,7 +214,7 @@ async def measures_ranges(harness: LinkHarness) -> None:
 
 
 async def senses_the_carrier(harness: LinkHarness) -> None:
-    """Where it says so: busy while the other side is heard, free afterwards; else never."""
+    """If it claims so: busy while the other side is heard, free afterwards; else never."""
     async with pair(harness) as (near, far):
         await near.send(bytes(near.link.capabilities.mtu_bytes))
         await far.hears(bytes(near.link.capabilities.mtu_bytes))
@@ -226,7 +226,7 @@ async def senses_the_carrier(harness: LinkHarness) -> None:
 
 
 async def comes_back_after_a_cut(harness: LinkHarness) -> None:
-    """A lost stream leads to DOWN, by itself to UP; what is transmitted meanwhile is ABORTED."""
+    """A lost stream leads to DOWN, by itself to UP; transmissions meanwhile are ABORTED."""
     async with pair(harness) as (near, far):
         if not await harness.cut():
             return

@@ -1,4 +1,4 @@
-"""Two links that hear each other, and receivers that keep what they say: what checks are made of.
+"""Two links that hear each other, and receivers that keep their reports, for checks.
 
 The receiver watches the rules about *when* a link may call; `Side` waits, with limits that follow
 from what the link says of itself. `zacoustic.testing.conformance` says what must come out.
@@ -59,7 +59,7 @@ class LinkHarness(Protocol):
 
 
 class RecordingReceiver:
-    """Keeps all that a link says, and watches the rules about when it may say it."""
+    """Keeps all reports of a link, and checks the rules about their instants."""
 
     def __init__(self) -> None:
         self.frames: list[ReceivedFrame] = []
@@ -118,7 +118,7 @@ class RecordingReceiver:
         """Wait until a condition about this receiver holds.
 
         Raises:
-            AssertionError: It does not, within the limit; names what was waited for.
+            AssertionError: It does not, within the limit; names the awaited condition.
         """
         try:
             async with asyncio.timeout(limit_s):
@@ -131,7 +131,7 @@ class RecordingReceiver:
         self.raise_faults()
 
     def raise_faults(self) -> None:
-        """Raise what was wrong in callbacks; there an exception would get lost in the loop.
+        """Raise the errors of callbacks; there an exception would get lost in the loop.
 
         Raises:
             AssertionError: A callback broke a rule.
@@ -182,7 +182,7 @@ class Side:
 
     @property
     def limit_s(self) -> float:
-        """How long one frame may take until all has been said about it, s."""
+        """How long one frame may take until all its reports are there, s."""
         told = self.link.capabilities
         airtime_s = ns_to_seconds(told.airtime_ns(told.mtu_bytes))
         return PATIENCE_S + 4 * (airtime_s + told.gap_s + told.propagation_s)
@@ -234,7 +234,7 @@ class Side:
         return report
 
     async def hears(self, content: bytes) -> None:
-        """Wait until all that was received is this, in order."""
+        """Wait until exactly this was received, in order."""
         receiver = self.receiver
 
         def is_there() -> bool:
@@ -257,7 +257,7 @@ class Side:
 
 @asynccontextmanager
 async def pair(harness: LinkHarness, *, is_open: bool = True) -> AsyncIterator[tuple[Side, Side]]:
-    """Set the two links up, open them unless told not to, and close and watch them at the end.
+    """Set the two links up, open them by default, and close and watch them at the end.
 
     Raises:
         AssertionError: A callback broke a rule.
@@ -271,7 +271,7 @@ async def pair(harness: LinkHarness, *, is_open: bool = True) -> AsyncIterator[t
         yield near, far
         await near.close()
         await far.close()
-        # Whoever calls back too late has a last chance to be found out.
+        # A late callback has a last chance to be detected.
         await asyncio.sleep(0)
         near.receiver.raise_faults()
         far.receiver.raise_faults()

@@ -226,7 +226,7 @@ class _Counts:
 
 
 class _Ledger:
-    """The statistics of all engines, those of former lives too, added up."""
+    """The summed statistics of all engines, those of former boot epochs too."""
 
     def __init__(self, network: VirtualNetwork) -> None:
         self.frames = 0

@@ -3,7 +3,7 @@
 The engines are the ones that run at sea, byte for byte; only the clock is another. One heap holds
 everything that is to come, the instants of all nodes are those of the heap, and time jumps from one
 entry to the next. There is no thread, no loop and no sleep, so a day takes seconds, and one seed
-gives one trace: `digest` tells two runs apart in 32 bytes.
+gives one trace: `digest` identifies a run in 32 bytes.
 
 ::
 
@@ -52,7 +52,7 @@ from zacoustic.testing.virtualmodem import Modem
 from zacoustic.testing.virtualnode import NodeDownError, VirtualNode
 from zacoustic.testing.virtualwater import Disturb, VirtualWater
 
-# Whoever makes a network may have to say what its modems lack, and when a node is down.
+# A network may need the lacks of its modems, and the times when a node is down.
 __all__ = ["Deliver", "Disturb", "Modem", "NodeDownError", "VirtualNetwork"]
 
 T = TypeVar("T")
@@ -70,15 +70,15 @@ class VirtualNetwork:
     """Engines, a medium and an agenda.
 
     Args:
-        scenario: The water and who is in it, and what goes wrong.
+        scenario: The channel, the nodes and the faults.
         table: The stream table of all nodes, or one for each address.
         modem: What the modems do by themselves.
         seed: Replaces the seed of the scenario.
         deliver: Takes each event; without it they are kept in `events`.
         trace: Takes each trace record.
         digest: Make the digest of the trace; a tenth of the time of a run goes into it.
-        disturb: Loses, delays and repeats frames beyond what the scenario says.
-        lives: Told when a node has crashed, and before it starts again: it may call `set_table`.
+        disturb: Loses, delays and repeats frames in addition to the scenario.
+        lives: Called when a node has crashed, and before it starts again: it may call `set_table`.
         rules: What the nodes heed when they transmit, one for all or by address; a node without is
             free.
         build: Makes the engines.
@@ -106,7 +106,7 @@ class VirtualNetwork:
             scenario = msgspec.structs.replace(scenario, seed=seed)
         self.scenario = scenario
         self.events: list[tuple[int, Event]] = []
-        """``(address, event)`` in the order in which they happened, without `deliver`."""
+        """``(address, event)`` in order, without `deliver`."""
         self._agenda = Agenda()
         medium = Medium(scenario)
         self._water = VirtualWater(self._agenda, medium, modem or Modem(), disturb, self._service)
@@ -146,16 +146,16 @@ class VirtualNetwork:
         self._agenda.at(instant_s, action)
 
     def every(self, period_s: float, action: Callable[[], object], *, first_s: float = 0.0) -> None:
-        """Do something again and again; the agenda never runs dry then, so `run` needs an end."""
+        """Repeat an action; the agenda never runs dry then, so `run` needs an end."""
         self._agenda.every(period_s, action, first_s=first_s)
 
     def run(self, *, until_s: float | None = None) -> None:
-        """Let happen what is to happen, up to an instant, or until nothing is left."""
+        """Run the actions up to an instant, or until none is left."""
         self._agenda.run(until_s=until_s)
 
     @property
     def is_quiet(self) -> bool:
-        """Nothing is to happen any more: no sound in the water, no timer armed."""
+        """Nothing more will happen: no sound on the channel, no timer armed."""
         return not len(self._agenda)
 
     # Nodes
@@ -222,7 +222,7 @@ class VirtualNetwork:
         return self._water.modem.capabilities(node.profile, self._water.farthest_s)
 
     def stats(self) -> Iterator[EngineStats]:
-        """Yield the statistics of all engines, those of former lives too."""
+        """Yield the statistics of all engines, those of former boot epochs too."""
         for node in self._nodes.values():
             yield from node.past
             if node.engine is not None:
@@ -247,7 +247,7 @@ class VirtualNetwork:
 
         Args:
             address: Of the node.
-            reboots: The whole computer has lost power: its monotonic clock begins anew.
+            reboots: The whole computer has lost power: its monotonic clock starts again.
         """
         node = self._nodes[address]
         if node.engine is None:
@@ -285,7 +285,7 @@ class VirtualNetwork:
         return rules if isinstance(rules, TransmitRules) else rules.get(address, _FREE)
 
     def set_table(self, address: int, table: StreamTable) -> None:
-        """Give a node another table for its next life."""
+        """Give a node another table for its next start."""
         self._nodes[address].table = table
 
     def restart(self, address: int, table: StreamTable | None = None) -> None:
@@ -370,7 +370,7 @@ class VirtualNetwork:
             self._water.transmit(node, engine, transmission)
         while (event := engine.poll_event()) is not None:
             self._deliver(node.address, event)
-            if node.engine is not engine:  # whoever takes the events may crash the node
+            if node.engine is not engine:  # a handler of the events may crash the node
                 return
         due_at = engine.poll_timeout()
         if due_at != node.armed_at:

@@ -1,8 +1,8 @@
 """The clocks of a node in a `VirtualNetwork`: one that drifts, and one that people set.
 
 The monotonic clock is what the engine gets as `now`. It goes as fast as the crystal does, and
-begins anew when the computer does, so an instant of it means nothing in another life. The wall
-clock is what people set, forward and back, by years if they like; no engine may depend on it.
+starts again with the computer, so an instant of it means nothing after a reboot. The wall clock is
+what people set, forward and back, by years if they like; no engine may depend on it.
 """
 
 from typing import Final
@@ -43,7 +43,7 @@ class NodeClock:
         """The monotonic clock shows the time of the network."""
 
     def reboot(self, now: int) -> None:
-        """Begin anew."""
+        """Start again."""
         self._began_at, self._shows = now, _BOOT_NS
         self.boots += 1
         self.is_true = False
@@ -87,5 +87,5 @@ class NodeClock:
         self._told_at = now
 
     def error(self, now: int) -> int:
-        """Return how wrong the wall clock is believed to be, ns."""
+        """Return the believed error of the wall clock, ns."""
         return (self._error_ns or 0) + abs(now * self._excess // _PARTS)

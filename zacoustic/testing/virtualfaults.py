@@ -1,19 +1,47 @@
-"""Puts what a scenario says of nodes (`channel.nodefaults`) on the agenda of a network."""
+"""Puts a scenario's node faults (`channel.nodefaults`) on the agenda of a network."""
 
 import random
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from zacoustic.channel.nodefaults import CrashSpec
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S
 
-if TYPE_CHECKING:
-    from zacoustic.testing.virtual import VirtualNetwork
+
+class FaultyNetwork(Protocol):
+    """What faults need of a network."""
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of all nodes with an engine, in order; it may be down."""
+
+    @property
+    def now(self) -> int:
+        """The instant, ns since the beginning."""
+
+    def at(self, instant_s: float, action: Callable[[], object]) -> None:
+        """Do something at an instant, s since the beginning."""
+
+    def is_running(self, address: int) -> bool:
+        """Tell whether a node has an engine now."""
+
+    def crash(self, address: int, *, reboots: bool = False) -> None:
+        """Take a node's engine away."""
+
+    def start(self, address: int) -> None:
+        """Start a node that is down."""
+
+    def set_link(self, address: int, *, up: bool) -> None:
+        """Unplug or plug in the modem of a node."""
+
+    def tell_clock(self, address: int) -> None:
+        """Tell an engine what its node believes of the wall clock."""
 
 
-def schedule_faults(network: "VirtualNetwork", scenario: Scenario) -> None:
-    """Let the modems be unplugged and the nodes crash as the scenario says.
+def schedule_faults(network: FaultyNetwork, scenario: Scenario) -> None:
+    """Unplug modems and crash nodes as in the scenario.
 
     Faults of a node without an engine have no effect.
     """
@@ -43,7 +71,7 @@ def _is_before(instant_s: float, end_s: float | None) -> bool:
     return end_s is None or instant_s < end_s
 
 
-def _crash(network: "VirtualNetwork", spec: CrashSpec) -> None:
+def _crash(network: FaultyNetwork, spec: CrashSpec) -> None:
     if not network.is_running(spec.node):
         return
     network.crash(spec.node, reboots=spec.reboots)
@@ -52,7 +80,7 @@ def _crash(network: "VirtualNetwork", spec: CrashSpec) -> None:
 
 
 def _crash_sometime(
-    network: "VirtualNetwork", spec: CrashSpec, end_s: float | None, rng: random.Random
+    network: FaultyNetwork, spec: CrashSpec, end_s: float | None, rng: random.Random
 ) -> None:
     """Crash a node at a random instant, and again after each restart."""
     assert spec.every_s is not None

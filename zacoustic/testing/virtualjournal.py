@@ -1,8 +1,8 @@
 """The journal of a node in a `VirtualNetwork`: a dictionary that survives its engine.
 
-It behaves as a real one: what an engine hands out while a commit is under way waits for the next
-commit, a commit takes its time, and it is there all or none. A crash before its end takes it away;
-with a chance (`JournalSpec.untold`) it had been written all the same, and nobody was told.
+It behaves like a real one: writes during a commit wait for the next commit, a commit takes its
+time, and it is there all or none. A crash before its end loses it; with a probability
+(`JournalSpec.untold`) it had been written all the same, without a report.
 """
 
 import random
@@ -19,7 +19,7 @@ Told = Callable[[list[JournalWrite]], None]
 """Takes the writes that have been committed."""
 
 FULL: Final = "no space left on the device"
-"""What a node is told while nothing can be written."""
+"""A node's error while nothing can be written."""
 
 
 class VirtualJournal:
@@ -34,7 +34,7 @@ class VirtualJournal:
         self.entries: dict[str, bytes] = {}
         """What has been committed."""
         self.handed_out = 0
-        """Writes taken from engines so far, in all lives."""
+        """Writes taken from engines so far, in all boot epochs."""
         self.committed = 0
         """How many of them are settled: committed, or lost in a crash."""
         self.commit_ns = seconds_to_ns(spec.commit_s)
@@ -71,7 +71,7 @@ class VirtualJournal:
         self._doubt = doubt
 
     def begin_life(self) -> int:
-        """Begin a life, as a store in a file does; returns its boot epoch.
+        """Begin a boot epoch, as a store in a file does; return it.
 
         But that the next epoch is the one after the last, unless an old copy was put back.
         """

@@ -21,11 +21,11 @@ class Modem(msgspec.Struct, frozen=True, kw_only=True):
     framed: bool = True
     """Frames arrive as frames; otherwise as a byte stream."""
     senses_carrier: bool = True
-    """The beginning and the end of a reception are told."""
+    """It reports the beginning and the end of a reception."""
     acknowledges: bool = False
     """Frames that ask for it are acknowledged, and the range is measured by that."""
     mtu_bytes: int | None = None
-    """Largest frame, bytes; None: that of the profile."""
+    """Largest frame, bytes; None: the profile's."""
 
     def capabilities(self, profile: ModemProfile, propagation_s: float) -> LinkCapabilities:
         """Return what a modem of that profile can do then.

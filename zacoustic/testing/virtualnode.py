@@ -1,4 +1,4 @@
-"""One node of a `VirtualNetwork`: what outlives its engine, and the engine of its present life."""
+"""One node of a `VirtualNetwork`: its present engine, and what survives it."""
 
 import random
 
@@ -54,7 +54,7 @@ class VirtualNode:
         self.lives = 0
         """How often it has been started."""
         self.past: list[EngineStats] = []
-        """What the engines of former lives had counted."""
+        """The counters of former boot epochs."""
         self.armed_at: int | None = None
         """For when the engine's timer is set, on the node's own clock, ns."""
         self.is_up = True

@@ -1,7 +1,7 @@
-"""The water of a `VirtualNetwork` and the modems in it: from a transmission to what comes of it.
+"""The channel of a `VirtualNetwork` and its modems: from a transmission to its receptions.
 
-`zacoustic.channel.Medium` knows what sound does; here is what the modems do with it. They outlive
-the engines: what a modem has begun it ends, whoever has crashed meanwhile.
+`zacoustic.channel.Medium` computes the sound; here are the modems. They outlive the engines: a
+modem ends what it has begun, also after a crash of its node.
 """
 
 import random
@@ -47,7 +47,7 @@ class VirtualWater:
         agenda: Virtual time.
         medium: What sound does.
         modem: What the modems do by themselves.
-        disturb: Loses, delays and repeats frames beyond what the scenario says.
+        disturb: Loses, delays and repeats frames in addition to the scenario.
         serve: Called after each input that an engine has got.
     """
 
@@ -165,7 +165,7 @@ class VirtualWater:
             self._serve(node)
 
     def _end_carrier(self, address: int) -> VirtualNode | None:
-        """Tell the end of a carrier; returns the node if its engine has to be served."""
+        """Report the end of a carrier; return the node if its engine needs service."""
         node = self.nodes[address]
         node.carriers -= 1
         if node.carriers or node.engine is None:
@@ -181,7 +181,7 @@ class VirtualWater:
         heard: bool,
     ) -> None:
         reception = self._medium.finish(arrival)
-        # Nobody is served between the two inputs, so nobody speaks before it knows the frame.
+        # No node is served between the two inputs, so none transmits before it knows the frame.
         silent = self._end_carrier(arrival.node) if heard else None
         is_served = False
         if reception.is_received:
@@ -247,7 +247,7 @@ class VirtualWater:
     # Acknowledgements of the modems
 
     def _acknowledge(self, arrival: Arrival, transmission: Transmission) -> None:
-        """The modem that has received a frame says so, unless it is transmitting itself."""
+        """The modem that has received a frame acknowledges it, unless it is transmitting itself."""
         node, asker = self.nodes.get(arrival.node), self.nodes.get(arrival.source)
         now = self._agenda.now
         if node is None or asker is None or not node.is_up or node.transmits_until > now:

@@ -1,1 +1,1 @@
-"""Text of people: numbers that are read, and what is safe to print."""
+"""Text of people: reading numbers, and safe printing."""

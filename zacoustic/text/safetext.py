@@ -1,4 +1,4 @@
-r"""Text that somebody else wrote, made safe to show: one place for terminals, JSON and pages.
+r"""Foreign text, made safe to show: one place for terminals, JSON and pages.
 
 Names, values and error texts come off the channel, from programs on the network and out of files.
 They are data, so they must not steer what shows them: a terminal obeys escape sequences, a line end
@@ -17,7 +17,7 @@ from html import escape
 from typing import Any, Final
 
 _HIDDEN: Final = "***"
-# A setting whose name says that its value is secret, and the password in front of a host.
+# A setting with the name of a secret, and the password in front of a host.
 _SETTING: Final = re.compile(
     r"(?i)(?<![a-z])([\w.-]*(?:passw(?:or)?d|passphrase|secret|token|credential|api_?key|"
     r"private_?key|key_?base64|psk)[\w.-]*\s*=\s*)[^;&#\s,\"')]+"

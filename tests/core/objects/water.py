@@ -10,8 +10,15 @@ import msgspec
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort, JournalWrite
+from zacoustic.core.base.parts import Part
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.linktypes import (
+    BROADCAST,
+    LinkCapabilities,
+    ReceivedFrame,
+    TransmitOutcome,
+    TransmitReport,
+)
 from zacoustic.core.schedule.access.listening import Listening
 from zacoustic.core.transport.objects.gate import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
@@ -275,7 +282,7 @@ class Water:
         node.listening.handle_started(started_at)
         self.record.append((node.address, started_at, ends_at, record))
         node.free_at = ends_at + seconds_to_ns(self.capabilities.gap_s)
-        self.at(ends_at, lambda: self._report(node, started_at))
+        self.at(ends_at, lambda: self._report(node, started_at, taken.part))
         for address in self.nodes:
             if address != node.address and offer.destination in (address, BROADCAST):
                 arrives = (started_at + self.delay_ns, ends_at + self.delay_ns)
@@ -288,10 +295,16 @@ class Water:
     def _begin(self, address: int, span: tuple[int, int]) -> None:
         self.nodes[address].hears.append(span)
 
-    def _report(self, node: Node, started_at: int) -> None:
+    def _report(self, node: Node, started_at: int, part: Part) -> None:
         if node.alive:
             node.listening.handle_transmitted(started_at, self.now)
-            node.objects.transmitted(self.now)
+            report = TransmitReport(
+                transmission_id=1,
+                outcome=TransmitOutcome.SENT,
+                started_at=started_at,
+                finished_at=self.now,
+            )
+            part.reported(report, self.now)
             self.service(node)
 
     def _arrive(

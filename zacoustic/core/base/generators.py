@@ -1,7 +1,7 @@
-"""Random generators: each component of an engine draws from one of its own.
+"""Random generators: each component of an engine has its own.
 
-What one component draws then changes nothing of what another one will draw. So code can be moved,
-and a draw can be added or left out, without another trace of everything else.
+So the draws of one component change nothing in those of another one. Code can be moved, and a draw
+can be added or left out, without a change in the trace of everything else.
 """
 
 import random

@@ -1,14 +1,13 @@
-"""The journal port: what an engine wants written down before it promises anything.
+"""The journal port: what an engine must have written down before it promises anything.
 
-The core has no files. It hands out `JournalWrite`s by `poll_journal` and waits for
-`handle_journal_committed` before it does what depends on them; the shell commits them in groups,
-in a thread of its own: a group, all or none, in the order in which they were handed out. What was
-committed in earlier lives comes back as `stored` when an engine is built. One promise depends on
-it in every engine: a boot epoch is committed before the first HELLO that carries it, so that no
-two lives of a node share an epoch.
+The core has no files. It hands out `JournalWrite`s by `poll_journal`, and waits for
+`handle_journal_committed` before it does what depends on them. The shell commits them in groups in
+its own thread: a group all or none, in order. The commits of former boot epochs come back as
+`stored` when an engine is built. One promise depends on it in every engine: a boot epoch is
+committed before the first HELLO that carries it, so no two starts of a node share an epoch.
 
-While the shell cannot commit, `handle_journal_state` tells why. Nothing that waits is lost then:
-the shell tries again, and `handle_journal_committed` comes when it has succeeded.
+While the shell cannot commit, `handle_journal_state` gives the reason. Nothing that waits is lost
+then: the shell tries again, and `handle_journal_committed` comes when it has succeeded.
 """
 
 from collections import deque
@@ -18,7 +17,7 @@ import msgspec
 
 
 class JournalWrite(msgspec.Struct, frozen=True, kw_only=True):
-    """One entry; replaces or deletes what was written under the same key before."""
+    """One entry; replaces or deletes a former one with the same key."""
 
     write_id: int
     """Counted by the engine; `handle_journal_committed` names it."""

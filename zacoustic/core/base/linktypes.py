@@ -19,7 +19,7 @@ UNKNOWN_SOURCE: Final = 0
 
 
 class LinkState(enum.Enum):
-    """What a link says of itself; it reconnects on its own."""
+    """The state of a link; it reconnects on its own."""
 
     OPENING = "opening"
     """Connecting, or waiting for the device."""
@@ -35,7 +35,7 @@ class TransmitOutcome(enum.Enum):
     SENT = "sent"
     """On the air completely; whether anybody heard it is unknown."""
     DELIVERED = "delivered"
-    """The modem at the other end has it. Steers retransmission; never what a publisher is told."""
+    """The modem at the other end has it. Steers retransmission; never a publisher's outcome."""
     NOT_DELIVERED = "not_delivered"
     """On the air, and the other modem did not acknowledge it."""
     REJECTED = "rejected"
@@ -72,9 +72,9 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     acknowledges: bool = False
     """Reports DELIVERED or NOT_DELIVERED for a unicast transmission that asks for it."""
     controls_access: bool = False
-    """The device, or what is behind it, decides when it may transmit."""
+    """The device, or one behind it, decides when it may transmit."""
     senses_carrier: bool = False
-    """Reports `carrier_changed` while somebody else is heard."""
+    """Reports `carrier_changed` while another node is heard."""
     broadcast_mtu_bytes: int | None = None
     """Largest frame for all nodes, bytes; None: as large as one for a single node."""
     address_range: tuple[int, int] = (1, 254)
@@ -82,7 +82,7 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     reports: frozenset[str] = frozenset()
     """Which fields of `LinkMetrics` every received frame fills."""
     measures: frozenset[str] = frozenset()
-    """Which fields of `LinkMetrics` the device may tell besides, by `PeerMeasured`."""
+    """Fields of `LinkMetrics` that the device may report besides, by `PeerMeasured`."""
     measures_range: bool = False
     """A transmission that was acknowledged is followed by a `PeerMeasured` of that exchange, with
     its propagation delay: so a range can be had on demand. Only where it `acknowledges`."""
@@ -114,12 +114,12 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class LinkMetrics(msgspec.Struct, frozen=True, kw_only=True):
-    """What a modem measured of another one, on a frame or besides; None where it tells nothing."""
+    """A modem's measurements of another one, on a frame or besides; None if unknown."""
 
     snr_db: float | None = None
     """Signal-to-noise ratio, dB."""
     received_level_db: float | None = None
-    """Received level, dB; the reference is the modem's own unless its link says so."""
+    """Received level, dB; the reference is the modem's own unless its link names one."""
     integrity: float | None = None
     """Signal quality in the modem's own scale."""
     propagation_s: float | None = None
@@ -135,17 +135,17 @@ class LinkMetrics(msgspec.Struct, frozen=True, kw_only=True):
     up_m: float | None = None
     """Upwards, m: negative where it is deeper."""
     accuracy_m: float | None = None
-    """Uncertainty of that place, m, as the device says."""
+    """Uncertainty of that position, m, by the device."""
     bearing_rad: float | None = None
-    """Direction in which it is heard, rad, 0…2π: 0 is north, π/2 east. Comes with the elevation."""
+    """Direction of its sound, rad, 0…2π: 0 is north, π/2 east. Comes with the elevation."""
     elevation_rad: float | None = None
     """Direction above the horizontal, rad, -π/2…π/2."""
     accuracy_rad: float | None = None
-    """Uncertainty of that direction, rad, as the device says."""
+    """Uncertainty of that direction, rad, by the device."""
 
 
 class PeerMeasured(msgspec.Struct, frozen=True, kw_only=True):
-    """A modem has measured something of another one, outside of any frame."""
+    """A modem has measured another one, outside of any frame."""
 
     address: int
     """The other node, 1…254."""
@@ -157,7 +157,7 @@ class PeerMeasured(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ModemRead(msgspec.Struct, frozen=True, kw_only=True):
-    """What a modem says of itself; None where it says nothing."""
+    """A modem's values of itself; None if unknown."""
 
     read_at: int
     """Instant of the answer, ns."""
@@ -172,7 +172,7 @@ class ModemRead(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Measurement: TypeAlias = PeerMeasured | ModemRead
-"""What a link tells of its own accord."""
+"""Unsolicited reports of a link."""
 
 
 class ReceivedFrame(msgspec.Struct, frozen=True, kw_only=True):

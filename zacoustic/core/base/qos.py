@@ -1,11 +1,10 @@
-"""Quality of service of a stream: the words of ROS 2 and Zenoh, and what the queue makes of them.
+"""Quality of service of a stream: the words of ROS 2 and Zenoh, and their meaning for the queue.
 
-Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame,
-whatever waits. Among the
-other six, waiting raises value: a payload is ranked by the instant at which it was queued plus
-the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a fresh slow
-one by the difference of their patience, and no
-payload starves: after at most that difference nothing new can get in front of it.
+Priorities are Zenoh's seven. `real_time` is absolute: such a sample is in the next frame, whatever
+waits. Among the other six, waiting raises value: a payload is ranked by the instant at which it was
+queued plus the *patience* of its priority, smallest first. So a fresh urgent sample overtakes a
+fresh slow one by the difference of their patience, and no payload starves: after at most that
+difference nothing new can get in front of it.
 """
 
 import enum
@@ -45,7 +44,7 @@ PATIENCE_NS: Final = {
 
 
 LEAST_DEADLINE_S: Final = 0.1
-"""Shorter than any frame; so a missed deadline is told of ten times a second at most."""
+"""Shorter than any frame; so a missed deadline is reported at most ten times a second."""
 
 
 class Reliability(enum.Enum):
@@ -59,7 +58,7 @@ class Reliability(enum.Enum):
 
 
 class Stamp(enum.Enum):
-    """What tells the far side how old a sample is."""
+    """How the far side learns a sample's age."""
 
     NONE = "none"
     """Nothing."""
@@ -68,16 +67,16 @@ class Stamp(enum.Enum):
 
 
 class Durability(enum.Enum):
-    """What becomes of a sample for whoever subscribes on an island after it came."""
+    """What late local subscribers get of earlier samples."""
 
     VOLATILE = "volatile"
     """It has gone by."""
     TRANSIENT_LOCAL = "transient_local"
-    """The gateway of the island keeps the last ones, `Qos.depth` of each key."""
+    """The local gateway keeps the last ones, `Qos.depth` of each key."""
 
 
 class Forward(enum.Enum):
-    """When samples cross the water."""
+    """When samples cross the channel."""
 
     ALWAYS = "always"
     """Whoever listens, and whether anybody does."""
@@ -93,7 +92,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     reliability: Reliability = Reliability.BEST_EFFORT
     """What becomes of a sample that is lost."""
     durability: Durability = Durability.VOLATILE
-    """What late joiners get. An affair of each island: it changes nothing on the water."""
+    """What late joiners get. Local to each side: it changes nothing on the channel."""
     depth: int = 1
     """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1;
     a newer one pushes out the oldest."""
@@ -103,11 +102,11 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """A sample of each key is promised at least so often, s, ≥ 0.1, > min_interval_s; None: no
     promise (`zacoustic.core.transport.topics.deadlines`)."""
     min_interval_s: float = 0.0
-    """Least time between two samples of one key on the water, s, ≥ 0; the newest wins."""
+    """Minimum time between two transmitted samples of one key, s, ≥ 0; the newest wins."""
     linger_s: float = 0.0
-    """How long a sample may wait for company in its frame, s, ≥ 0; REAL_TIME never lingers."""
+    """How long a sample may wait for others in its frame, s, ≥ 0; REAL_TIME never lingers."""
     stamp: Stamp = Stamp.NONE
-    """What tells the far side the age."""
+    """How the far side learns the age."""
     forward: Forward = Forward.ALWAYS
     """When samples cross the water."""
     exclusive: bool = False
@@ -121,7 +120,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
         """Check the ranges.
 
         Raises:
-            ValueError: Names field, value and what is allowed.
+            ValueError: Names field, value and the allowed values.
         """
         if not 1 <= self.depth <= 65535:
             raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
@@ -152,17 +151,17 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def linger_ns(self) -> int:
-        """How long a sample may wait for company, ns; 0 for REAL_TIME."""
+        """How long a sample may wait for others, ns; 0 for REAL_TIME."""
         return 0 if self.priority is Priority.REAL_TIME else seconds_to_ns(self.linger_s)
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
-    """What was ordered of a topic while the node runs, over its QoS; None: as the QoS says."""
+    """The override of a topic by a remote command, over its QoS; None: as the QoS says."""
 
     on: bool = True
     """Its samples go; otherwise they wait, expire and are superseded."""
     min_interval_s: float | None = None
-    """Least time between two samples of one key on the water, s, ≥ 0."""
+    """Minimum time between two transmitted samples of one key, s, ≥ 0."""
     priority: Priority | None = None
     """Zenoh's priority."""
 
@@ -170,7 +169,7 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
         """Return what holds of a QoS then."""
         interval_s = qos.min_interval_s if self.min_interval_s is None else self.min_interval_s
         priority = qos.priority if self.priority is None else self.priority
-        # The promise was made before, and what is missed by an order is missed.
+        # The promise was made before, and a deadline missed because of a command is missed.
         return msgspec.structs.replace(
             qos, min_interval_s=interval_s, priority=priority, deadline_s=None
         )

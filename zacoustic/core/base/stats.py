@@ -1,7 +1,7 @@
 """Counters, and the airtime ledger: every byte on the link belongs to a stream and a cause.
 
-The ledger is what tells an engineer that one topic takes most of the channel. Its sum equals the
-bytes given to the link, exactly; a test holds it to that.
+The ledger shows an engineer that one topic takes most of the channel. Its sum equals the bytes
+given to the link, exactly; a test checks that.
 """
 
 import enum
@@ -11,7 +11,7 @@ import msgspec
 
 
 class Cause(enum.Enum):
-    """Why a byte is on the water."""
+    """Why a byte was transmitted."""
 
     PAYLOAD = "payload"
     """Payload of a sample, request or response."""
@@ -32,7 +32,7 @@ class Cause(enum.Enum):
     REPEAT = "repeat"
     """A reliable sample that was sent before."""
     REPAIR = "repair"
-    """Repair fragments of objects, and what receivers say of them."""
+    """Repair fragments of objects, and receivers' feedback."""
     RANGE = "range"
     """Padding of a frame that goes for its range alone."""
     ACCESS = "access"
@@ -40,7 +40,7 @@ class Cause(enum.Enum):
     SUBSCRIBE = "subscribe"
     """Subscriptions to on-demand topics, and their answers."""
     HEARTBEAT = "heartbeat"
-    """A frame that says that the node is there, where nothing else was to be said."""
+    """A frame that only shows that the node is there."""
 
 
 NO_STREAM: Final = 0
@@ -70,7 +70,7 @@ class EngineStats:
         self.reports: dict[str, int] = {}
         """Transmit reports by outcome."""
         self.dropped: dict[str, int] = {}
-        """What came off the water and was dropped, by reason."""
+        """Dropped receptions, by reason."""
         self.published: dict[int, int] = {}
         """Payloads accepted from the application, by stream."""
         self.unsubscribed: dict[int, int] = {}
@@ -80,7 +80,7 @@ class EngineStats:
         self.received: dict[int, int] = {}
         """Records delivered to the application, by stream."""
         self.deadlines_missed: dict[int, int] = {}
-        """Periods in which no sample came that was promised, of all keys, by stream."""
+        """Periods without a promised sample, of all keys, by stream."""
         self.round_trips_ns: dict[int, int] = {}
         """How long a node takes to acknowledge a reliable sample, from the end of its frame to that
         of the answer, smoothed, by address."""
@@ -93,7 +93,7 @@ class EngineStats:
             self._ledger[key] = self._ledger.get(key, 0) + transmitted_bytes
 
     def drop(self, reason: str) -> None:
-        """Count something from the water that was dropped."""
+        """Count a dropped reception."""
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def ledger(self) -> list[LedgerEntry]:

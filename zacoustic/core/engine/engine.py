@@ -228,7 +228,6 @@ class Engine:
         if not self._transmitter.finish(report, now):
             self.stats.drop("stray_report")
             return
-        self._protocols.handle_report(report, now)
         outcome = report.outcome.value
         self.stats.reports[outcome] = self.stats.reports.get(outcome, 0) + 1
         self._trace.note(now, "report", detail=outcome)
@@ -284,7 +283,7 @@ class Engine:
         """The instant that `poll_timeout` named has come."""
         self._now = now
         self.silence.keep(now)
-        self._protocols.large.at(now)
+        self._protocols.handle_timeout(now)
         self._timers.fire(now)
         self._transmitter.handle_timeout(now)
 

@@ -36,10 +36,10 @@ from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     PeerMeasured,
-    Transmission,
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.measurements import Range, range_in
 from zacoustic.core.peers.peer import Pause
@@ -183,34 +183,12 @@ class Ranging:
         propagation_ns = seconds_to_ns(capabilities.propagation_s)
         self._unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes) + propagation_ns
         for address, quest in tuple(self._quests.items()):
-            quest.transmission_id = None  # a port that was replaced reports no more
             reason = self._objection(address)
             if reason:
                 for range_id in tuple(quest.requests):
                     self._fail(quest, range_id, address, RangeFailure.UNAVAILABLE, reason)
                 if quest.every_ns is not None:
                     self._fail(quest, None, address, RangeFailure.UNAVAILABLE, reason)
-            self._forget_if_idle(address)
-
-    def transmitted(self, transmission: Transmission, now: int) -> None:
-        """A frame goes out; one that is acknowledged may bring a range."""
-        quest = self._quests.get(transmission.destination)
-        if quest is None or not transmission.acknowledge:
-            return
-        quest.transmission_id = transmission.transmission_id
-        quest.is_answered = False
-        if quest.every_ns is not None:
-            quest.scheduled_at = now + quest.every_ns
-
-    def handle_report(self, report: TransmitReport, now: int) -> None:
-        """A transmission has ended; the measurement comes a little later, if at all."""
-        for address, quest in tuple(self._quests.items()):
-            if quest.transmission_id != report.transmission_id:
-                continue
-            quest.transmission_id = None
-            quest.words = _words_of(report)
-            if not quest.is_answered:
-                quest.pause.use(now, self._unit_ns)
             self._forget_if_idle(address)
 
     def measured(self, measurement: PeerMeasured) -> None:
@@ -243,8 +221,8 @@ class Ranging:
         ]
         return min(wanted, default=None)
 
-    def wants(self, address: int, now: int, *, gives_way: bool = False) -> bool:
-        """Tell whether a frame to that address is to be acknowledged by its modem.
+    def exchange(self, address: int, now: int, *, gives_way: bool = False) -> Part | None:
+        """Return a part of a frame that its modem is to acknowledge for a range; None: not wanted.
 
         Args:
             address: Its destination.
@@ -254,11 +232,13 @@ class Ranging:
         """
         quest = self._quests.get(address)
         if quest is None or self._objection(address):
-            return False
+            return None
         at = quest.due_at(now)
         if at is None or (gives_way and quest.every_ns is None):
-            return False
-        return at + (quest.every_ns or 0) * gives_way <= now
+            return None
+        if at + (quest.every_ns or 0) * gives_way > now:
+            return None
+        return Part(transmitted=quest.transmitted, reported=partial(self._reported, address, quest))
 
     def give_way(self, address: int, until: int) -> None:
         """A schedule waits until an instant, ns, but not for more than a period."""
@@ -272,6 +252,14 @@ class Ranging:
         quest = self._quests[address]
         text = f"no range within {timeout_s:g} s: {quest.words}"
         self._fail(quest, range_id, address, RangeFailure.TIMED_OUT, text)
+        self._forget_if_idle(address)
+
+    def _reported(self, address: int, quest: "_Quest", report: TransmitReport, now: int) -> None:
+        """An exchange has ended; the measurement comes a little later, if at all."""
+        quest.is_under_way = False
+        quest.words = _words_of(report)
+        if not quest.is_answered:
+            quest.pause.use(now, self._unit_ns)
         self._forget_if_idle(address)
 
     def _check(self, address: int) -> None:
@@ -316,7 +304,7 @@ class Ranging:
 
     def _forget_if_idle(self, address: int) -> None:
         quest = self._quests[address]
-        if not quest.requests and quest.every_ns is None and quest.transmission_id is None:
+        if not quest.requests and quest.every_ns is None and not quest.is_under_way:
             del self._quests[address]
 
 
@@ -331,16 +319,22 @@ class _Quest:
         self.gives_way_until = 0
         """The schedule is not kept before, ns."""
         self.pause = Pause(_LONGEST_PAUSE_UNITS)
-        self.transmission_id: int | None = None
-        """Of the exchange that is under way."""
+        self.is_under_way = False
+        """A frame for it has been handed to the link, and has not ended."""
         self.is_answered = False
         """It has brought a range already."""
         self.words = "nothing could be sent"
         """What became of the last exchange."""
 
+    def transmitted(self, now: int) -> None:
+        """A frame goes out that may bring a range."""
+        self.is_under_way, self.is_answered = True, False
+        if self.every_ns is not None:
+            self.scheduled_at = now + self.every_ns
+
     def due_at(self, now: int) -> int | None:
         """When the next exchange is due, ns."""
-        if self.transmission_id is not None:
+        if self.is_under_way:
             return None
         if self.requests:
             return max(now, self.pause.not_before)

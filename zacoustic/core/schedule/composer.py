@@ -15,11 +15,14 @@ Order of decisions:
 How records share a frame is the affair of `zacoustic.core.schedule.filling`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import Final
 
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.peers.contact import Contact
@@ -31,8 +34,10 @@ from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.sources import DenseSource, ObjectSource, Offer
-from zacoustic.core.wire.envelope import Envelope
 from zacoustic.core.wire.frame import HELLO_BYTES, PADDING, TAG_BYTES
+
+_GIVE_WAY_PERIODS: Final = 2
+"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
 
 
 class Composed(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,12 +47,14 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Address, or `BROADCAST`."""
     frame_bytes: bytes
     """With envelope."""
-    records: tuple[Waiting, ...]
+    records: tuple[Waiting, ...] = ()
     """Its records, in their order, fragments excepted."""
     object_stream: int | None = None
     """Stream of the fragment that is in it, or None."""
-    is_pressing: bool = False
-    """It carries what may go again before anything can have come back."""
+    acknowledge: bool = False
+    """The modem is to be asked for an acknowledgement."""
+    parts: tuple[Part, ...] = ()
+    """Who is told what becomes of it."""
 
     @property
     def streams(self) -> tuple[int, ...]:
@@ -75,6 +82,8 @@ class Composer:
         handshake: What has to be said beside it.
         dense: Writes dense strings.
         ranging: The ranges that are wanted.
+        objects: Fragments, and what is to be said of those that arrived.
+        contact: Heartbeats.
         stats: Counts every byte.
     """
 
@@ -84,6 +93,8 @@ class Composer:
         handshake: Handshake,
         dense: DenseSource,
         ranging: Ranging,
+        objects: ObjectSource,
+        contact: Contact,
         stats: EngineStats,
     ) -> None:
         self._queue = queue
@@ -91,49 +102,38 @@ class Composer:
         self._introductions = handshake.introductions
         self._dense = dense
         self._ranging = ranging
+        self._objects = objects
+        self._contact = contact
         self._stats = stats
-        self.objects: ObjectSource | None = None
-        """Fragments, and what is to be said of those that arrived."""
-        self.contact: Contact | None = None
-        """Heartbeats."""
         self._since_introduction = 0
-        self.port: LinkPort | None = None
-        """The link: what medium access wants to say rides in the frames."""
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of what medium access has to say, and nothing else."""
         said = port.access.controls(port.envelope.room_bytes, now, alone=True)
         if not said:
             return None
-        destination = port.access.answers_to
-        frame_bytes = port.envelope.wrap(said, destination)
-        self._stats.attribute(NO_STREAM, Cause.ACCESS, len(said))
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(said))
-        return Composed(destination=destination, frame_bytes=frame_bytes, records=())
+        return self._controls(port, port.access.answers_to, [(Cause.ACCESS, said)], now)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
         payload_at = self._queue.due_at(now)
         others = (self._handshake.speak_next(), self._ranging.due(now))
-        heartbeat_at = self.contact.due_at if self.contact is not None else None
-        instants = [payload_at, heartbeat_at, *(each and each[0] for each in others)]
+        instants = [payload_at, self._contact.due_at, *(each and each[0] for each in others)]
         earliest = min((at for at in instants if at is not None), default=None)
-        if self.objects is None:
-            return earliest
-        held_until = self.objects.hold_until(now)
+        held_until = self._objects.hold_until(now)
         if earliest is not None and held_until > now and not self._queue.is_urgent:
             earliest = max(earliest, held_until)
-        object_at = self.objects.due_at(now)
+        object_at = self._objects.due_at(now)
         return min((at for at in (earliest, object_at) if at is not None), default=None)
 
-    def compose_only(self, envelope: Envelope, lane: LaneKey, now: int) -> Composed | None:
+    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of what waits in one lane, with what its hearer needs beside it."""
         first = next(self._queue.candidates(now, lane), None)
         if first is None:
             return None
-        return self._fill(envelope, first[1].destination, now, owed_first=False, only=lane)
+        return self._fill(port, first[1].destination, now, owed_first=False, only=lane)
 
-    def compose(self, envelope: Envelope, now: int) -> Composed | None:
+    def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None when nothing is to be said."""
         first = next(
             ((lane, item) for lane, item in self._queue.candidates(now) if lane.due_at <= now), None
@@ -141,14 +141,14 @@ class Composer:
         destination = first[1].destination if first else None
         urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
         if not urgent and self._is_heartbeat_due(now):
-            return self._fill(envelope, BROADCAST, now, owed_first=False, must_go=Cause.HEARTBEAT)
-        if self.objects is not None and not urgent:
-            offer = self.objects.offer(now)
+            return self._fill(port, BROADCAST, now, owed_first=False, must_go=Cause.HEARTBEAT)
+        if not urgent:
+            offer = self._objects.offer(now)
             # While an answer about an object is awaited, only objects go.
-            held = self.objects.hold_until(now) > now
+            held = self._objects.hold_until(now) > now
             rank = first[0].rank if first and not held else None
             if offer is not None and (rank is None or offer.rank <= rank):
-                composed = self._fill_object(envelope, offer, now)
+                composed = self._fill_object(port, offer, now)
                 if composed is not None:
                     return composed
             if held:
@@ -156,35 +156,31 @@ class Composer:
         # What is owed found no room in time: it goes before what else waits.
         while (overdue := self._overdue(now)) is not None and not urgent:
             if destination == BROADCAST:
-                return self._fill(envelope, BROADCAST, now, owed_first=True)
-            composed = self._fill(envelope, overdue, now, owed_first=True)
+                return self._fill(port, BROADCAST, now, owed_first=True)
+            composed = self._fill(port, overdue, now, owed_first=True)
             if composed is not None:
                 return composed
         if not urgent and (wanted := self._ranging.due(now)) is not None and wanted[0] <= now:
-            return self._fill(envelope, wanted[1], now, owed_first=False, must_go=Cause.RANGE)
+            return self._fill(port, wanted[1], now, owed_first=False, must_go=Cause.RANGE)
         if destination is None:
             return None
-        return self._fill(envelope, destination, now, owed_first=False)
+        return self._fill(port, destination, now, owed_first=False)
 
     def _is_heartbeat_due(self, now: int) -> bool:
         """Tell whether this node has to be heard; not while an answer is awaited."""
-        due_at = self.contact.due_at if self.contact is not None else None
-        if due_at is None or due_at > now:
-            return False
-        return self.objects is None or self.objects.hold_until(now) <= now
+        due_at = self._contact.due_at
+        return due_at is not None and due_at <= now and self._objects.hold_until(now) <= now
 
     def _overdue(self, now: int) -> int | None:
         """Return the peer for which a frame of its own is due, or None."""
         speak = self._handshake.speak_next()
         return speak[1] if speak is not None and speak[0] <= now else None
 
-    def _fill_object(self, envelope: Envelope, offer: Offer, now: int) -> Composed | None:
+    def _fill_object(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or of what is to be said of an object."""
-        assert self.objects is not None
-        assert self.port is not None
         destination = offer.destination
         if not offer.is_fragment:
-            return self._fill(envelope, destination, now, owed_first=True, answer=True)
+            return self._fill(port, destination, now, owed_first=True, answer=True)
         if self._introductions.is_unconfirmed(destination, now):
             # A fragment fills its frame: whoever does not know us is told in another one.
             self._since_introduction += 1
@@ -192,17 +188,17 @@ class Composer:
                 destination
             ):
                 introduction = self._introductions.introduction(
-                    destination, envelope.room_bytes, now
+                    destination, port.envelope.room_bytes, now
                 )
-                return self._wrap(envelope, destination, [(Cause.HELLO, introduction)])
-        taken = self.objects.take_fragment(
-            envelope.room_bytes, now, self.port.frames_before_pause(now)
+                return self._controls(port, destination, [(Cause.HELLO, introduction)], now)
+        taken = self._objects.take_fragment(
+            port.envelope.room_bytes, now, port.frames_before_pause(now)
         )
         if taken is None:
             return None
         if taken.ends_run:
-            self.port.end_run()
-            if self._introductions.concerns_others(destination) and self.port.reaches_all(
+            port.end_run()
+            if self._introductions.concerns_others(destination) and port.reaches_all(
                 len(taken.record)
             ):
                 destination = BROADCAST  # that a pause follows concerns everybody
@@ -212,29 +208,67 @@ class Composer:
         self._stats.attribute(taken.stream_id, Cause.HEADER, taken.header_bytes)
         data_bytes = len(taken.record) - taken.header_bytes
         self._stats.attribute(taken.stream_id, cause, data_bytes)
-        frame_bytes = envelope.wrap(taken.record, destination)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.record))
+        return self._composed(
+            port,
+            destination,
+            taken.record,
+            now,
+            object_stream=taken.stream_id,
+            parts=[taken.part],
+        )
+
+    def _controls(
+        self, port: LinkPort, destination: int, said: list[tuple[Cause, bytes]], now: int
+    ) -> Composed:
+        """Make a frame of controls."""
+        for cause, control in said:
+            self._stats.attribute(NO_STREAM, cause, len(control))
+        return self._composed(port, destination, b"".join(control for _, control in said), now)
+
+    def _composed(
+        self,
+        port: LinkPort,
+        destination: int,
+        content: bytes,
+        now: int,
+        *,
+        records: tuple[Waiting, ...] = (),
+        object_stream: int | None = None,
+        parts: Sequence[Part] = (),
+        is_pressing: bool = False,
+    ) -> Composed:
+        """Put the envelope around all that a frame says, and see who is told of it.
+
+        Args:
+            port: The link.
+            destination: Address, or `BROADCAST`.
+            content: What stands in the envelope.
+            now: The instant.
+            records: What of it comes from the queue.
+            object_stream: Stream of the fragment that is in it.
+            parts: What else of it is told what becomes of it.
+            is_pressing: It carries what may go again before anything can have come back.
+        """
+        frame_bytes = port.envelope.wrap(content, destination)
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(content))
+        exchange = self._ranging.exchange(destination, now, gives_way=is_pressing)
+        if is_pressing:
+            until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
+            self._ranging.give_way(destination, until)
+        contact = Part(transmitted=partial(self._contact.transmitted, destination))
+        told = (*(record.part for record in records), *parts, exchange, contact)
         return Composed(
             destination=destination,
             frame_bytes=frame_bytes,
-            records=(),
-            object_stream=taken.stream_id,
+            records=records,
+            object_stream=object_stream,
+            acknowledge=exchange is not None,
+            parts=tuple(part for part in told if part is not None),
         )
-
-    def _wrap(
-        self, envelope: Envelope, destination: int, said: list[tuple[Cause, bytes]]
-    ) -> Composed:
-        """Make a frame of controls."""
-        records = b"".join(control for _, control in said)
-        for cause, control in said:
-            self._stats.attribute(NO_STREAM, cause, len(control))
-        frame_bytes = envelope.wrap(records, destination)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(records))
-        return Composed(destination=destination, frame_bytes=frame_bytes, records=())
 
     def _fill(
         self,
-        envelope: Envelope,
+        port: LinkPort,
         destination: int,
         now: int,
         *,
@@ -243,13 +277,15 @@ class Composer:
         answer: bool = False,
         only: LaneKey = (),
     ) -> Composed | None:
-        room_bytes = envelope.room_bytes
+        room_bytes = port.envelope.room_bytes
         self._introductions.begin_frame(destination)
         answers: list[tuple[Cause, bytes]] = []
-        if self.objects is not None and destination != BROADCAST:
-            said_of_objects = self.objects.take_feedback(destination, room_bytes, now)
+        answer_parts: list[Part] = []
+        if destination != BROADCAST:
+            said_of_objects = self._objects.take_feedback(destination, room_bytes, now)
             if said_of_objects is not None:
                 answers = [(Cause.REPAIR, said_of_objects.record)]
+                answer_parts = [said_of_objects.part]
                 room_bytes -= _size(answers)
         # Who waits for an answer listens for as long as a short frame takes.
         first = None if answer else next(self._concerning(destination, now, only), None)
@@ -281,19 +317,19 @@ class Composer:
             room_bytes -= _size(owed)
         owed = answers + owed
         filling: Filling | None = None
-        if self.port is not None and (first or introduction or owed):
-            said = self.port.controls(
+        if first or introduction or owed:
+            said = port.controls(
                 room_bytes - first_bytes,
                 self._queue.waiting_bytes,
                 now,
-                has_object=self.objects is not None and self.objects.has_fragment(now),
+                has_object=self._objects.has_fragment(now),
             )
             if said:
                 owed.append((Cause.ACCESS, said))
                 room_bytes -= len(said)
-            comfort_bytes = self.port.comfort_bytes(now)
+            comfort_bytes = port.comfort_bytes(now)
             if comfort_bytes is not None:
-                spent_bytes = envelope.room_bytes - room_bytes
+                spent_bytes = port.envelope.room_bytes - room_bytes
                 room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
             introduced = bool(introduction)
@@ -312,12 +348,13 @@ class Composer:
         for cause, control in owed:
             self._stats.attribute(NO_STREAM, cause, len(control))
         records = introduction + b"".join(control for _, control in owed) + records
-        frame_bytes = envelope.wrap(records, destination)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(records))
-        return Composed(
-            destination=destination,
-            frame_bytes=frame_bytes,
+        return self._composed(
+            port,
+            destination,
+            records,
+            now,
             records=items,
+            parts=answer_parts,
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
         )
 

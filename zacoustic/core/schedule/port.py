@@ -1,6 +1,8 @@
 """The engine's side of its link: what it can do, when it is free, what is under way.
 
-One transmission is outstanding at most, and between two the device gets the gap that it asks for.
+Each part of a frame is told when its transmission begins, and how it has ended: by the report that
+has its id, or, where the link is replaced before, as if it had been cut short. Between two the
+device gets the gap that it asks for.
 When a frame may start is the answer of three: the gap, the medium access of the link, and the
 listen windows, unless the access gives everybody turns or the device hears while it sends.
 
@@ -13,6 +15,7 @@ was last measured of that node holds, less and less certain, and without that ha
 """
 
 import random
+from typing import Final
 
 import msgspec
 
@@ -22,10 +25,10 @@ from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
     LinkCapabilities,
     ReceivedFrame,
-    Transmission,
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.base.parts import Part
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.spec import AccessSpec
@@ -38,6 +41,8 @@ _STAMP_ERROR_NS = NS_PER_S // 1000
 # A remembered way becomes wrong as fast as two vehicles approach each other: 4 m/s in 1500 m/s.
 _WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
+MOST_OUTSTANDING: Final = 1
+"""So many transmissions are under way at most: what links of `zacoustic.link.contract` take."""
 
 
 class LinkPort:
@@ -74,18 +79,23 @@ class LinkPort:
         self._listens = capabilities.half_duplex and not self.access.is_scheduled
         self._address = address
         self._measurements = measurements or Measurements()
-        self._outstanding: Transmission | None = None
+        self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
     @property
     def is_busy(self) -> bool:
         """A transmission is under way."""
-        return self._outstanding is not None
+        return bool(self._outstanding)
+
+    @property
+    def is_full(self) -> bool:
+        """No other transmission may begin before one has ended."""
+        return len(self._outstanding) >= MOST_OUTSTANDING
 
     def free_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant from which a frame may start, ns; None: it depends on an input."""
-        if self._outstanding is not None:
+        if self.is_full:
             return None
         due_at, is_invited = max(wanted.due_at, self._gap_until), False
         if self._listens:
@@ -103,7 +113,7 @@ class LinkPort:
 
     def speak_at(self, now: int) -> int | None:
         """Return when the medium access wants a frame of its own, ns, or None."""
-        if self._outstanding is not None:
+        if self.is_full:
             return None
         speak_at = self.access.speak_at(now)
         return None if speak_at is None else max(speak_at, self._gap_until)
@@ -132,23 +142,40 @@ class LinkPort:
         sound_s = comfort_ns / NS_PER_S - self.capabilities.preamble_s
         return max(0, int(sound_s * self.capabilities.bit_rate_bps / 8))
 
-    def transmit(self, transmission: Transmission, now: int) -> None:
-        """Note that a transmission is under way."""
-        self._outstanding = transmission
+    def transmit(self, transmission_id: int, parts: tuple[Part, ...], now: int) -> None:
+        """Note that a transmission is under way, and tell what is in it."""
+        self._outstanding[transmission_id] = parts
         self.listening.handle_started(now)
+        for part in parts:
+            part.transmitted(now)
 
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Note its end; False for a report that belongs to no transmission under way."""
-        outstanding = self._outstanding
-        if outstanding is None or report.transmission_id != outstanding.transmission_id:
+        parts = self._outstanding.pop(report.transmission_id, None)
+        if parts is None:
             return False
-        self._outstanding = None
         self._gap_until = report.finished_at + seconds_to_ns(self.capabilities.gap_s)
         self.listening.handle_transmitted(report.started_at, report.finished_at)
         self.access.handle_transmitted(now)
         if report.outcome in (TransmitOutcome.DELIVERED, TransmitOutcome.NOT_DELIVERED):
             self.access.handle_outcome(report.outcome is TransmitOutcome.DELIVERED, now)
+        for part in parts:
+            part.reported(report, now)
         return True
+
+    def close(self, now: int) -> None:
+        """Another link takes its place: no report will come of what is under way."""
+        outstanding, self._outstanding = self._outstanding, {}
+        for transmission_id, parts in outstanding.items():
+            report = TransmitReport(
+                transmission_id=transmission_id,
+                outcome=TransmitOutcome.ABORTED,
+                started_at=now,
+                finished_at=now,
+                detail="the link was replaced",
+            )
+            for part in parts:
+                part.reported(report, now)
 
     def frames_before_pause(self, now: int) -> int:
         """How many of the largest frames, one that starts now included, go before a pause."""

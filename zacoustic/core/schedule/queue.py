@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
@@ -74,6 +75,7 @@ class Waiting:
         "for_one_node",
         "head",
         "is_copy",
+        "part",
         "payload",
         "prefix",
         "queued_at",
@@ -123,6 +125,8 @@ class Waiting:
         """How often it was sent in a row."""
         self.is_copy = False
         """It was just sent, and is to follow that at once, where it is heard out."""
+        self.part: Part | None = None
+        """Who is told what becomes of its transmissions; None: nobody asks."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
     def head_at(self, now: int) -> bytes:

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import msgspec
 
+from zacoustic.core.base.parts import Part
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.values.dense import Encoded
@@ -43,6 +44,8 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True):
     """It is a repair fragment."""
     ends_run: bool = False
     """It says that a listen window follows."""
+    part: Part
+    """Who is told what becomes of it."""
 
 
 class ObjectSource(Protocol):

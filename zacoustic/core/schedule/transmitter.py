@@ -7,7 +7,6 @@ import msgspec
 
 from zacoustic.core.base.linktypes import LinkCapabilities, LinkState, Transmission, TransmitReport
 from zacoustic.core.base.stats import EngineStats
-from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.access import Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.composer import Composed
@@ -17,10 +16,6 @@ from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.schedule.sources import ObjectSource
 from zacoustic.core.wire.envelope import Envelope
-
-_GIVE_WAY_PERIODS = 2
-"""For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""
-
 
 UNHEARD_FRAMES: Final = 20
 """So many frames that are sent without hearing anything are worth a word."""
@@ -49,10 +44,6 @@ class FrameSource(Protocol):
         """What waits that is larger than a frame."""
 
     @property
-    def ranging(self) -> Ranging:
-        """The ranges that are wanted."""
-
-    @property
     def may_speak(self) -> bool:
         """The boot epoch is written down: no other life of the node will have it."""
 
@@ -73,9 +64,6 @@ class FrameSource(Protocol):
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of what medium access has to say, or return None."""
-
-    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
-        """A transmission begins."""
 
 
 class Transmitter:
@@ -122,6 +110,8 @@ class Transmitter:
 
     def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
         """Begin with a link, or with other capabilities of it."""
+        if self.port is not None:
+            self.port.close(now)
         port = self._make_port(capabilities, self._source.envelope(capabilities))
         self.port = port
         self._tell_access(port, now)
@@ -182,16 +172,10 @@ class Transmitter:
             transmission_id=self._next_transmission_id,
             frame_bytes=composed.frame_bytes,
             destination=composed.destination,
-            acknowledge=self._source.ranging.wants(
-                composed.destination, now, gives_way=composed.is_pressing
-            ),
+            acknowledge=composed.acknowledge,
         )
         self._next_transmission_id += 1
-        if composed.is_pressing:
-            until = now + _GIVE_WAY_PERIODS * port.listening.period_ns
-            source.ranging.give_way(composed.destination, until)
-        port.transmit(transmission, now)
-        self._source.transmitted(transmission, composed, now)
+        port.transmit(transmission.transmission_id, composed.parts, now)
         self._stats.frames_transmitted += 1
         self._stats.bytes_transmitted += len(composed.frame_bytes)
         airtime_ns = port.capabilities.airtime_ns(len(composed.frame_bytes))

@@ -1,4 +1,4 @@
-"""What an order says, and what is answered; the types of both on the wire."""
+"""Remote commands and their answers; the types of both on the wire."""
 
 import enum
 from typing import Any, Final, Self
@@ -9,15 +9,15 @@ from zacoustic.core.base.qos import PRIORITY_NAMES, Priority
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 
 ORDERS_STREAM_ID: Final = 175
-"""Stream id of orders, in every table that does not give it to a stream of its own."""
+"""Stream id of remote commands, in every table that does not give it to another stream."""
 ORDERS_TIMEOUT_S: Final = 600.0
-"""An order is repeated, and remembered as a call, for this long at most, s."""
+"""A command is repeated, and remembered as a call, for this long at most, s."""
 LONGEST_SILENCE_S: Final = 366 * 86400.0
 """Longest time of a silence that is to end by itself, s."""
 LONGEST_INTERVAL_S: Final = 86400.0
-"""Longest least time between two samples that can be ordered, s."""
+"""Longest minimum interval that can be commanded, s."""
 SERIALS: Final = 1 << 16
-"""Numbers that orders of one life of a node can have."""
+"""Serial numbers of commands of one boot epoch."""
 
 _SHORTEST_SILENCE_S: Final = 0.1
 _INTERVAL_STEP_S: Final = 0.01
@@ -31,15 +31,15 @@ class OrderKind(enum.Enum):
     SILENCE = "silence"
     """Transmit nothing."""
     RESUME = "resume"
-    """The end of the silence that was ordered."""
+    """The end of the commanded silence."""
     TUNE = "tune"
     """Switch a topic off or on, set its least interval, its priority."""
     RESET = "reset"
-    """Of a topic what the node's own configuration says."""
+    """A topic's settings of the node's own configuration."""
 
 
 class Order(msgspec.Struct, frozen=True, kw_only=True):
-    """One order, for a node that is named beside it.
+    """One command, for a node that is named beside it.
 
     Raises:
         ValueError: Names field, value and what is allowed.
@@ -105,7 +105,7 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
 
     @classmethod
     def from_wire(cls, request: dict[str, Any]) -> tuple[int, Self]:
-        """Return serial and order of a request.
+        """Return serial and command of a request.
 
         Raises:
             ValueError: Its fields do not fit.
@@ -121,12 +121,12 @@ class Order(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OrderState(msgspec.Struct, frozen=True, kw_only=True):
-    """What holds at a node after an order."""
+    """The state of a node after a command."""
 
     silent: bool = False
     """It transmits nothing."""
     ordered: bool = False
-    """By an order; otherwise, if silent, by a quiet window."""
+    """By a command; otherwise, if silent, by a quiet window."""
     left_s: float | None = None
     """How long the silence lasts, as far as that is known, s; None: no end is known, or none."""
     on: bool | None = None

@@ -34,7 +34,7 @@ class Wildcard(msgspec.Struct, frozen=True, kw_only=True):
     name: str
     """As it stands between the braces."""
     values: tuple[str, ...]
-    """Key chunks; the position, 0…254, is what crosses the water."""
+    """Key chunks; the position, 0…254, crosses the channel."""
 
 
 class KeyPattern:
@@ -128,7 +128,7 @@ def check_name(name: str, wildcards: tuple[Wildcard, ...]) -> None:
     """Check a name and its wildcards.
 
     Raises:
-        ConfigError: Names the key that is wrong, its value and what is allowed.
+        ConfigError: Names the wrong key, its value and the allowed values.
     """
     wrong = fault_of_name(name)
     if wrong:
@@ -149,7 +149,7 @@ def check_name(name: str, wildcards: tuple[Wildcard, ...]) -> None:
 
 
 def fault_of_name(name: str) -> str | None:
-    """Tell what is wrong with a name as a key expression of Zenoh without wildcards, or None."""
+    """Return the fault of a name as a key expression of Zenoh without wildcards, or None."""
     if not name:
         return "is empty; allowed: a key expression"
     if name.startswith("/"):

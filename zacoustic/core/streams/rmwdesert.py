@@ -1,8 +1,8 @@
-"""What streams can be where rmw_desert is on the other side: everything else is refused by name.
+"""What streams can be on the rmw_desert profile: everything else is refused by name.
 
 Its topics are best effort and its services are asked once; there is no acknowledgement, no address,
-no type but that of a ROS message. Nothing is taken away in silence: who asks for a reliable topic
-there gets an error when the table is made.
+no type but a ROS message's. No option is dropped silently: a reliable topic there is an error when
+the table is made.
 """
 
 from typing import Final, NoReturn
@@ -16,7 +16,7 @@ from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
 
 WIRE: Final = 'wire: "rmw_desert"'
-"""How the configuration says it."""
+"""Its word in the configuration."""
 FIRST_SEQUENCE: Final = 1000
 LAST_SEQUENCE: Final = 0xFFFF
 """Sequence ids of this node's calls: rmw_desert draws those of its own below, so that an answer to
@@ -27,10 +27,10 @@ _KIND_BYTES: Final = 1
 
 
 def check_spec(spec: StreamSpec) -> None:
-    """Check what is said of a stream.
+    """Check the specification of a stream.
 
     Raises:
-        ConfigError: rmw_desert has nothing like it; names key, value and what is allowed.
+        ConfigError: rmw_desert does not have it; names key, value and the allowed values.
     """
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         raise ConfigError(f"id: {spec.stream_id}; allowed: {FIRST_STREAM_ID}..{LAST_STREAM_ID}")

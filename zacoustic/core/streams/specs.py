@@ -1,4 +1,4 @@
-"""What is said of a stream: a topic, a service or an action, and what is allowed of each."""
+"""Specifications of streams: topics, services and actions, with the allowed values."""
 
 from typing import Final
 
@@ -30,7 +30,7 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
     "packed": PackedBytesCodec,
     "dense": PackedBytesCodec,
 }
-"""How what has no type is written in a record, by the same words."""
+"""Codecs of streams without a type, by the same words."""
 
 DENSE: Final = "dense"
 """The codec of dense streams."""
@@ -59,7 +59,7 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How samples are written on the water, one of `CODECS`."""
+    """Codec of the samples, one of `CODECS`."""
     qos: Qos = Qos()
     """How samples wait."""
     max_bytes: int | None = None
@@ -89,7 +89,7 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How payloads are written on the water, one of `CODECS`."""
+    """Codec of the payloads, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
     calls."""
@@ -98,7 +98,7 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
 
 
 class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
-    """An action: one server pursues goals of any node, and tells how far it is."""
+    """An action: one server pursues goals of any node, and sends feedback."""
 
     stream_id: int
     """1…175, unique in the table."""
@@ -124,7 +124,7 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
     codec: str = "cbor"
-    """How goals, feedback and results are written on the water, one of `CODECS`."""
+    """Codec of goals, feedback and results, one of `CODECS`."""
     qos: Qos = Qos()
     """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
     lifespan do not apply."""
@@ -152,7 +152,7 @@ def _check_dense(spec: StreamSpec) -> None:
 
 
 def check(spec: StreamSpec) -> None:
-    """Check what the native wire says of a stream.
+    """Check a stream for the native wire.
 
     Raises:
         ConfigError: Something of it is not allowed.
@@ -167,7 +167,7 @@ def check(spec: StreamSpec) -> None:
 
 
 def check_times(spec: StreamSpec) -> None:
-    """Check server and timeouts, whatever is spoken on the link.
+    """Check server and timeouts, for any wire profile.
 
     Raises:
         ConfigError: Something of it is not allowed.

@@ -1,17 +1,16 @@
 """The stream table: which name is which byte, and what both ends must agree on.
 
 A *stream* is a numbered lane of payloads with one type and one QoS: a topic, a service or an
-action. Its id is the first byte of each of its records, so a name costs one byte whatever its
-length. That only works
-while both ends hold the same table, so everything that changes the meaning of bytes goes into a
-digest: of each stream, and of the whole table with its nodes. What only changes *when* something
-is sent (priority, lifespan, intervals, the depth of a best-effort topic), or what a node keeps in
-its journal, is left out; each end may tune it alone. The timeouts of services and actions are in
-it: from them both ends derive how long a number has to be remembered.
+action. Its id is the first byte of each of its records, so a name of any length costs one byte.
+That only works while both ends hold the same table, so everything that changes the meaning of bytes
+goes into a digest: of each stream, and of the whole table with its nodes. Left out is what only
+changes *when* something is sent (priority, lifespan, intervals, the depth of a best-effort topic),
+or what a node keeps in its journal; each end may tune it alone. The timeouts of services and
+actions are in it: from them both ends derive how long a number must be remembered.
 
-One stream is in every table and in no digest of a table, since nobody can define it in another way:
-that of orders (`zacoustic.core.transport.commands`). A table that gives its id to a stream of its
-own has none, nor has one for a link on which another wire profile is spoken.
+One stream is in every table and in no digest of a table, since nobody can define it differently:
+that of remote commands (`zacoustic.core.transport.commands`). A table that gives its id to another
+stream has none, nor has one for a link with another wire profile.
 """
 
 import hashlib
@@ -50,7 +49,7 @@ from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.errors import ConfigError, LocalError, UnknownStreamError
 
 EVERY_NODE: Final = 0
-"""In place of the address of a server: each node serves, and the records say which one."""
+"""In place of the address of a server: each node serves, and the records name it."""
 
 AGE_FIELD: Final = "zacoustic_age"
 """What stands for the age of a sample in a dense string, as its code."""
@@ -127,7 +126,7 @@ class Stream:
         self.digest = hashlib.sha256(description).digest()[:DIGEST_BYTES]
         """Changes with everything both ends must agree on."""
         self.is_on_demand = isinstance(spec, TopicSpec) and spec.qos.forward is Forward.ON_DEMAND
-        """Samples cross the water only to nodes that have subscribed."""
+        """Samples cross only to nodes that have subscribed."""
         if self.is_on_demand and not (node_names or self._publishers):
             raise ConfigError(
                 "forward: on_demand, and nobody is known who could be asked; allowed: with nodes "
@@ -144,7 +143,7 @@ class Stream:
         return subscribers is None or address in subscribers
 
     def dense_value(self, value: object) -> tuple[dict[str, Any], bytes]:
-        """Return what a dense string says of a value of the application, and its payload.
+        """Return the dense form of a value of the application, and its payload.
 
         Raises:
             PayloadInvalidError: The value is not of the stream's type.
@@ -156,7 +155,7 @@ class Stream:
         return {_OCTETS_FIELD: self.codec.decode(payload)}, payload
 
     def dense_sample(self, value: dict[str, Any]) -> object:
-        """Return the value for the application of what a dense string says, without its age."""
+        """Return the application's value of a dense form, without its age."""
         return value if self.type is not None else value[_OCTETS_FIELD]
 
     @property
@@ -186,10 +185,10 @@ class Stream:
         ]
         description = ["topic", *head, audience, wildcards, nodes, spec.qos.stamp.value]
         if spec.qos.reliability is Reliability.RELIABLE:
-            # A receiver knows from the depth what is over; see zacoustic.core.transport.reliable.
+            # The depth tells a receiver what is over; see zacoustic.core.transport.reliable.
             description += [spec.qos.reliability.value, spec.qos.depth]
         if spec.qos.forward is Forward.ON_DEMAND:
-            # Whoever takes it for another one never subscribes.
+            # A node that takes it for another kind never subscribes.
             description.append(spec.qos.forward.value)
         return description
 
@@ -201,7 +200,7 @@ class StreamTable:
         specs: The streams, in any order.
         types: The types that they name.
         nodes: Name of each node by address; empty when the fleet is not listed.
-        model: What a fit says of the dense streams.
+        model: The fitted model of the dense streams.
         wire: What is spoken on the link.
 
     Raises:
@@ -223,7 +222,7 @@ class StreamTable:
         self.nodes: dict[int, str] = dict(nodes or {})
         """Name of each node by address."""
         self.model = model
-        """What a fit says of the dense streams; part of the digest."""
+        """The fitted model of the dense streams; part of the digest."""
         self._by_id: dict[int, Stream] = {}
         self._by_name: dict[str, Stream] = {}
         self._built_in = {ORDERS_STREAM_ID: _orders()} if wire is WireProfile.NATIVE else {}
@@ -352,7 +351,7 @@ class StreamTable:
 
 
 def _orders() -> Stream:
-    """Return the stream of orders."""
+    """Return the stream of remote commands."""
     spec = ServiceSpec(
         stream_id=ORDERS_STREAM_ID,
         name="orders",
@@ -361,7 +360,7 @@ def _orders() -> Stream:
         response_type=RESPONSE_TYPE,
         timeout_s=ORDERS_TIMEOUT_S,
         qos=Qos(priority=Priority.REAL_TIME, stamp=Stamp.AGE),
-        journal=False,  # what was obeyed is in a ledger of its own
+        journal=False,  # executed commands have their own deduplication table
     )
     return Stream(spec, order_types(), {}, is_built_in=True)
 
@@ -395,5 +394,5 @@ def _dense_type(spec: StreamSpec, type_spec: TypeSpec | None) -> TypeSpec | None
 
 
 def _seconds(time_s: float) -> float:
-    """Return a time as it is in a description: 60 and 60.0 are one, whoever has written it."""
+    """Return a time in the form of a description: 60 and 60.0 are one."""
     return int(time_s) if time_s == int(time_s) else time_s

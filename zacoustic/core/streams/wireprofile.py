@@ -1,10 +1,10 @@
-"""Wire profiles: in which language a node speaks on its link."""
+"""Wire profiles: the set of frames that a node speaks on its link."""
 
 import enum
 
 
 class WireProfile(enum.Enum):
-    """What a stream table means on the water; the values are the words of the configuration."""
+    """The wire of a stream table; the values are the words of the configuration."""
 
     NATIVE = "native"
     """docs/wire.md: nodes of zacoustic among themselves."""

@@ -12,10 +12,12 @@ reminder is repeated; a node that lacks the record says so, and gets it `again`.
 
 import enum
 import random
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
@@ -36,22 +38,14 @@ class _Stage(enum.Enum):
     OVER = "over"
 
 
-class RepeatedRecord(Waiting):
-    """A record that is repeated."""
-
-    __slots__ = ("introduces", "repetition")
-    repetition: "Repetition"
-    introduces: bool
-    """The frame has to be readable also for a node that has forgotten this one."""
-
-
 class Repetition:
     """One record on its way; made by `Repeater.start`."""
 
     __slots__ = (
         "due_at",
-        "is_on_air",
+        "introduces",
         "key",
+        "on_air",
         "qos",
         "record",
         "reminder",
@@ -66,10 +60,12 @@ class Repetition:
     def __init__(
         self,
         key: LaneKey,
-        whole: RepeatedRecord,
+        whole: Waiting,
         qos: Qos,
         until: int | None,
-        reminder: RepeatedRecord | None = None,
+        reminder: Waiting | None = None,
+        *,
+        introduces: bool = False,
     ) -> None:
         self.key = key
         self.whole = whole
@@ -79,10 +75,12 @@ class Repetition:
         self.wholes_left = _WHOLE_TRIES
         self.qos = qos
         self.until = until
+        self.introduces = introduces
+        """Its frame has to be readable also for a node that has forgotten this one."""
         self.stage = _Stage.QUEUED
         self.tries = 0
-        self.is_on_air = False
-        """A transmission of it is under way, even if it is over meanwhile."""
+        self.on_air = 0
+        """So many transmissions of it are under way, even if it is over meanwhile."""
         self.sent_at = 0
         """End of its last transmission, ns."""
         self.due_at = 0
@@ -94,7 +92,7 @@ class Repetition:
             now: The instant.
             settling_ns: Time after a transmission within which it arrives, repetitions included.
         """
-        return not self.is_on_air and (self.tries == 0 or self.sent_at + settling_ns <= now)
+        return not self.on_air and (self.tries == 0 or self.sent_at + settling_ns <= now)
 
 
 class Repeater:
@@ -121,23 +119,21 @@ class Repeater:
         self._times: LinkTimes | None = None
         self._timings: dict[int, PeerTiming] = {}
         self._repetitions: dict[Repetition, None] = {}
-        self._on_air: list[Repetition] = []
 
-    def use_link(self, times: LinkTimes, now: int) -> None:
-        """Take the airtimes of a link, from this instant on."""
+    def use_link(self, times: LinkTimes) -> None:
+        """Take the airtimes of a link."""
         self._times = times
-        # There will be no report of what was under way on the one before.
-        self._landed(now)
+        self._changed()
 
     def start(
         self,
         key: LaneKey,
-        record: RepeatedRecord,
+        record: Waiting,
         qos: Qos,
         *,
         until: int | None,
         introduces: bool = False,
-        reminder: RepeatedRecord | None = None,
+        reminder: Waiting | None = None,
     ) -> Repetition:
         """Send a record until it is stopped, or until an instant, ns, if there is one.
 
@@ -153,10 +149,14 @@ class Repeater:
         if not any(each.record.destination == peer for each in self._repetitions):
             # Repetitions may have become rare long ago, and the node be back since.
             self._timing(peer).begin_anew()
-        repetition = Repetition(key, record, qos, until, reminder)
+        repetition = Repetition(key, record, qos, until, reminder, introduces=introduces)
+        part = Part(
+            transmitted=partial(self._transmitted, repetition),
+            reported=partial(self._reported, repetition),
+        )
         for each in (record, reminder):
             if each is not None:
-                each.introduces, each.repetition = introduces, repetition
+                each.part = part
         self._repetitions[repetition] = None
         self._push(repetition)
         return repetition
@@ -201,22 +201,6 @@ class Repeater:
             self._repetitions[repetition] = None
             self._push_again(repetition)
 
-    def transmitted(self, records: Iterable[Waiting]) -> None:
-        """Note which records are in the transmission that begins."""
-        for record in records:
-            if isinstance(record, RepeatedRecord):
-                repetition = record.repetition
-                repetition.tries += 1
-                repetition.wholes_left -= record is repetition.whole
-                repetition.stage = _Stage.ON_AIR
-                repetition.is_on_air = True
-                self._on_air.append(repetition)
-        self._changed()
-
-    def handle_report(self, report: TransmitReport) -> None:
-        """A transmission has ended: from here an answer is awaited."""
-        self._landed(report.finished_at)
-
     def heard(self, source: int) -> None:
         """A frame of a node arrived: if repetitions to it had become rare, they are due."""
         timing = self._timings.get(source)
@@ -228,13 +212,13 @@ class Repeater:
                 repetition.due_at = 0
         self._changed()
 
-    def link_up(self, now: int) -> None:
+    def link_up(self) -> None:
         """The link is up again: everything is due."""
-        self._landed(now)
         for timing in self._timings.values():
             timing.quiet_until = 0
         for repetition in self._repetitions:
             repetition.due_at = 0
+        self._changed()
 
     # Below the methods above
 
@@ -278,28 +262,34 @@ class Repeater:
                 earliest = at
         return earliest
 
-    def _landed(self, at: int) -> None:
-        """Nothing is on the air any more."""
+    def _transmitted(self, repetition: Repetition, now: int) -> None:
+        """A transmission of the record begins."""
         self._changed()
-        landed, self._on_air = self._on_air, []
-        for repetition in landed:
-            repetition.is_on_air = False
-            repetition.sent_at = at
-            if repetition.stage is _Stage.ON_AIR:
-                repetition.stage = _Stage.SENT
-                assert self._times is not None
-                priority, times = repetition.qos.priority, self._times
-                if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
-                    self._push_again(repetition)
-                    continue
-                timing = self._timing(repetition.record.destination)
-                pause_ns = timing.pause_ns(times, 0, self._rng, priority)
-                if not timing.is_doubtful(times):
-                    pause_ns = aimed_pause(
-                        pause_ns, priority, repetition.tries, times, at, self._rng
-                    )
-                repetition.due_at = at + pause_ns
-                timing.await_answer(at, repetition.due_at)
+        repetition.tries += 1
+        repetition.wholes_left -= repetition.record is repetition.whole
+        repetition.stage = _Stage.ON_AIR
+        repetition.on_air += 1
+
+    def _reported(self, repetition: Repetition, report: TransmitReport, now: int) -> None:
+        """It has ended: from here an answer is awaited."""
+        self._changed()
+        at = report.finished_at
+        repetition.on_air -= 1
+        repetition.sent_at = at
+        if repetition.stage is not _Stage.ON_AIR:
+            return
+        repetition.stage = _Stage.SENT
+        assert self._times is not None
+        priority, times = repetition.qos.priority, self._times
+        if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
+            self._push_again(repetition)
+            return
+        timing = self._timing(repetition.record.destination)
+        pause_ns = timing.pause_ns(times, 0, self._rng, priority)
+        if not timing.is_doubtful(times):
+            pause_ns = aimed_pause(pause_ns, priority, repetition.tries, times, at, self._rng)
+        repetition.due_at = at + pause_ns
+        timing.await_answer(at, repetition.due_at)
 
     def _timing(self, address: int) -> PeerTiming:
         timing = self._timings.get(address)
@@ -330,6 +320,6 @@ class Repeater:
             repetition.stage = _Stage.OVER
             return
         repetition.stage = _Stage.QUEUED
-        if repetition.record.introduces:
+        if repetition.introduces:
             self._introduce(repetition.record.destination, repetition.record.stream_id)
         self._queue.push(repetition.key, repetition.record, repetition.qos)

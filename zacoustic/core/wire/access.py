@@ -1,12 +1,12 @@
-"""The controls of medium access: who may speak, when somebody listens, what time it is.
+"""The controls of medium access: who may transmit, when a node listens, network time.
 
 ::
 
     BD  time 6  error 1     CLOCK   network time at the first bit of this frame, in 100 µs since
-                                    1970 (UTC), and by how much it may be wrong, ms (255: more)
-    BE  node 1  span 1      TURN    from the end of this frame: node 1…254 may speak for the span;
-                                    node FF: all may, once the span is over, for a listen window;
-                                    node 00: the sender has done what it was given the turn for
+                                    1970 (UTC), and its possible error, ms (255: more)
+    BE  node 1  span 1      TURN    from the end of this frame: node 1…254 may transmit for the
+                                    span; node FF: all may, once the span is over, for a listen
+                                    window; node 00: the sender gives its turn back
 
 A span is in steps of 20 ms: 0…5.1 s.
 """
@@ -26,7 +26,7 @@ TURN_BYTES: Final = 3
 
 SPAN_STEP_NS: Final = NS_PER_S // 50
 LONGEST_SPAN_NS: Final = 255 * SPAN_STEP_NS
-"""Longest span that a TURN can say, ns."""
+"""Longest span of a TURN, ns."""
 NOBODY: Final = 0
 """Node of a TURN that gives the channel back."""
 ANYBODY: Final = BROADCAST
@@ -39,10 +39,10 @@ _ERROR_UNKNOWN: Final = 255
 
 
 class Turn(msgspec.Struct, frozen=True):
-    """Who may speak from now on, or when the sender will listen."""
+    """Who may transmit from now on, or when the sender will listen."""
 
     node: int
-    """Address of who may speak, `ANYBODY` or `NOBODY`."""
+    """Address of the node that may transmit, `ANYBODY` or `NOBODY`."""
     span_ns: int
     """For how long, or in how long, ns; sent in steps of 20 ms, rounded down."""
 

@@ -12,13 +12,13 @@ import msgspec
 CALL_NUMBERS: Final = 64
 """Calls of one client to one service that can be distinguished."""
 NAME_BYTES: Final = 1
-"""What a named answer is longer than another one."""
+"""Additional bytes of a named answer."""
 LONGEST_ERROR_TEXT_BYTES: Final = 48
 """An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is dear."""
 
 
 class CallKey(msgspec.Struct, frozen=True):
-    """Identifies a call at its server: who called, in which life, on which stream, which number.
+    """Identifies a call at its server: client, boot epoch, stream and number.
 
     As a text ``client/epoch/stream/number``. Numbers come again after 64 calls at the earliest.
     """
@@ -38,7 +38,7 @@ class CallFailure(enum.IntEnum):
     HANDLER = 1
     """The handler of the service failed; the text is its own."""
     NO_SERVER = 2
-    """The server's node has nobody who serves."""
+    """The server's node has no server."""
     BAD_REQUEST = 3
     """The request could not be decoded by the server's node."""
     TABLE_MISMATCH = 4
@@ -84,7 +84,7 @@ def encode_name(kind: CallKind, epoch: int) -> bytes:
 
 
 def decode_name(content: bytes, epoch: int) -> CallKind | None:
-    """Return the kind of a named answer to the life of this epoch; None: it is for another one.
+    """Return the kind of a named answer to this epoch; None: it is for another one.
 
     Args:
         content: Begins behind the call byte.

@@ -5,10 +5,10 @@ A frame is a sequence of *records*. The first byte says which kind::
     0x00         padding
     0x01…0xAF    stream id: content of that stream follows
     0xB0…0xBF    control, below
-    0xC0…0xFF    dense string, to the end of the frame (`zacoustic.core.values.dense`)
+    0xC0…0xFF    dense block, to the end of the frame (`zacoustic.core.values.dense`)
 
 What follows a stream id is fixed by the stream, which both ends have in their tables: a
-best-effort sample costs its id and nothing else. Nothing in a record says how long it is, unless
+best-effort sample costs its id and nothing else. Nothing in a record tells its length, unless
 its payload delimits itself or the sender wrote the control ``LEN`` before it. So a frame ends its
 own last record; a receiver that meets an id it cannot measure takes the rest of the frame as that
 record.
@@ -36,7 +36,7 @@ ASSURED: Final = 0
 """Address of a CONFIRM in a unicast frame: the node that the frame is for, which has confirmed the
 sender."""
 VOUCHED: Final = 0xFF
-"""Address of a CONFIRM in a unicast frame: the node that the frame is for; a *vouch*."""
+"""Address of a CONFIRM in a unicast frame: a provisional confirm for the destination."""
 DENSE_FROM: Final = 0xC0
 """A dense string begins with a byte from here on."""
 LONGEST_DELIMITED_BYTES: Final = 255
@@ -44,7 +44,7 @@ LONGEST_DELIMITED_BYTES: Final = 255
 
 
 class Control(enum.IntEnum):
-    """Control codes; what is not named here is reserved."""
+    """Control codes; all others are reserved."""
 
     HELLO = 0xB0
     """Version, boot epoch (2), table digest (4): who sends, and with which table. Frozen for
@@ -77,7 +77,7 @@ class Control(enum.IntEnum):
     """Transfer (1), index (2), data to the end: a fragment of an object
     (`zacoustic.core.transport.objects`)."""
     FEEDBACK = 0xBB
-    """Transfer (1) and more: what a receiver says of an object."""
+    """Transfer (1) and more: a receiver's feedback about an object."""
     SUBSCRIBE = SUBSCRIBE_CODE
     """Page (1), version (1), streams (1): what a node wants of another one
     (`zacoustic.core.transport.subscriptions`)."""
@@ -85,7 +85,7 @@ class Control(enum.IntEnum):
     """Time (6), its error (1): network time at the first bit of this frame
     (`zacoustic.core.wire.access`)."""
     TURN = 0xBE
-    """Node (1), span (1): who may speak now, or when the sender listens."""
+    """Node (1), span (1): who may transmit now, or when the sender listens."""
     RELAY = 0xBF
     """Reserved: origin, destination, hops, sequence."""
 
@@ -177,7 +177,7 @@ class DenseAck(msgspec.Struct, frozen=True):
     """The newest dense string of a node that the sender holds."""
 
     address: int
-    """Whose; 0: that of the frame's destination."""
+    """Address of the publisher; 0: the frame's destination."""
     mark: int
     """Which, 0…16383; see `zacoustic.core.values.dense.stream.references`."""
 
@@ -235,7 +235,7 @@ PlainItem = (
     | Record
     | Stray
 )
-"""What is in a frame beside a dense string."""
+"""The contents of a frame besides a dense block."""
 
 Item = PlainItem | DenseString
 
@@ -257,7 +257,7 @@ _CONTROL_SIZES: Final = {
     Control.TURN: TURN_BYTES,
 }
 PADDING: Final = b"\x00"
-"""A frame that has to go and has nothing to say consists of it: every receiver skips it."""
+"""The byte of a frame without contents: every receiver skips it."""
 HELLO_BYTES: Final = _CONTROL_SIZES[Control.HELLO]
 TAG_BYTES: Final = _CONTROL_SIZES[Control.TAG]
 SYNC_BYTES: Final = 6
@@ -266,7 +266,7 @@ DELIMITER_BYTES: Final = 2
 
 
 def parse_frame(frame: bytes, measure: Measure, *, unicast: bool = False) -> Iterator[Item]:
-    """Take a frame apart; never raises, whatever the bytes.
+    """Take a frame apart; never raises, for any bytes.
 
     Args:
         frame: The records of one frame, without envelope.

@@ -36,7 +36,7 @@ from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES
 
 GOAL_NUMBERS: Final = 32
-"""Goals of one life of a client on one stream that can be distinguished."""
+"""Distinguishable goals of one boot epoch of a client on one stream."""
 FORMER_BYTES: Final = 3
 """What FORMER costs."""
 UNKNOWN_RESULT: Final = b"\x80"
@@ -81,7 +81,7 @@ class GoalFailure(enum.IntEnum):
     REJECTED = 1
     """The server's application does not want it; the text is its own."""
     NO_SERVER = 2
-    """The server's node has nobody who serves."""
+    """The server's node has no server."""
     BAD_GOAL = 3
     """The goal could not be decoded by the server's node."""
     TABLE_MISMATCH = 4
@@ -110,7 +110,7 @@ class Operation(enum.IntEnum):
     CONFIRM = 3
     """From the server: it has the goal. From the client: it has the result."""
     CANCEL = 4
-    """From the client: it is to end, attempt 0. From the server: it will, whatever the attempt."""
+    """From the client: end it, attempt 0. From the server: it will end, for any attempt."""
     FEEDBACK = 5
     """From the server: how far it is."""
     RESULT = 6
@@ -207,10 +207,10 @@ def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: 
 
 
 def encode_cancel(attempt: int) -> tuple[Operation, bytes]:
-    """Return what says that a goal is to end, and its payload.
+    """Return the operation that cancels a goal, and its payload.
 
     Args:
-        attempt: How often its client has said so before; counted modulo 256.
+        attempt: How often its client has cancelled before; counted modulo 256.
     """
     attempt %= _ATTEMPTS
     if not attempt:
@@ -254,7 +254,7 @@ class Refusal(msgspec.Struct, frozen=True):
 
 
 def decode_refusal(payload: bytes) -> Refusal | None:
-    """Return what REFUSED says, or None when it is none."""
+    """Return the contents of REFUSED, or None when it is none."""
     try:
         if payload[0] == _AGAIN_REFUSED:
             return Refusal(GoalFailure.CANCEL_REFUSED, payload[2:].decode(), payload[1])
@@ -269,7 +269,7 @@ def encode_result(status: GoalStatus, result: bytes | None) -> bytes:
 
 
 def shorten_result(payload: bytes) -> tuple[Operation, bytes]:
-    """Return the operation that says a RESULT in the fewest bytes, and its payload."""
+    """Return the operation of a RESULT with the fewest bytes, and its payload."""
     if payload[0] == GoalStatus.SUCCEEDED:
         return Operation.SUCCEEDED, payload[1:]
     return Operation.RESULT, payload

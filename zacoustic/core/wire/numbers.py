@@ -5,7 +5,7 @@ from typing import Final
 import msgspec
 
 NUMBERS: Final = 1 << 7
-"""Numbers that one byte of a record tells apart."""
+"""Numbers that one byte of a record distinguishes."""
 WINDOW: Final = 32
 """A sample without SYNC is less than this many numbers ahead of what its receiver waits for, and
 no more than this many are on their way. The other 96 numbers are old: a repetition that comes late
@@ -23,7 +23,7 @@ _MORE: Final = 0x80
 
 
 LONGEST_ACK_BYTES: Final = 1 - (1 - WINDOW) // _BITS
-"""Content of an ACK that tells of a whole window."""
+"""Largest content of an ACK, for a whole window."""
 
 
 class Ack(msgspec.Struct, frozen=True):
@@ -34,13 +34,13 @@ class Ack(msgspec.Struct, frozen=True):
     held: int = 0
     """Bit i: it holds number expected + 1 + i."""
     knows: bool = True
-    """It knows the lineage; otherwise it asks for SYNC, and the rest says nothing."""
+    """It knows the lineage; otherwise it asks for SYNC, and the rest has no meaning."""
 
     def encode(self, most_bytes: int = LONGEST_ACK_BYTES) -> bytes:
         """Return the content behind stream id and wildcards: one byte, and seven bits a byte.
 
         Args:
-            most_bytes: Room there is, at least 1: of what is held, the last is left out.
+            most_bytes: Room, at least 1: the last held numbers are left out.
         """
         held = self.held & (1 << _BITS * (most_bytes - 1)) - 1
         if self.knows and not held:
@@ -88,7 +88,7 @@ def resolve(low: int, expected: int) -> int:
 
 
 def resolve_expected(low: int, known: int) -> int:
-    """Return the number that an ACK expects: of a whole window it may have been told by none."""
+    """Return the number that an ACK expects: up to a whole window may be unreported."""
     return resolve(low - 1, known) + 1
 
 

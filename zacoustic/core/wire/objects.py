@@ -1,4 +1,4 @@
-"""The two records of objects: a fragment, and what a receiver says of an object.
+"""The two records of objects: a fragment, and a receiver's feedback.
 
 ::
 
@@ -6,8 +6,8 @@
     0xBB  transfer (1)  …                            feedback, at most eight bytes
 
 The low six bits of the transfer byte are the *transfer number*, which the source counts. Of a
-fragment, the high two bits are the *call*: when the sender will listen (`Call`). Of a feedback,
-they say what follows:
+fragment, the high two bits are the *listen hint*: when the sender will listen (`Call`). Of a
+feedback, they tell its body:
 
 ====  =========  ===================================================================================
 0     lacks      block (1), how many blocks (1), for each how many fragments it lacks (1 each); all
@@ -19,9 +19,9 @@ they say what follows:
 
 A feedback is sent in a unicast frame to the source of the object. A fragment shows no end, a
 feedback does. Index 0xFFFF is no fragment: without data it withdraws the object; with the first
-four bytes of its digest it tells the receiver of its unicast frame that no sample before the object
-will come: it is its turn. A receiver that has all of an object and waits for its turn says that it
-lacks 0 of the block behind the last.
+four bytes of its digest, in a unicast frame, it is the *turn*: no sample before the object will
+come. A receiver that has all of an object and waits for its turn sends that it lacks 0 of the block
+behind the last.
 """
 
 import enum
@@ -35,11 +35,11 @@ FRAGMENT_HEADER_BYTES: Final = 4
 FEEDBACK_BYTES: Final = 8
 """Longest feedback."""
 MOST_BLOCKS: Final = 4
-"""Most blocks that one feedback tells of."""
+"""Most blocks in one feedback."""
 MOST_TRANSFERS: Final = 64
 """Transfer numbers of a source."""
 NO_FRAGMENT: Final = 0xFFFF
-"""Index of what is no fragment, but something about the object."""
+"""Index of a record about the object that is no fragment."""
 WITHDRAWN: Final = b""
 """What stands behind it when the object is withdrawn."""
 CHECK_BYTES: Final = 4

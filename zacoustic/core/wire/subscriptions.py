@@ -1,4 +1,4 @@
-"""The record of subscriptions: what its sender wants, eight streams at a time, and the answer.
+"""The record of subscriptions: eight streams at a time, and the answer.
 
 ::
 
@@ -8,9 +8,9 @@ page
     the low five bits: which eight stream ids (page *p* is 8 *p* … 8 *p* + 7); ``80`` set: an
     answer, which repeats what it answers; the other bits are 0, and ignored
 version
-    counts what the sender has said of the page, modulo 256
+    counts the sender's messages about the page, modulo 256
 streams
-    bit *i* set: stream 8 *p* + *i* is wanted of the node that the frame is for
+    bit *i* set: the sender subscribes to stream 8 *p* + *i* at the destination
 """
 
 from collections.abc import Iterable, Iterator
@@ -33,11 +33,11 @@ class Subscribe(msgspec.Struct, frozen=True):
     page: int
     """Which eight streams."""
     version: int
-    """Counts what was said of the page, modulo 256."""
+    """Counts the messages about the page, modulo 256."""
     streams: int
     """Bit *i*: the *i*-th stream of the page."""
     is_answer: bool = False
-    """It repeats what was said, to say that it was heard."""
+    """It repeats a message, to acknowledge it."""
 
     @property
     def body(self) -> bytes:

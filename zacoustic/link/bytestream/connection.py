@@ -10,24 +10,24 @@ from typing import Any, Final, Protocol, TypeAlias
 WRITE_LIMIT_BYTES: Final = 65_536
 """Bytes that may wait for the device before `write` refuses: a hundred frames of any modem."""
 FLUSH_LIMIT_S: Final = 1.0
-"""For what is still to be written when a connection is closed, s."""
+"""For unwritten bytes when a connection is closed, s."""
 
 Receive: TypeAlias = Callable[[bytes, int], None]
-"""Takes what was read, and the instant in ns; called on the loop."""
+"""Takes the bytes read, and the instant in ns; called on the loop."""
 
 
 class Connection(Protocol):
     """One connection, open until `lost` is done."""
 
     lost: asyncio.Future[str]
-    """Why it has ended; set from outside, it is to be closed."""
+    """Why it has ended; set from outside to close it."""
 
     def write(self, data: bytes) -> bool:
         """Take all of these bytes or none; returns whether."""
         ...
 
     async def close(self) -> None:
-        """Release everything; what was written has `FLUSH_LIMIT_S`."""
+        """Release everything; written bytes have `FLUSH_LIMIT_S`."""
         ...
 
 
@@ -59,7 +59,7 @@ async def to_the_end(closing: Coroutine[Any, Any, None]) -> None:
 
 
 def reason_of(error: BaseException) -> str:
-    """One line of what the operating system says."""
+    """The operating system's message in one line."""
     if isinstance(error, socket.gaierror):
         return str(error.strerror)
     if isinstance(error, OSError) and error.errno == errno.EAGAIN:  # the lock on a serial port

@@ -1,4 +1,4 @@
-"""Who else has a port or a connection, as far as the operating system tells.
+"""Other programs with a port or a connection, as far as the operating system reports them.
 
 A device that serves one program at a time may accept a second one and ignore it, and a serial port
 that two programs read gives each of them half. Neither says so. On Linux `/proc` has what the
@@ -28,7 +28,7 @@ def holders(address: str) -> list[str]:
         address: `tcp:HOST:PORT` or `serial:PORT`.
 
     Returns:
-        Such as ``["minicom (4711)"]``; nothing where nobody has it, or nobody tells.
+        Such as ``["minicom (4711)"]``; nothing without one, or without a report.
 
     Raises:
         ConfigError: The address is neither.
@@ -94,7 +94,7 @@ def _connections(host: str, port: int) -> Iterator[str]:
 
 
 def _address(written: str) -> str:
-    """Read an address of `/proc/net`: words of four bytes, each in the order of this computer."""
+    """Read an address of `/proc/net`: words of four bytes, each in host byte order."""
     raw = bytes.fromhex(written)
     if sys.byteorder == "little":
         raw = b"".join(raw[at : at + 4][::-1] for at in range(0, len(raw), 4))

@@ -201,5 +201,5 @@ class SerialConnection:
         """Call on the loop, from a thread."""
         try:
             self._loop.call_soon_threadsafe(callback, *arguments)
-        except RuntimeError:  # the loop was closed before the stream: nobody is left to tell
+        except RuntimeError:  # the loop was closed before the stream: no caller is left
             _logger.debug("%s: the loop is closed", self._path)

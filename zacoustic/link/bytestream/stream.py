@@ -50,7 +50,7 @@ class ByteStreamReceiver(Protocol):
     """Who hears from a stream; called on the loop only, never from within a call to the stream."""
 
     def stream_opened(self) -> None:
-        """A connection is there; what was half received before it is void."""
+        """A connection is there; a partial reception before it is void."""
         ...
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
@@ -66,7 +66,7 @@ class ByteStreamReceiver(Protocol):
         """The connection is gone, or an attempt to connect failed; the stream keeps trying.
 
         Args:
-            reason: One line with the address and what the operating system says.
+            reason: One line with the address and the operating system's message.
         """
         ...
 
@@ -146,7 +146,7 @@ class ByteStream:
             settle(self._connection.lost, reason)
 
     async def close(self) -> None:
-        """Close, after a second at most for what was written; no callback comes after it."""
+        """Close, after a second at most for written bytes; no callback comes after it."""
         self._receiver = None
         task, self._task = self._task, None
         if task is not None:
@@ -173,7 +173,7 @@ class ByteStream:
                 await asyncio.sleep(delay_s)
                 delay_s = min(2 * delay_s, last_s)
         except Exception:
-            # A fault of the receiver or of ours; without this line nobody would hear of it.
+            # A fault of the receiver or of ours; without this line it would stay unknown.
             _logger.exception("%s: the stream has failed and stays closed", self.address)
             raise
 
@@ -209,7 +209,7 @@ class ByteStream:
             await to_the_end(connection.close())
 
     def _receive(self, data: bytes, read_at: int) -> None:
-        """Pass on what a connection has read; what is read after its loss is dropped."""
+        """Pass on the bytes of a connection; drop those after its loss."""
         if self._receiver is None:
             return
         if self.state is ByteStreamState.CONNECTING:

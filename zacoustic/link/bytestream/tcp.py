@@ -37,7 +37,7 @@ class TcpConnection(asyncio.Protocol):
             async with asyncio.timeout(CONNECT_LIMIT_S):
                 _, connection = await loop.create_connection(lambda: cls(receive, clock), *target)
         except TimeoutError as error:
-            if error.errno is None:  # ours, not that of the operating system
+            if error.errno is None:  # ours, not the operating system's
                 raise TimeoutError(f"no answer within {CONNECT_LIMIT_S:g} s") from None
             raise
         return connection
@@ -52,7 +52,7 @@ class TcpConnection(asyncio.Protocol):
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
 
     def data_received(self, data: bytes) -> None:
-        """Stamp what was read and pass it on; called by asyncio."""
+        """Stamp the bytes read and pass them on; called by asyncio."""
         self._receive(data, self._clock())
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -1,9 +1,9 @@
-"""A copy of a journal, also of one that is in use; and what is to be said of a journal's files.
+"""A copy of a journal, also of one in use; and the state of a journal's files.
 
-The files of a node that runs change while they are read. A copy counts only when it is whole by
-its own checks (`inspection`), so that all of it is of one instant; otherwise it is made again.
-A copy says that it is one: a node that finds it in the place of its journal begins a life that
-knows that it has forgotten something.
+The files of a running node change while they are read. A copy counts only when it is whole by its
+own checks (`inspection`), so that all of it is of one instant; otherwise it is made again. A copy
+is marked as one: a node that finds it in the place of its journal starts in an epoch that knows
+that it has forgotten something.
 """
 
 import os
@@ -31,7 +31,7 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
     path: str
     """The file."""
     address: int | None
-    """Of which node it is; None: it does not say."""
+    """Address of its node; None: it has none."""
     commits: int
     """How many commits there were."""
     entries: dict[str, int]
@@ -39,7 +39,7 @@ class JournalReport(msgspec.Struct, frozen=True, kw_only=True):
     is_backup: bool
     """It is a copy that `backup` has made."""
     doubt: str
-    """Why it is not what the node has written last; empty: it is, or it is a copy in order."""
+    """Why it lacks the node's last writes; empty: it does not, or it is an intact copy."""
 
     def lines(self) -> list[str]:
         """Return it as lines for people."""
@@ -58,7 +58,7 @@ def check(path: Path, address: int | None = None) -> JournalReport:
 
     Args:
         path: The file.
-        address: The node that it is to be of; None: any.
+        address: The expected node; None: any.
 
     Raises:
         ConfigError: There is no such file, or it cannot be read.
@@ -76,7 +76,7 @@ def check(path: Path, address: int | None = None) -> JournalReport:
 
 
 def backup(path: Path, copy: Path) -> JournalReport:
-    """Make a copy of a journal in one file, also while its node runs; returns what is in it.
+    """Make a copy of a journal in one file, also while its node runs; return its contents.
 
     Args:
         path: File of the journal.

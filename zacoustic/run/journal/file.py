@@ -58,9 +58,9 @@ class JournalFile:
 
     Args:
         path: The file; made if it is not there, with nothing in it before the first commit.
-        node: What it says of itself; None: it is a new one.
+        node: Its description of itself; None: it is new.
         address: The node.
-        commits: How many commits there were at least, in whatever file.
+        commits: How many commits there were at least, in any file.
         limit_bytes: Size beyond which it does not grow.
 
     Raises:
@@ -80,7 +80,7 @@ class JournalFile:
         self._is_made = node is not None
         node = node or Node(address, secrets.token_bytes(_IDENTITY_BYTES), 0, 0, False)
         self.node = msgspec.structs.replace(node, commits=max(node.commits, commits))
-        """What it says of itself."""
+        """Its description of itself."""
         keep_private(path)  # SQLite gives its log the mode of the file
         with contextlib.ExitStack() as unless_ready:
             # Transactions are begun by hand; each call may be on another thread, one at a time.
@@ -163,7 +163,7 @@ class JournalFile:
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
-        """Commit what is done inside, all or none."""
+        """Commit the enclosed writes, all or none."""
         self._store.execute("BEGIN IMMEDIATE")
         try:
             yield

@@ -19,7 +19,7 @@ def forgotten(table: StreamTable, address: int) -> str:
         of them.
     """
     if table.wire is WireProfile.RMW_DESERT:
-        return ""  # a journal would keep nothing either: what is said there is said once
+        return ""  # a journal would keep nothing either: it is sent once
     services, topics, actions, demanded, latched = [], [], [], [], []
     for stream in table:
         spec = stream.spec

@@ -1,10 +1,9 @@
-"""What the two files of a database hold together, without opening them: nothing is changed on disk.
+"""The contents of the two files of a database, without opening them: nothing is changed on disk.
 
-SQLite writes a log of pages beside the file, and copies them into the file now and then. Whoever
-opens a database lets it do that, and so destroys the evidence where one of the two is damaged. So
-the pages of the log are laid over those of the file in memory, by the rules that SQLite itself
-has: frames count as long as salt and running check are right, up to the last one that ends a
-commit.
+SQLite writes a log of pages beside the file, and copies them into the file now and then. To open a
+database lets it do that, and so destroys the evidence if one of the two is damaged. So the pages of
+the log are laid over those of the file in memory, by SQLite's own rules: frames count as long as
+salt and running check are right, up to the last one that ends a commit.
 """
 
 import struct
@@ -16,18 +15,18 @@ PAGE_BYTES: Final = 4096
 _LOG_HEADER: Final = struct.Struct(">8I")
 _FRAME_HEADER: Final = struct.Struct(">6I")
 _MAGIC: Final = 0x377F0682
-"""The lowest bit says in which order the running check reads bytes: 1 is big-endian."""
+"""The lowest bit is the byte order of the running check: 1 is big-endian."""
 _CHECKED_BYTES: Final = 24, 8
 """Of the header of the log, and of each frame, so much is in the check."""
 _VERSIONS_AT: Final = slice(18, 20)
-"""Where a database says whether it has a log."""
+"""Offset of a database's flag for its log."""
 _MOST_PAGES: Final = 1 << 18
-"""A gigabyte: what a damaged log says beyond that is not believed."""
+"""A gigabyte: a damaged log with a larger size is not believed."""
 _MASK: Final = 0xFFFFFFFF
 
 
 def image_of(main: bytes, log: bytes, *, strict: bool = True) -> bytes:
-    """Return a database of one file, without a log; what is damaged in the two is so in it.
+    """Return a database of one file, without a log; damage of the two stays in it.
 
     Args:
         main: The file.

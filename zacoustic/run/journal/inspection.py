@@ -1,10 +1,10 @@
-"""What is in a journal, and whether that can be proved; nothing is changed by looking.
+"""The contents of a journal, and whether they are proved; inspection changes nothing.
 
 A journal is *whole* when each entry has its check, and all entries together have the sum that the
 last commit has written beside their number: so no page is of another instant than the rest. It is
-*current* when no commit is missing that its mark has counted, and it was not put back from a
-backup. What is whole and current is what this node has written last. Of anything else the entries
-that are right are found here as well, with a line that says what is wrong.
+*current* when no commit is missing that its mark has counted, and it is no restored backup. A whole
+and current journal is this node's last state. Of any other one the valid entries are found here as
+well, with a line that names the fault.
 """
 
 import contextlib
@@ -57,7 +57,7 @@ class Found(msgspec.Struct, kw_only=True):
     """What is in the files of a journal."""
 
     node: Node | None = None
-    """What the file says of itself; None: nothing that is right, or there is no file."""
+    """The file's description of itself; None: nothing valid, or no file."""
     entries: dict[str, bytes] = {}
     """The entries that are right."""
     fault: str = ""
@@ -89,8 +89,8 @@ def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
 
     Args:
         path: The file.
-        address: The node that it is to be of; None: any.
-        marked: What its mark says.
+        address: The expected node; None: any.
+        marked: Its mark.
 
     Raises:
         OSError: A file is there and cannot be read.
@@ -99,7 +99,7 @@ def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
     found = _look(image_of(main, log))
     found.doubt = _age(found, marked)
     if found.doubt and log:
-        # What its own checks prove is right, whatever the log's say; or what was there before.
+        # The entries that their own checks prove, with or without the log's; or the earlier ones.
         others = [_look(image_of(main, log, strict=False)), _look(image_of(main, b""))]
         best = max(found, *others, key=_rank)
         if best is not found:
@@ -116,13 +116,13 @@ def inspect(path: Path, address: int | None, marked: Marked | None) -> Found:
 
 
 def commits_of(found: Found, marked: Marked | None) -> int:
-    """Return how many commits there were at least, in whatever is known of a journal."""
+    """Return how many commits there were at least, from all known parts of a journal."""
     of_file = 0 if found.node is None else found.node.commits
     return max(of_file, 0 if marked is None else marked.commits)
 
 
 def read_file(path: Path) -> bytes:
-    """Return what is in a file; nothing, if it is not there."""
+    """Return the bytes of a file; nothing, if it is not there."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -135,7 +135,7 @@ def log_path(path: Path) -> Path:
 
 
 def one_line(text: object) -> str:
-    """Return what SQLite says as a short line; it may quote bytes of a damaged file."""
+    """Return SQLite's message as a short line; it may quote bytes of a damaged file."""
     shown = "".join(
         each if each.isprintable() else "\N{REPLACEMENT CHARACTER}" for each in str(text)
     )
@@ -143,7 +143,7 @@ def one_line(text: object) -> str:
 
 
 def _age(found: Found, marked: Marked | None) -> str:
-    """Say why this is not what was written last; empty: it is."""
+    """Return why this lacks the last writes; empty: it does not."""
     node = found.node
     if not found.has_file:
         return "it is missing" if marked is not None else ""
@@ -162,7 +162,7 @@ def _age(found: Found, marked: Marked | None) -> str:
 
 
 def _rank(found: Found) -> tuple[bool, int, int]:
-    """Order what was found in other ways: whole, new, much."""
+    """Sort key of the readings: whole, new, much."""
     commits = found.node.commits if found.is_whole and found.node is not None else 0
     return found.is_whole, commits, len(found.entries)
 
@@ -185,7 +185,7 @@ def _look(image: bytes) -> Found:
 
 
 def _faults(store: sqlite3.Connection, found: Found) -> str:
-    """Read what is right into `found`; says what is not."""
+    """Read valid entries into `found`; return the faults."""
     store.execute("PRAGMA cell_size_check = ON")
     (application_id,) = store.execute("PRAGMA application_id").fetchone()
     (version,) = store.execute("PRAGMA user_version").fetchone()
@@ -203,7 +203,7 @@ def _faults(store: sqlite3.Connection, found: Found) -> str:
     except sqlite3.Error as error:
         faults.append(f"it is damaged: {one_line(error)}")
     checks = []
-    for order in ("", " ORDER BY key DESC"):  # from both ends, up to what is unreadable
+    for order in ("", " ORDER BY key DESC"):  # from both ends, up to an unreadable part
         try:
             for key, value, check in _rows(store, order):
                 if key in found.entries:

@@ -1,9 +1,9 @@
-"""The mark beside a journal: how many commits it has, so that a part that is missing is missed.
+"""The mark beside a journal: its number of commits, so that a missing part is noticed.
 
-The log of a database ends where it ends: whoever cuts it off, deletes it, or puts an older file
-back, leaves something that is whole and too old. So each commit is counted in the journal, and
-behind each commit the count is written here, in two places by turns, each with a check of its own.
-The disk is not waited for: a journal is never behind its mark, whatever a loss of power leaves.
+The log of a database ends where it ends: if it is cut off, deleted, or replaced by an older file,
+the rest is whole and too old. So each commit is counted in the journal, and after each commit the
+count is written here, in two places by turns, each with its own check. It does not wait for the
+disk: a journal is never behind its mark, whatever a power cut leaves.
 
 The mark is also what a node locks: a second one is refused, and the kernel unlocks it with the
 process.
@@ -26,7 +26,7 @@ _PLACES: Final = 2
 
 
 class Marked(msgspec.Struct, frozen=True):
-    """What a mark says of a journal."""
+    """The contents of a mark."""
 
     address: int
     """The node."""
@@ -40,7 +40,7 @@ class Mark:
     """The mark of one journal, locked for as long as it is open.
 
     Args:
-        path: File of the journal; the mark has a name of its own beside it.
+        path: File of the journal; the mark stands beside it under its own name.
 
     Raises:
         BlockingIOError: Somebody else has locked it.
@@ -58,11 +58,11 @@ class Mark:
             raise
 
     def read(self) -> Marked | None:
-        """Return what it says; None: nothing that is readable."""
+        """Return its contents; None: unreadable."""
         return _read(os.pread(self._descriptor, _PLACES * _SECTOR_BYTES, 0))
 
     def write(self, marked: Marked) -> None:
-        """Write what it says from now on.
+        """Write its new contents.
 
         Raises:
             OSError: It cannot be written.
@@ -82,7 +82,7 @@ def mark_path(path: Path) -> Path:
 
 
 def read_mark(path: Path) -> Marked | None:
-    """Return what the mark of a journal says, without locking it; None: nothing."""
+    """Return the mark of a journal, without locking it; None: none."""
     try:
         return _read(mark_path(path).read_bytes())
     except OSError:

@@ -17,13 +17,13 @@ class MemoryJournal:
         self._entries: dict[str, bytes] = {}
 
     def recover(self) -> JournalState:
-        """Begin a life: the next epoch, and what was committed."""
+        """Begin a boot epoch: the next number, and the committed entries."""
         self._entries = begin_life(self._entries).entries
         epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
         return JournalState(boot_epoch=epoch, entries=dict(self._entries))
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
-        """Keep the writes for as long as this object lives."""
+        """Keep the writes while this object exists."""
         for write in writes:
             if write.value is None:
                 self._entries.pop(write.key, None)

@@ -1,9 +1,9 @@
-"""The contract between the runtime, which commits in a thread of its own, and a store.
+"""The contract between the runtime, which commits in its own thread, and a store.
 
-A node may promise only what its next life still knows, and peers must be able to tell its lives
-apart. So a store keeps entries, each under a key, and says how a life begins: with another boot
-epoch, and another number of the life. No store looks at a wall clock: one that jumps by years does
-no harm.
+A node may promise only what it still knows after a restart, and peers must be able to distinguish
+its boot epochs. So a store keeps entries, each under a key, and decides how an epoch begins: with
+another boot epoch, and another count of starts. No store looks at a wall clock: one that jumps by
+years does no harm.
 """
 
 import random
@@ -26,11 +26,11 @@ class JournalState(msgspec.Struct, frozen=True, kw_only=True):
     """What a journal has kept."""
 
     boot_epoch: int
-    """Epoch for this life, 0…65535: not the one of the life before."""
+    """The boot epoch, 0…65535: not the former one."""
     entries: dict[str, bytes] = {}
     """Key → last committed value."""
     doubt: str = ""
-    """Why that may not be what was committed last, one line; empty: it is."""
+    """Why that may lack the last commits, one line; empty: it does not."""
     failure: str = ""
     """Why it cannot be written now, one line; empty: it can."""
 
@@ -39,7 +39,7 @@ class Journal(Protocol):
     """A store. Its methods block; none is called while another runs, each may be on any thread."""
 
     def recover(self) -> JournalState:
-        """Begin a life and return what was kept; called once, before an engine is built.
+        """Begin a boot epoch and return the kept entries; called once, before an engine is built.
 
         The epoch is safe when this returns, unless the store says that it cannot be written.
 
@@ -52,7 +52,7 @@ class Journal(Protocol):
         """Keep these writes, all or none, before returning; a later one of a key replaces it.
 
         Raises:
-            OSError: None of them could be kept; one line says why. The same writes, and later
+            OSError: None of them could be kept; one line why. The same writes, and later
                 ones, may be tried again.
         """
         ...
@@ -63,14 +63,14 @@ class Journal(Protocol):
 
 
 class Life(msgspec.Struct, frozen=True):
-    """How a life begins."""
+    """How a boot epoch begins."""
 
     entries: dict[str, bytes]
     """What it knows of those before, and how it begins itself."""
 
 
 def begin_life(entries: Mapping[str, bytes], doubt: str = "") -> Life:
-    """Begin a life behind those that have left these entries.
+    """Begin a boot epoch after those that have left these entries.
 
     Peers remember epochs, and take a life with one that they know for that one. Where the store
     has lost nothing, the next epoch is the last one and one more, and sixty-four times a number

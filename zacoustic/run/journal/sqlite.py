@@ -1,13 +1,13 @@
-"""A store in a file: what it has kept survives ``kill -9`` and the loss of power.
+"""A store in a file: its entries survive ``kill -9`` and a power cut.
 
 A commit is one transaction, on the disk when it returns (see `file` for how). The file does not
 grow beyond a limit: pages of deleted entries are used again, and a commit that would need more is
-refused, all of it, until something has been deleted.
+refused as a whole, until something has been deleted.
 
-Whatever is found of the files, the node begins a life: a vehicle that does not start because its
-disk has a bad bit is lost. Files that are not whole are set aside under another name, never
-deleted, and a new one begins with the entries that are right. A disk that cannot be written at the
-start is tried again with each commit. Only a file that another process uses is refused.
+The node starts with any state of the files: a vehicle that does not start because its disk has a
+bad bit is lost. Files that are not whole are set aside under another name, never deleted, and a new
+one begins with the valid entries. A disk that cannot be written at the start is tried again with
+each commit. Only a file that another process uses is refused.
 """
 
 import contextlib
@@ -27,9 +27,9 @@ from zacoustic.run.journal.mark import Mark, Marked, mark_path
 from zacoustic.run.journal.port import JournalState, begin_life
 
 _MOST_ASIDE: Final = 3
-"""So many damaged journals are left for whoever wants to look at them."""
+"""Number of damaged journals that are left for inspection."""
 _MAY_PASS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
-"""What a disk says that is full or has a fault: the node goes on without it meanwhile."""
+"""Errors of a disk that is full or faulty: the node goes on without it meanwhile."""
 
 
 class SqliteJournal:
@@ -37,7 +37,7 @@ class SqliteJournal:
 
     Args:
         path: The file; made by `recover` if it is missing, with its folder.
-        address: Acoustic address of the node. What is in the file of another one is not used.
+        address: Acoustic address of the node. Another node's file is not used.
         limit_bytes: Size that the file may have.
     """
 
@@ -54,7 +54,7 @@ class SqliteJournal:
         self._identities: dict[Path, tuple[int, int]] = {}
 
     def recover(self) -> JournalState:
-        """Begin a life: an epoch that is on the disk, and what was kept.
+        """Begin a boot epoch: its number is on the disk; return it with the kept entries.
 
         Raises:
             ConfigError: The file is in use, or its folder cannot be made.
@@ -149,7 +149,7 @@ class SqliteJournal:
             return Found(fault=why, doubt=why)
 
     def _open(self) -> None:
-        """Open the file, or make it, and write down that a life has begun.
+        """Open the file, or make it, and write down that a boot epoch has begun.
 
         Raises:
             OSError: It cannot be opened, made or written now.

@@ -1,12 +1,12 @@
 """The journal's thread: commits in groups, off the loop, and again while they fail.
 
-A commit waits for the disk, so the loop must not. While one is under way whatever comes gathers,
-and goes into the next: a slow disk makes larger groups, not a longer queue.
+A commit waits for the disk, so the loop must not. Writes during a commit gather and go into the
+next one: a slow disk makes larger groups, not a longer queue.
 
 A commit may fail: the disk is full, or the system has made it read-only after a fault of the card.
 To stop the node then would take from a vehicle the telemetry and the emergency commands, which need
-no journal. So nothing that waits is given up or reported as committed; whoever waits for it goes on
-waiting; people are told; and the same group, with what has come since, is tried again later.
+no journal. So nothing that waits is given up or reported as committed: its callers go on waiting,
+people are informed, and the same group, with later writes, is tried again.
 """
 
 import asyncio
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 
 async def recover(journal: Journal) -> JournalState:
-    """Begin a life off the loop; see `Journal.recover`.
+    """Begin a boot epoch off the loop; see `Journal.recover`.
 
     Raises:
         ConfigError: The store cannot be opened, read or written.
@@ -87,7 +87,7 @@ class JournalThread:
     async def settle(self) -> None:
         """Forget what waits for an engine that is no more; on return no commit is under way.
 
-        What is committed meanwhile is told as always; writes of no engine (`NO_WRITE`) still wait.
+        Commits meanwhile are reported as always; writes of no engine (`NO_WRITE`) still wait.
         """
         kept = self._waiting[self._under_way :]
         self._waiting[self._under_way :] = _of_no_engine(kept)

@@ -1,6 +1,6 @@
 """Calls of an engine as bytes and back, and what came of them in a form that can be compared.
 
-One call is an array: number of its name, arguments by parameter, what came of it, what was raised.
+One call is an array: number of its name, arguments by parameter, result, exception.
 Calls between two services of the engine share a message. A value of the application is kept as
 plain parts: what `TypeSpec.validate` takes. A result is kept as what can be compared, a write to
 the journal as a digest of its content, since what it says is not needed to go on.
@@ -22,10 +22,10 @@ from zacoustic.errors import ConfigError
 from zacoustic.run.recording.life import exact_spec
 
 TYPES: Final = "zacoustic_types"
-"""Argument of a recorded `declare` beside its own: the types that the table has then."""
+"""Additional argument of a recorded `declare`: the types of the table then."""
 
 _LATER: Final = "then"
-"""Argument that is a function of the application; it is told, and answers nothing."""
+"""Argument that is a function of the application; it is called, and returns nothing."""
 _VALUES: Final = ("value",)
 """Arguments that are of any type, as the application has them."""
 
@@ -92,7 +92,7 @@ def outcome_of(result: object, error: Exception | None = None) -> bytes:
         return _encoder.encode(["JournalWrite", result.write_id, result.key, content])
     if isinstance(result, msgspec.Struct):
         return _encoder.encode([type(result).__name__, result])
-    return _encoder.encode([type(result).__name__])  # a Stream, of which the spec is an argument
+    return _encoder.encode([type(result).__name__])  # a Stream, whose spec is an argument
 
 
 def read_outcome(outcome: bytes) -> Any:  # noqa: ANN401 (as it was written)
@@ -127,7 +127,7 @@ def encode_call(call: EngineCall, types: Sequence[TypeSpec] = ()) -> bytes:
 
 
 class CallReader:
-    """Reads the calls of one life.
+    """Reads the calls of one boot epoch.
 
     Args:
         names: Of the calls, by number.
@@ -142,7 +142,7 @@ class CallReader:
         """Read the calls of a message.
 
         Raises:
-            ConfigError: It is damaged, or says what this program does not know.
+            ConfigError: It is damaged, or has something that this program does not know.
         """
         try:
             for number, arguments, outcome in self._decoder.decode(data):
@@ -195,4 +195,4 @@ def _kind(expected: Any, written: object) -> Any:  # noqa: ANN401 (types of any 
 
 
 def _heed(state: object) -> None:
-    """Do nothing with what holds when an order is written down: the application has."""
+    """Do nothing with a journalled command's state: the application has."""

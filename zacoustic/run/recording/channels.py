@@ -42,7 +42,7 @@ class Channel(msgspec.Struct, frozen=True, kw_only=True):
     schema_encoding: str = ""
     """One of MCAP's well-known words."""
     schema: bytes = b""
-    """What it says."""
+    """Its contents."""
     metadata: dict[str, str] = {}
     """For people and for readers of ours."""
 
@@ -55,11 +55,11 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     node: int
     """Whose link."""
     source: int
-    """Who has sent it; 0: the link does not tell."""
+    """Its sender; 0: the link does not report it."""
     destination: int
-    """Whom it is for; 255: everybody, or the link does not tell."""
+    """Its destination; 255: everybody, or the link does not report it."""
     size_bytes: int
-    """With what is put around it for the link."""
+    """With its envelope."""
     frame: bytes
     """The frame."""
     at: int
@@ -122,7 +122,7 @@ class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):
     cause: str
     """Why."""
     transmitted_bytes: int
-    """Bytes given to the link since the life began."""
+    """Bytes given to the link since the boot epoch began."""
 
 
 class LedgerRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -131,7 +131,7 @@ class LedgerRecord(msgspec.Struct, frozen=True, kw_only=True):
     node: int
     """Whose."""
     epoch: int
-    """Of which life."""
+    """Its boot epoch."""
     frames: int
     """Given to the link."""
     bytes: int
@@ -143,7 +143,7 @@ class LedgerRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def engine_channel(node: int) -> Channel:
-    """Return the channel of lives and calls."""
+    """Return the channel of boot epochs and calls."""
     return Channel(topic=f"/{node}/engine", encoding=MSGPACK, metadata={"node": str(node)})
 
 
@@ -168,7 +168,7 @@ def ledger_channel(node: int) -> Channel:
 
 
 def events_channel(node: int) -> Channel:
-    """Return the channel of events: `event` is the kind, beside it what the record has."""
+    """Return the channel of events: `event` is the kind, besides the record's fields."""
     return Channel(
         topic=f"/{node}/events",
         encoding=JSON,
@@ -185,7 +185,7 @@ def value_channel(topic: str, stream: Stream, metadata: dict[str, str] | None = 
     Args:
         topic: Of the channel.
         stream: The stream of the topic.
-        metadata: What else to say of it.
+        metadata: Further properties of it.
     """
     said = {"stream_id": str(stream.stream_id), "stream": stream.name, **(metadata or {})}
     if stream.type is None:

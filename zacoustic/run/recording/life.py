@@ -1,4 +1,4 @@
-"""A life of a node: everything that its engine was made of, so that it can be made again.
+"""A boot epoch of a node: all parameters of its engine, so that it can be made again.
 
 The configuration is not kept as it was written: it names files, Python modules and ROS packages
 that another computer does not have. What is kept is what came of it, the table and the rules.
@@ -61,13 +61,13 @@ class Table(msgspec.Struct, frozen=True, kw_only=True):
     """A stream table."""
 
     streams: tuple[StreamSpec, ...]
-    """What is said of each stream."""
+    """The specification of each stream."""
     types: tuple[TypeSpec, ...]
     """The types, resolved."""
     nodes: dict[int, str]
     """Name of each node by address."""
     model: Model | None
-    """What a fit says of the dense streams."""
+    """The fitted model of the dense streams."""
     wire: WireProfile
     """What is spoken."""
 
@@ -111,12 +111,12 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
     epoch: int
     """Its boot epoch."""
     utc_offset_ns: int
-    """UTC less the engine's clock, at the beginning of this life, ns: what instants of the file
+    """UTC less the engine's clock, at the start of this boot epoch, ns: what instants of the file
     are made of."""
     randomness: Randomness
     """Before the engine was made."""
     stored: dict[str, bytes]
-    """What the journal had of former lives."""
+    """The journal's entries of former boot epochs."""
     rules: TransmitRules
     """When, and how much, the node may transmit."""
     table: Table
@@ -134,7 +134,7 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
         """Make the engine again.
 
         Args:
-            table: Another table, instead of its own.
+            table: Another table in place of its own.
             rules: Other rules.
             trace: Takes trace records.
 
@@ -171,7 +171,7 @@ def encode_life(
     utc_offset_ns: int,
     program: str,
 ) -> bytes:
-    """Write down what an engine is about to be made of."""
+    """Write down the parameters of a new engine."""
     life = Life(
         program=program,
         address=address,

@@ -61,7 +61,7 @@ async def open_recording(
         path: The file.
         clock: Where the engine's instants come from.
         ros: What streams are in ROS, by id.
-        trouble: Told, on the loop, what is not recorded and why; None: logged.
+        trouble: Called, on the loop, with gaps and their reasons; None: logged.
 
     Raises:
         ConfigError: The file cannot be made, or the extra is missing.

@@ -1,4 +1,4 @@
-"""A recording, read from its beginning: also one that nobody has finished, or that is damaged."""
+"""A recording, read from its beginning: also an unfinished or a damaged one."""
 
 import logging
 import struct
@@ -30,15 +30,15 @@ class ReadMessage(msgspec.Struct, frozen=True):
     metadata: dict[str, str]
     """Of the channel."""
     data: bytes
-    """What it says."""
+    """Its contents."""
 
 
 class RecordingReader:
-    """Reads the messages of a file, in the order in which they were written.
+    """Reads the messages of a file, in the order of their writing.
 
     Args:
         path: The file.
-        tells: Log that it ends early; not for those who say so themselves.
+        tells: Log that it ends early; not for callers that report it themselves.
 
     Raises:
         ConfigError: It cannot be opened, is no MCAP file, or the extra is missing.
@@ -65,7 +65,7 @@ class RecordingReader:
             raise ConfigError(f"recordings need {error.name}", hint=_EXTRA) from error
 
     def __iter__(self) -> Iterator[ReadMessage]:
-        """Read all messages; what comes after damage is left out, and `damage` says so."""
+        """Read all messages up to the first damage, which `damage` names."""
         from mcap.records import Channel, Message
         from mcap.stream_reader import StreamReader
 
@@ -76,7 +76,7 @@ class RecordingReader:
             while True:
                 try:
                     record = next(records, None)
-                except Exception as error:  # whatever a damaged file makes of the library
+                except Exception as error:  # any error of the library on a damaged file
                     self.damage = _damage(error)
                     if self._tells:
                         _logger.warning("%s ends early: %s", self.path, self.damage)
@@ -97,7 +97,7 @@ class RecordingReader:
 
 
 def _damage(error: Exception) -> str:
-    """Say what is wrong with a file, by what the library has made of it."""
+    """Return the fault of a file, from the library's error."""
     from mcap.exceptions import EndOfFile
 
     is_cut = isinstance(error, EndOfFile | struct.error)

@@ -102,7 +102,7 @@ class EngineRecorder:
         return engine
 
     def finish(self) -> None:
-        """Record what the engines have counted; the sink is closed by who has opened it."""
+        """Record the engines' counters; the opener of the sink closes it."""
         for each in self._lives.values():
             each.finish()
         self._lives.clear()

@@ -1,4 +1,4 @@
-"""Samples of a Zenoh network in a recording: as they were there, byte for byte, to be put again."""
+"""Samples of a Zenoh network in a recording: byte for byte, to put them again."""
 
 from typing import Final
 
@@ -18,15 +18,15 @@ class SampleRecord(msgspec.Struct, frozen=True, kw_only=True):
     key: str
     """Its key."""
     payload: bytes
-    """What it says; empty when it was deleted."""
+    """Its payload; empty when it was deleted."""
     encoding: str = ""
     """Zenoh encoding."""
     attachment: bytes | None = None
-    """What goes beside it."""
+    """Its attachment."""
     deleted: bool = False
     """The key was deleted."""
     source: int | None = None
-    """Of what came off the water: address of the node that has published it."""
+    """Of samples from the channel: address of the publisher."""
     age_s: float | None = None
     """The same: how old it was when its frame was composed, s."""
 
@@ -43,7 +43,7 @@ def samples_channel() -> Channel:
 
 
 def table_channel() -> Channel:
-    """Return the channel of the stream table, for files without lives."""
+    """Return the channel of the stream table, for files without boot epochs."""
     return Channel(topic=TABLE_TOPIC, encoding=MSGPACK)
 
 

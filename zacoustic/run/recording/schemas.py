@@ -1,6 +1,6 @@
 """JSON schemas, such as Foxglove reads: of types of the configuration, and of our own records.
 
-What is None is left out of a message, so a schema says one kind for each field and requires none.
+A message leaves out None, so a schema has one kind for each field and requires none.
 """
 
 import math
@@ -57,7 +57,7 @@ def schema_of_struct(record: type[msgspec.Struct]) -> bytes:
 
 
 def schema_of_anything(title: str, **properties: str) -> bytes:
-    """Return the schema of objects of which only some fields are known.
+    """Return the schema of objects with some known fields.
 
     Args:
         title: Its name.
@@ -70,7 +70,7 @@ def schema_of_anything(title: str, **properties: str) -> bytes:
 
 
 def as_json(value: object) -> bytes:
-    """Write a value as JSON: bytes in base64, nothing of what is None or not a number."""
+    """Write a value as JSON: bytes in base64, without None and NaN."""
     return _encoder.encode(_tidy(value))
 
 

@@ -50,7 +50,7 @@ class ValueWriter:
         self._write("received", stream, key, event.value, event.encoding, utc_ns)
 
     def published(self, arguments: Mapping[str, Any], utc_ns: int) -> None:
-        """Write a sample that was published; `arguments` are those of `Engine.publish`."""
+        """Write a published sample; `arguments` are those of `Engine.publish`."""
         stream = self._table.by_id(arguments["stream_id"])
         key = key_of(stream, self._node, arguments.get("instance", ()))
         encoding = arguments.get("encoding") or stream.encoding
@@ -82,7 +82,7 @@ class ValueWriter:
 
 
 def encode_value(stream: Stream, value: object, encoding: str = "") -> bytes:
-    """Write a value as `value_channel` says."""
+    """Write a value in the form of `value_channel`."""
     if stream.type is not None:
         return as_json(plain(value))
     octets = bytes(value) if isinstance(value, bytes | bytearray | memoryview) else b""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mcap.writer import Writer
 
 QUEUE_BYTES: Final = 16 << 20
-"""Messages that wait to be written, bytes: hours of a modem's traffic."""
+"""Bytes of waiting messages: hours of a modem's traffic."""
 CHUNK_BYTES: Final = 1 << 20
 """Size at which a chunk is finished, bytes: what Foxglove likes."""
 FLUSH_S: Final = 5.0
@@ -45,14 +45,14 @@ _logger = logging.getLogger(__name__)
 
 
 class Message(msgspec.Struct, frozen=True):
-    """A message to be written."""
+    """A message to write."""
 
     channel: Channel
     """Where it belongs."""
     utc_ns: int
     """When, ns since 1970, ≥ 0."""
     data: bytes
-    """What it says."""
+    """Its contents."""
 
 
 class MessageSink(Protocol):

@@ -1,9 +1,9 @@
-"""`Faults`: what an engine raised, and how slowly it is tried again.
+"""`Faults`: the exceptions of an engine, and how slowly it is tried again.
 
-Nothing that comes over a link may raise, so whatever does is a bug of this program. It must not
-take a vehicle away either. The engine is replaced by a new one that goes on from the journal, and
-that costs: a boot epoch, of which there are 65,536, and all that was only in memory. So a frame
-that raised is not taken again for a while, and after `FREE` faults in a row the pauses grow.
+Nothing that comes over a link may raise, so an exception there is a bug of this program. It must
+not take a vehicle away either. A new engine goes on from the journal, and that costs a boot epoch,
+of which there are 65,536, and all that was only in memory. So a frame that raised is not taken
+again for a while, and after `FREE` faults in a row the pauses grow.
 """
 
 import logging
@@ -48,7 +48,7 @@ class Faults:
         self._frames: dict[bytes, tuple[int, int]] = {}
 
     def refuses(self, frame_bytes: bytes, now: int) -> bool:
-        """Tell whether a frame is not to be taken now: it has raised, or there were too many."""
+        """Tell whether to refuse a frame now: it has raised, or there were too many."""
         _, until = self._frames.get(frame_bytes, (0, 0))
         return now < until or now < self._deaf_until
 

@@ -1,4 +1,4 @@
-"""`Intact`: the engine of a new life, made of those entries of the journal that it can be made of.
+"""`Intact`: the engine of a new boot epoch, made of the usable entries of the journal.
 
 The checks of a store prove that an entry is what was written. They do not prove that this program
 can read it: another version may have written it, for another table, or this one has a bug. One such
@@ -31,12 +31,12 @@ class Intact:
 
     Args:
         renew: Makes an engine.
-        epoch: Of the new life.
+        epoch: The new boot epoch.
         entries: What the journal has.
         trial: What a new engine has raised in is tried with it; None: to make it is enough.
 
     Raises:
-        Exception: No engine can be made, whatever the journal has.
+        Exception: No engine can be made with any entries.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Intact:
         self._epoch = epoch
         self._trial = trial
         self.writes: list[JournalWrite] = []
-        """What the journal has to be told, since it keeps no longer what was refused."""
+        """Writes that delete the refused entries from the journal."""
         self.entries = dict(entries)
         """What is left."""
         if trial is None or not self._raises(self.entries):
@@ -101,7 +101,7 @@ class Intact:
         ]
 
     def _only(self, keys: Set[str]) -> dict[str, bytes]:
-        """Return some of the entries, in their order."""
+        """Return some of the entries, in order."""
         return {key: each for key, each in self.entries.items() if key in keys}
 
     def _raises(self, entries: Mapping[str, bytes]) -> bool:

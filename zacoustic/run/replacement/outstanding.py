@@ -1,15 +1,14 @@
-"""`Outstanding`: what an application waits for from an engine, told when that engine is lost.
+"""`Outstanding`: what an application waits for from an engine, reported when that engine is lost.
 
-An engine that has raised is replaced by one that goes on from the journal, as after a crash; but
-the application has not crashed with it and still waits for what it had asked for. So whoever drives
-the engine keeps the ids of all that is under way, outside of it:
+A new engine replaces one that has raised, and goes on from the journal, as after a crash; but the
+application has not crashed with it and still waits for its requests. So the driver of the engine
+keeps the ids of all that is under way, outside of it:
 
-- A sample that was in the journal goes on. Of any other one a `DeliveryEnded` is told.
-- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Of any other
-  one, and of each call and range, a failure is told. Whether it was executed is unknown.
-- What is wanted of on-demand topics, and ranges that are measured again and again, are asked for
-  anew.
-- What the new engine finds in the journal and the old one had told of already is not told twice.
+- A sample that was in the journal goes on. Any other one ends with a `DeliveryEnded`.
+- A goal that was in the journal goes on, without a `GoalRecovered`: it is known here. Any other
+  one, and each call and range, fails. Whether it was executed is unknown.
+- Subscriptions to on-demand topics, and ranges that are measured periodically, are requested again.
+- What the new engine finds in the journal and the old one had reported is not reported twice.
 """
 
 from collections.abc import Iterator
@@ -64,11 +63,11 @@ class Outstanding:
         self._ended_goals: dict[GoalKey, None] = {}
 
     def watch(self, engine: Engine) -> None:
-        """Take note of what is asked of an engine from now on."""
+        """Note all requests to an engine from now on."""
         Tap(engine, self._note, _CALLS)
 
     def passes(self, event: Event) -> bool:
-        """Take note of an event; False: it was told before."""
+        """Note an event; False: it was reported before."""
         match event:
             case DeliveryStored():
                 if event.delivery_id in self._samples:
@@ -107,7 +106,7 @@ class Outstanding:
             now: The instant, ns.
 
         Returns:
-            What the application is to be told, in its order, as far as each event `passes`.
+            The events for the application, in order, those that `passes` lets through.
         """
         events: list[Event] = []
         while (event := engine.poll_event()) is not None:
@@ -123,7 +122,7 @@ class Outstanding:
     def _lost(self, engine: Engine, recovered: set[GoalKey], now: int) -> Iterator[Event]:
         """Say how each thing ends that nothing is left of."""
         for delivery_id, (stream_id, is_stored) in self._samples.items():
-            # One that was stored may have ended, and the engine was lost before it could say so.
+            # One that was stored may have ended, and the engine was lost before it could report it.
             if not is_stored or not engine.is_delivering(delivery_id):
                 yield DeliveryEnded(
                     delivery_id=delivery_id,

@@ -1,9 +1,9 @@
 """`Replacement`: the next engine of a node, in place of one that has raised.
 
-It is made as after a crash of the process: of what the journal has committed, in a new boot epoch.
-What waited for a commit is forgotten with the engine that wanted it; what was committed is known
-here, so the store is not read again. An entry that makes the next one raise, too, is left out
-(`intact`); and where none can be made, that is tried again until one can.
+It is made as after a crash of the process: from the committed entries of the journal, in a new boot
+epoch. Uncommitted writes are forgotten with their engine; committed ones are known here, so the
+store is not read again. An entry that makes the next engine raise, too, is left out (`intact`); if
+none can be made, that is tried again until one can.
 """
 
 import asyncio
@@ -42,7 +42,7 @@ class Replacement:
         return self._task is not None
 
     def hand_on(self, deliver: Callable[[Event], None], instant: Clock, event: Event) -> None:
-        """Hand an event on, unless the application was told before; what it raises is a fault."""
+        """Hand an event on, unless the application has it; an error there is a fault."""
         if self._outstanding.passes(event):
             try:
                 deliver(event)
@@ -71,7 +71,7 @@ class Replacement:
             lost: The engine that has raised.
             pause_s: Time to wait before, s.
             journal: Whose commits are waited for.
-            trial: The first step, where it is to be tried of what it does not raise; None: not.
+            trial: The first step, to test that it does not raise; None: no test.
             instant: Tells the instant.
             ready: Takes the engine, not yet polled.
         """
@@ -95,7 +95,7 @@ class Replacement:
         self._task = asyncio.get_running_loop().create_task(replace(), name="next engine")
 
     def news(self, engine: Engine, error: Exception, now: int) -> Iterator[Event]:
-        """Say what has happened, and how all ends that was under way."""
+        """Report the replacement, and the outcomes of all that was under way."""
         yield EngineRestarted(
             faults=self.faults.count, cause=str(error) or repr(error), changed_at=now
         )

@@ -1,4 +1,4 @@
-"""Stories: random weather for a fleet of real engines, and what must hold in any.
+"""Random scenarios for a fleet of real engines, and the invariants that must hold in each.
 
 ::
 
@@ -6,20 +6,20 @@
     told = tell(story)
     assert not told.complaints, told.complaints[0]
 
-- `story`: what a story is: water, faults, tables, who has something to say.
+- `story`: a random scenario: channel, faults, tables, traffic.
 - `drawing`: one for each seed, `random_story`.
-- `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, by which an arrival is
-  known again whatever happened to it.
-- `witness`: who watches; `invariants`: those who complain; `tally`: one who counts.
+- `telling`: runs it on a `VirtualNetwork`. Every payload carries a *ticket*, which identifies an
+  arrival in any case.
+- `witness`: the checker; `invariants`: the checkers that complain; `tally`: counters.
 
-`zacoustic sim --story SEED` tells the same story again.
+`zacoustic sim --story SEED` runs the same scenario.
 """
 
 from zacoustic.testing.stories.drawing import random_story
 from zacoustic.testing.stories.invariants import INVARIANTS
 from zacoustic.testing.stories.story import Cast, Lane, Shape, Story
 from zacoustic.testing.stories.telling import Telling, Told, tell
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
+from zacoustic.testing.stories.witness import Arrived, Publication, Run, Witness
 
 __all__ = [
     "INVARIANTS",
@@ -27,6 +27,7 @@ __all__ = [
     "Cast",
     "Lane",
     "Publication",
+    "Run",
     "Shape",
     "Story",
     "Telling",

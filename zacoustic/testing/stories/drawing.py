@@ -1,4 +1,4 @@
-"""`random_story`: one story for each seed, as bad as the sea and the hardware can be together."""
+"""`random_story`: one random scenario for each seed, with all faults of sea and hardware."""
 
 import random
 from typing import Any, Final
@@ -24,7 +24,7 @@ LONGEST_BLACKOUT_S: Final = 1800.0
 YEAR_S: Final = 31_557_600.0
 """A year, s: what wall clocks jump by."""
 CALM_S: Final = 3600.0
-"""How long nothing goes wrong at the end, s: what is reliable has to be through by then."""
+"""Time without faults at the end, s: reliable samples must arrive by then."""
 
 _MODEMS: Final = (
     Modem(),
@@ -38,7 +38,7 @@ _MODEMS: Final = (
 
 
 def random_story(seed: int, *, reliable: bool = True) -> Story:
-    """Draw a story.
+    """Draw a random scenario.
 
     Two to five nodes within two kilometres, three streams or more, loss to 60 % and in bursts,
     damage where the modem does not check, repetitions, jitter, directions that differ, blackouts to

@@ -1,9 +1,9 @@
-"""What must hold in any story, whatever goes wrong; each is a witness that complains.
+"""Invariants of every random scenario; each is a checker that complains.
 
 That nothing is altered, and nothing comes on a wrong stream, is not here: `Telling` sees it itself.
 """
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.qos import Priority, Reliability
@@ -12,10 +12,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.topics.copied import COPIED_NS
-from zacoustic.testing.stories.witness import Arrived, Publication, Witness
-
-if TYPE_CHECKING:
-    from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.stories.witness import Arrived, Publication, Run, Witness
 
 
 def is_reliable(stream: Stream) -> bool:
@@ -27,13 +24,13 @@ def is_reliable(stream: Stream) -> bool:
 class NothingTwice(Witness):
     """No node gets a sample twice.
 
-    A reliable one never, and in all lives of a node that keeps a journal, but for one that says so:
+    A reliable one never, over all boot epochs of a node with a journal, except one that says so:
     a crash came as it was handed on; a best-effort one not later than the settling time, within
     which a modem may repeat a frame. A node that has crashed meanwhile does not know the numbers of
     best-effort samples that press, which go again for half a minute.
     """
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """Learn the settling time."""
         self._within_ns = telling.settling_ns + seconds_to_ns(
             telling.story.scenario.faults.jitter_s
@@ -59,7 +56,7 @@ class NothingTwice(Witness):
 
 
 class InOrder(Witness):
-    """The reliable samples of a key of one source come in the order of their publication."""
+    """The reliable samples of a key of one source arrive in the order of their publication."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -83,7 +80,7 @@ class InOrder(Witness):
 
 
 class NothingLost(Witness):
-    """A reliable sample arrives at every subscriber, or its publisher is told why not.
+    """A reliable sample arrives at every subscriber, or its publisher gets another outcome.
 
     What was accepted and not yet written down when its publisher crashed may be lost, and so may be
     all that a publisher without a journal had.
@@ -95,12 +92,12 @@ class NothingLost(Witness):
         self._owed: dict[int, set[int]] = {}
         self._by_id: dict[tuple[int, int], Publication] = {}
 
-    def begins(self, telling: "Telling") -> None:
-        """Remember who is there."""
+    def begins(self, telling: Run) -> None:
+        """Remember the nodes."""
         self._telling = telling
 
     def published(self, publication: Publication) -> None:
-        """Note who has to get it."""
+        """Note its receivers."""
         if not is_reliable(publication.stream):
             return
         owed = self._receivers(publication)
@@ -134,7 +131,7 @@ class NothingLost(Witness):
                 self._close(publication)
 
     def happened(self, node: int, event: Event, at: int) -> None:
-        """Take the outcome that a publisher is told."""
+        """Take a publisher's outcome."""
         if not isinstance(event, DeliveryEnded):
             return
         publication = self._by_id.get((node, event.delivery_id))
@@ -148,7 +145,7 @@ class NothingLost(Witness):
             )
         self._close(publication)
 
-    def ends(self, telling: "Telling") -> None:
+    def ends(self, telling: Run) -> None:
         """Complain about what never ended."""
         for publication in self._open.values():
             owed = sorted(self._owed[publication.number])
@@ -162,14 +159,14 @@ class NothingLost(Witness):
 
 
 class OncePerCall(Witness):
-    """No server executes a call twice, in all its lives if it keeps a journal and its table."""
+    """No server executes a call twice, over all boot epochs if it keeps a journal and its table."""
 
     def __init__(self) -> None:
         super().__init__()
         self._served: set[tuple[int, int]] = set()
 
-    def begins(self, telling: "Telling") -> None:
-        """Learn whether lives are told apart."""
+    def begins(self, telling: Run) -> None:
+        """Learn whether boot epochs are distinguished."""
         story = telling.story
         self._forgets = bool(story.pool) or story.scenario.faults.journal.keeps is False
 
@@ -183,11 +180,11 @@ class OncePerCall(Witness):
 
 
 INVARIANTS: Final[tuple[type[Witness], ...]] = (NothingTwice, InOrder, NothingLost, OncePerCall)
-"""All of them; `random_story` makes stories in which they have to hold."""
+"""All of them; they must hold in the scenarios of `random_story`."""
 
 
 def _keeps(stream: Stream) -> bool:
-    """Tell whether the stream is journalled; all tables of a story agree on that."""
+    """Tell whether the stream is journalled; all tables of a scenario agree on that."""
     return stream.spec.journal
 
 

@@ -1,4 +1,4 @@
-"""What a story is: the water, what goes wrong in it, and a fleet that has something to say."""
+"""A random scenario: the channel, its faults, and a fleet with traffic."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -54,7 +54,7 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     """Every draw follows from it."""
     scenario: Scenario
-    """The water, and what goes wrong."""
+    """The channel and its faults."""
     casts: dict[int, Cast]
     """The table of each node."""
     pool: tuple[Cast, ...] = ()
@@ -62,7 +62,7 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     modem: Modem = Modem()
     """What the modems do."""
     busy_s: float
-    """How long the nodes speak as often as `pause_s` says, and how long things go wrong."""
+    """How long the nodes send every `pause_s`, and how long faults happen."""
     calm_s: float
     """How long it goes on afterwards."""
     pause_s: float = 30.0
@@ -71,7 +71,7 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     """Time between two samples of a node on a stream while it speaks, s, but for one in twenty;
     None: any up to `pause_s`."""
     calm_pause_s: float | None = None
-    """The same when it is calm; None: nothing is said any more."""
+    """The same when it is calm; None: no more samples."""
 
     @property
     def until_s(self) -> float:

@@ -1,4 +1,4 @@
-"""Runs a story: lets the nodes speak, knows what arrives by its ticket, and tells the witnesses."""
+"""Runs a random scenario: publishes, matches arrivals by their tickets, and calls the checkers."""
 
 import contextlib
 import itertools
@@ -34,7 +34,7 @@ _MISUNDERSTOOD = (CallFailure.BAD_REQUEST, CallFailure.BAD_RESPONSE)
 
 
 class Told(msgspec.Struct, frozen=True):
-    """What came of a story."""
+    """The result of a random scenario."""
 
     complaints: tuple[str, ...]
     """What must not have happened."""
@@ -49,10 +49,10 @@ def tell(
     digest: bool = False,
     build: MakeEngine = Engine,
 ) -> Told:
-    """Tell a story from its beginning to its end.
+    """Run a random scenario from its beginning to its end.
 
     Args:
-        story: The story.
+        story: The scenario.
         witnesses: Make who watches.
         digest: Make the digest of the trace as well.
         build: Makes the engines.
@@ -63,10 +63,10 @@ def tell(
 
 
 class Telling:
-    """One telling of a story.
+    """One run of a random scenario.
 
     Args:
-        story: The story.
+        story: The scenario.
         witnesses: Who watches.
         trace: Takes each trace record.
         digest: Make the digest of the trace.
@@ -88,7 +88,7 @@ class Telling:
         """What arrived and is not what anybody published so, one line each."""
         self._early: list[tuple[int, Event]] | None = []
         self.casts = dict(story.casts)
-        """Cast of each node's present life."""
+        """Cast of each node's present boot epoch."""
         self._rng = random.Random(f"{story.seed}/telling")
         self._tickets: dict[int, Publication] = {}
         self._next = itertools.count(1)
@@ -217,7 +217,7 @@ class Telling:
             for witness in self.witnesses:
                 witness.published(publication)
 
-    # What the engines say
+    # Events of the engines
 
     def _live(self, address: int, is_alive: bool) -> None:
         if not is_alive:
@@ -262,7 +262,7 @@ class Telling:
         instance: Instance,
         event: SampleReceived | RequestReceived,
     ) -> Arrived | None:
-        """Return what an arrival is; None, and a complaint, if nobody has published it so."""
+        """Return the publication of an arrival; None, and a complaint, if there is none."""
         try:
             known = self._tickets.get(shape.read(event.value))
         except (KeyError, TypeError, ValueError) as error:
@@ -303,7 +303,7 @@ class Telling:
 
         def answer() -> None:
             if self.network.is_running(node) and self.network.life(node) == found.life:
-                # An answer that fits no frame becomes an error, and the caller is told so.
+                # An answer that fits no frame becomes an error for the caller.
                 with contextlib.suppress(PayloadTooLargeError):
                     self.network.apply(
                         node, lambda engine, now: engine.reply(event.call, value, now)

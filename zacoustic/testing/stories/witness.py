@@ -1,30 +1,30 @@
-"""Who watches a telling: told of each publication and of what came of it.
+"""The checker of a run: gets each publication with its outcome.
 
-`Telling` knows by the ticket which publication an arrival belongs to, so a witness never looks into
-a payload. All instants are those of the network, ns, whatever the clocks of the nodes say.
+`Telling` knows the publication of an arrival by its ticket, so a checker never looks into a
+payload. All instants are those of the network, ns, whatever the clocks of the nodes show.
 """
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import msgspec
 
 from zacoustic.core.engine.events import Event
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
-
-if TYPE_CHECKING:
-    from zacoustic.testing.stories.telling import Telling
+from zacoustic.testing.stories.story import Cast, Story
+from zacoustic.testing.virtual import VirtualNetwork
 
 
 class Publication(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     """A sample or a request that an engine has accepted."""
 
     number: int
-    """Counts all publications of the story, from 1."""
+    """Counts all publications of the run, from 1."""
     node: int
     """Who published it."""
     life: int
-    """Which life of that node, from 1."""
+    """Boot epoch of that node, counted from 1."""
     stream: Stream
     """The stream, as that node's table has it."""
     instance: Instance
@@ -52,11 +52,31 @@ class Arrived(msgspec.Struct, frozen=True, kw_only=True, eq=False):
     node: int
     """Who has got it."""
     life: int
-    """In which life."""
+    """The receiver's boot epoch, counted from 1."""
     at: int
     """When."""
     again: bool = False
-    """It says of itself that it may have been handed over before, by a life that was cut short."""
+    """It may have been delivered before, by a boot epoch that was cut short."""
+
+
+class Run(Protocol):
+    """A story that is being told, as its witnesses see it."""
+
+    @property
+    def story(self) -> Story:
+        """Which."""
+
+    @property
+    def network(self) -> VirtualNetwork:
+        """The nodes, as they are."""
+
+    @property
+    def casts(self) -> Mapping[int, Cast]:
+        """Cast of each node's present life."""
+
+    @property
+    def settling_ns(self) -> int:
+        """Time within which a frame may come a second time, ns."""
 
 
 class Witness:
@@ -66,7 +86,7 @@ class Witness:
         self.complaints: list[str] = []
         """What must not have happened, one line each."""
 
-    def begins(self, telling: "Telling") -> None:
+    def begins(self, telling: Run) -> None:
         """The nodes are there, and nothing has happened yet."""
 
     def published(self, publication: Publication) -> None:
@@ -79,22 +99,22 @@ class Witness:
         """An engine has not accepted a sample or a call."""
 
     def received(self, arrived: Arrived) -> None:
-        """A sample was handed over, and is what was published."""
+        """A sample was delivered, equal to the published one."""
 
     def served(self, arrived: Arrived) -> None:
-        """A request was handed over, and is what was asked."""
+        """A request was delivered, equal to the sent one."""
 
     def answered(self, arrived: Arrived) -> None:
-        """A caller has its answer, and it is what the server said."""
+        """A caller has its answer, equal to the server's."""
 
     def failed(self, arrived: Arrived) -> None:
-        """A caller was told that there is no answer."""
+        """A caller got a failure."""
 
     def crashed(self, node: int, at: int) -> None:
         """A node has crashed; its journal is as it is found later."""
 
     def happened(self, node: int, event: Event, at: int) -> None:
-        """An engine has told an event, whatever it was; before the method that is about it."""
+        """An engine has emitted any event; before the method for it."""
 
-    def ends(self, telling: "Telling") -> None:
-        """The story is over."""
+    def ends(self, telling: Run) -> None:
+        """The run is over."""

@@ -3,13 +3,14 @@
 `Gateway` is all that a program needs; `zacoustic gateway FILE` is it on the command line. One
 module for each noun:
 
-- `gateway`, `junction`, `exchange`: the life of it all; the session is a `zacoustic.zenoh.session`;
-- `routes`, `jobs`: what is declared for each stream; `siblings`: who does it when there are several
-  gateways on one local network;
-- `streams`: topics, services and actions, both ways, and what late joiners get;
-- `dialect`: what streams look like to Zenoh programs, and to nodes of ROS 2 (`ros`);
-- `commands`: what is asked of the gateway itself;
-- `status`, `complaints`, `notices`: what it says of itself and of the channel.
+- `gateway`, `junction`, `exchange`: start and stop, the session joined to an engine, the event
+  dispatcher; the session is a `zacoustic.zenoh.session`;
+- `routes`, `jobs`: the declarations for each stream; `siblings`: which of several local gateways
+  does a job;
+- `streams`: topics, services and actions, both ways, and samples for late joiners;
+- `dialect`: the forms of streams for Zenoh programs, and for nodes of ROS 2 (`ros`);
+- `commands`: requests to the gateway itself;
+- `status`, `complaints`, `notices`: its health, input errors and notices.
 """
 
 from zacoustic.zenoh.gateway.gateway import Gateway

@@ -1,4 +1,4 @@
-"""What is wrong with what an island gives to the gateway: counted always, said now and then."""
+"""Input errors of the local network: always counted, warned about now and then."""
 
 import logging
 from collections.abc import Callable

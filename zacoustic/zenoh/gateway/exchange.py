@@ -1,4 +1,4 @@
-"""The exchange: events of the engine go to whom they concern, and what the island sent goes in."""
+"""The event dispatcher: events of the engine go to their handlers, local input to the engine."""
 
 from collections.abc import Callable
 from typing import assert_never
@@ -62,18 +62,18 @@ from zacoustic.zenoh.gateway.streams.topics import Topics
 
 
 class Exchange:
-    """Between one engine and one island; for the loop.
+    """Between one engine and one local network; for the loop.
 
     Args:
         table: All streams.
         topics: Takes samples.
         services: Takes requests and answers.
-        actions: Takes what is said about goals.
+        actions: Takes events about goals.
         objects: Takes note of how far large samples are.
         health: Takes note of the rest.
-        orders: Answers orders.
+        orders: Answers remote commands.
         pings: Takes answers to pings.
-        detail: Tells what the link says of its state.
+        detail: Returns the link's detail of its state.
         notify: Told what people want to know.
     """
 
@@ -184,7 +184,7 @@ class Exchange:
                     )
                 )
             case DeadlineMissed():
-                pass  # it was told of, and the health report counts
+                pass  # it has its notice, and the health report counts
             case StreamsDiffer():
                 self._health.note_difference(event)
                 stream = self._table.get(event.stream_id)
@@ -220,7 +220,7 @@ class Exchange:
         self._health.touch()
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Give the engine what the island has sent: samples, answers to calls."""
+        """Give the engine the local input: samples, answers to calls."""
         self._topics.drain(engine, now)
         self._services.drain(engine, now)
         self._health.touch()

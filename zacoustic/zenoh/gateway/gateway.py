@@ -54,7 +54,7 @@ _logger = logging.getLogger(__name__)
 class Gateway:
     """Joins the Zenoh network of one session to others through a link; an async context manager.
 
-    It lives once: a closed one is not started again.
+    It starts once: a closed one is not started again.
 
     Args:
         config: What the node is, with the settings of its Zenoh session.
@@ -64,7 +64,7 @@ class Gateway:
         record: File into which everything is recorded; None: nothing is. Needs the extra
             `recording`.
         notify: Told what people want to know, on the loop; None: logged.
-        metrics: Host and port at which it answers to Prometheus; None: what the config says.
+        metrics: Host and port at which it answers Prometheus; None: the config's.
         clock: Where instants come from; the same as the link's.
         host: The clock of the computer, which hours of the day and slots go by; None: this one's.
 
@@ -127,7 +127,7 @@ class Gateway:
             listen: Zenoh endpoints to listen at, instead of the file's; empty: those.
             record: File into which everything is recorded; None: nothing is.
             notify: Told what people want to know, on the loop; None: logged.
-            metrics: Host and port at which it answers to Prometheus; None: what the file says.
+            metrics: Host and port at which it answers Prometheus; None: the file's.
 
         Raises:
             ConfigError: The file is wrong, or names no link.
@@ -170,7 +170,7 @@ class Gateway:
             return
         self._is_closing = True
         try:
-            async with AsyncExitStack() as last_first:  # each, whatever becomes of the others
+            async with AsyncExitStack() as last_first:  # each, even if others fail
                 if self._recording is not None:
                     last_first.push_async_callback(self._recording.close)
                 if self._junction is not None:

@@ -1,4 +1,4 @@
-"""What a gateway can do for a stream on its island; `routes` says what is declared for each job."""
+"""What a gateway can do for a stream locally; `routes` declares what each job needs."""
 
 from typing import Final
 

@@ -1,8 +1,8 @@
-"""The junction: an open session, an engine and its link, joined; what a running gateway is.
+"""The gateway session: an open Zenoh session, an engine and its link, joined; a running gateway.
 
-Queries that are held get an error before anything is closed, because a session that is closed over
-an unanswered query lets the caller believe that nobody is there. So the end goes: refuse queries,
-engine and link, declarations, session.
+Held queries get an error before anything is closed: a session that is closed over an unanswered
+query lets the caller believe that there is no server. So the end goes: refuse queries, engine and
+link, declarations, session.
 """
 
 import asyncio
@@ -57,14 +57,14 @@ FAREWELL_LIMIT_S: Final = 3.0
 # The engine tells 64 calls to one service apart; a caller that needs more than this at once on all
 # services together would wait for hours on sound.
 QUERIES_LIMIT: Final = 256
-"""Queries of the island that are held at the same time."""
+"""Local queries that are held at the same time."""
 STOPPING_TEXT: Final = "the gateway is stopping"
 """What a caller reads whose query is held then."""
 
 _logger = logging.getLogger(__name__)
 
 MakeDialects = Callable[[Island, Complaints, Callable[[], None]], Dialects]
-"""Makes the dialects of an island; the last argument wakes the loop."""
+"""Makes the dialects of a session; the last argument wakes the loop."""
 
 
 class Junction:
@@ -76,12 +76,12 @@ class Junction:
         island: Its session, open; closed with the junction.
         link: Its link, not open yet; closed with the junction.
         journal: Where the engine's writes go.
-        state: What the journal has kept for this life.
-        ranges: Nodes to which the range is measured again and again, each with its period, s.
+        state: What the journal has kept for this boot epoch.
+        ranges: Nodes whose range is measured periodically, each with its period, s.
         rules: When, and how much, this node may transmit.
         permit_log: Takes each emission, or None; closed with the junction.
-        dialects: Makes what streams look like on the island.
-        about: What a monitor is told of it that does not change.
+        dialects: Makes the local forms of streams.
+        about: Its constant facts for monitors.
         notify: Told what people want to know.
         clock: Where instants come from.
         host: The clock of this computer.
@@ -219,12 +219,12 @@ class Junction:
         )
 
     async def open(self) -> None:
-        """Become visible, open the link, declare what is to cross.
+        """Become visible, open the link, declare the streams.
 
         Raises:
             SessionError: Another gateway has the address.
             LinkOpenError: The link cannot be opened.
-            RangeUnavailableError: Ranges are to be measured, and the link cannot do that.
+            RangeUnavailableError: The config measures ranges, and the link cannot.
         """
         if self.island.mode == "client":
             await self.island.worker.run(lambda: self.island.watch(self._see_router))
@@ -241,7 +241,7 @@ class Junction:
         self._doorbell.ring()
 
     async def close(self) -> None:
-        """Stop in the order that leaves nobody waiting."""
+        """Stop in the order that leaves no caller waiting."""
         self._is_closing = True
         self._desk.close()
         self._onlookers.close()
@@ -336,7 +336,7 @@ class Junction:
             self._notify(notice)
 
     def _losses(self) -> Counts:
-        """What the island gave and was of no use, by stream and reason."""
+        """Useless local input, by stream and reason."""
         found = {name: dict(counts) for name, counts in self._complaints.counts.items()}
         for name, counts in self._topics.losses().items():
             found.setdefault(name, {}).update(counts)
@@ -353,7 +353,7 @@ class Junction:
             (self._health.expression, self._health.answer, True),
             (self._objects.key, self._objects.serve, True),
             *((key, self._orders.serve, True) for key in self._orders.own_keys),
-            # Not complete: the gateway of a node that is on this island answers alone.
+            # Not complete: the gateway of a local node answers alone.
             *((key, self._orders.serve_beyond, False) for key in self._orders.keys_beyond),
             (self._pings.key, self._pings.serve, False),
         ):

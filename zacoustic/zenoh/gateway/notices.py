@@ -1,4 +1,4 @@
-"""What a gateway says of itself while it runs: one record per fact, as text or as JSON."""
+"""Notices of a running gateway: one record per fact, as text or as JSON."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ import msgspec
 
 
 class Notice(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
-    """A fact; in JSON `event` says which."""
+    """A fact; in JSON `event` names it."""
 
     @property
     def event(self) -> str:
@@ -35,7 +35,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     zid: str
     """Id of its Zenoh session."""
     endpoints: tuple[str, ...]
-    """Where the session listens and what it connects to, as the config says."""
+    """Where the session listens and what it connects to, by the config."""
     listens_here: bool = False
     """The file has no `listen`: only this computer reaches the session."""
     link: str
@@ -55,7 +55,7 @@ class Started(Notice, frozen=True, kw_only=True, tag="started"):
     recording: str = ""
     """File into which everything is recorded; empty: nothing is."""
     siblings: tuple[int, ...] = ()
-    """Addresses of the other gateways on this island."""
+    """Addresses of the other local gateways."""
 
     def lines(self) -> list[str]:
         """One line per fact."""
@@ -96,14 +96,14 @@ class LinkChanged(Notice, frozen=True, kw_only=True, tag="link"):
 
 
 class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
-    """Silence was ordered, or has ended."""
+    """Transmit silence has begun by command, or has ended."""
 
     silent: bool
     """Nothing is transmitted now."""
     until_utc: str
     """End as far as it is known; empty: until it is resumed, or no silence."""
     doubt: str = ""
-    """Why it may last longer than it was ordered; empty: it does not."""
+    """Why it may last longer than commanded; empty: it does not."""
 
     def lines(self) -> list[str]:
         """One line."""
@@ -114,7 +114,7 @@ class SilenceKept(Notice, frozen=True, kw_only=True, tag="silence"):
 
 
 class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
-    """It was ordered how a topic is sent."""
+    """A command has changed how a topic is sent."""
 
     stream_id: int
     """The topic's stream."""
@@ -127,7 +127,7 @@ class TopicTuned(Notice, frozen=True, kw_only=True, tag="tuned"):
     priority: str
     """Zenoh's priority."""
     ordered_by: int
-    """Address of the node that has ordered it; 0: this island."""
+    """Address of the commanding node; 0: the local network."""
 
     def lines(self) -> list[str]:
         """One line."""
@@ -156,7 +156,7 @@ class JournalChanged(Notice, frozen=True, kw_only=True, tag="journal"):
 
 
 class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
-    """The journal may be less than what was written last."""
+    """The journal may lack the last writes."""
 
     reason: str
     """What was found."""
@@ -199,7 +199,7 @@ class EngineLost(Notice, frozen=True, kw_only=True, tag="internal_error"):
 
     @property
     def is_trouble(self) -> bool:
-        """It is to be reported; the log has what to report."""
+        """Report it; the log has what to report."""
         return True
 
     def lines(self) -> list[str]:
@@ -235,7 +235,7 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
     same_table: bool
     """Its stream table is ours."""
     wire_version: int
-    """The version that it speaks."""
+    """Its wire version."""
 
     @property
     def is_trouble(self) -> bool:
@@ -249,7 +249,7 @@ class PeerHeard(Notice, frozen=True, kw_only=True, tag="peer"):
 
 
 class PeerMissed(Notice, frozen=True, kw_only=True, tag="lost"):
-    """Nothing was heard of a node for as long as the file says."""
+    """Nothing was heard of a node for the file's `lost_after_s`."""
 
     address: int
     """The node."""
@@ -301,7 +301,7 @@ class SampleLate(Notice, frozen=True, kw_only=True, tag="late"):
     address: int
     """The node that publishes it."""
     side: str
-    """``offered``: this island has not published it; ``requested``: it has not come here."""
+    """``offered``: not published here; ``requested``: not received here."""
     missed: int
     """How often that has happened in all."""
 
@@ -356,7 +356,7 @@ class RangingFailed(Notice, frozen=True, kw_only=True, tag="ranging"):
 
 
 class SiblingsChanged(Notice, frozen=True, kw_only=True, tag="siblings"):
-    """The gateways on this island have changed."""
+    """The local gateways have changed."""
 
     addresses: tuple[int, ...]
     """Those alive, this one included."""
@@ -374,7 +374,7 @@ class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
 
     @property
     def is_trouble(self) -> bool:
-        """The island is not reached."""
+        """The local network is not reached."""
         return self.state == "lost"
 
     def lines(self) -> list[str]:
@@ -383,7 +383,7 @@ class RouterChanged(Notice, frozen=True, kw_only=True, tag="router"):
 
 
 class EntityHeard(Notice, frozen=True, kw_only=True, tag="entity"):
-    """A node of rmw_desert has told what it has, or that it has it no more."""
+    """A node of rmw_desert has announced an endpoint, or withdrawn it."""
 
     node: str
     """Namespace and name of the node."""

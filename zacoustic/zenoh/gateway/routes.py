@@ -1,22 +1,22 @@
-"""Routes: what is declared on the island for each stream, as far as this gateway does the job.
+"""Routes: local declarations for each stream whose job this gateway does.
 
 =========  =========================  ====================================================
 job        declared                   on
 =========  =========================  ====================================================
 forward    a subscriber               the keys that this node publishes
-deliver    a queryable                the keys that come from beyond the water; it answers
-                                      a `get` from the last value and is not complete: a
-                                      storage on the island may know more
+deliver    a queryable                the keys of remote nodes; it answers a `get` from the
+                                      last value and is not complete: a local storage may
+                                      know more
 proxy      complete queryables        the service's name, or all keys of the action; not
                                       while its dialect stands back
 serve      nothing of Zenoh's         a service of this node: what makes its client visible
 attend     a subscriber               the feedback of the program that serves the action
 watch      publishers that put        the keys of an on-demand topic that is delivered here:
-           nothing                    Zenoh tells them whether anybody subscribes
+           nothing                    Zenoh tells them whether there are subscribers
 =========  =========================  ====================================================
 
-Keys are those of the stream's dialect, which declares beside them what makes the job visible. Each
-of them costs a thread of Zenoh's. Declaring may block, so it is done in the worker, in order.
+Keys are those of the stream's dialect, which also declares what makes the job visible. Each
+declaration costs a thread of Zenoh's. Declaring may block, so the worker does it, in order.
 """
 
 from functools import partial
@@ -43,13 +43,13 @@ class Routes:
 
     Args:
         table: All streams.
-        island: Where they are declared.
+        island: The session of the declarations.
         siblings: Which jobs are ours.
         topics: Takes samples, answers a `get` on a topic.
         services: Takes calls.
         actions: Takes goals, and feedback.
         onlookers: Watches who subscribes to on-demand topics.
-        dialects: What makes jobs visible, and sees programs of the island.
+        dialects: Make jobs visible, and see local programs.
         desk: Takes queries from Zenoh's threads.
         runner: Gives calls to the engine.
     """
@@ -69,7 +69,7 @@ class Routes:
         runner: LinkRunner,
     ) -> None:
         self.jobs: frozenset[tuple[str, int]] = frozenset()
-        """Job and stream id of what is declared, or soon will be."""
+        """Job and stream id of present declarations, or soon to be."""
         self._table = table
         self._island = island
         self._siblings = siblings
@@ -84,7 +84,7 @@ class Routes:
         self._declared: dict[tuple[str, int], list[Declared]] = {}
 
     def reconcile(self) -> None:
-        """Declare what has become ours, undeclare what is not any more."""
+        """Declare new jobs, undeclare former ones."""
         wanted = frozenset(
             (job, stream.stream_id)
             for stream in self._table
@@ -174,14 +174,14 @@ class Routes:
         return (self._services.dialects[stream_id].key,), self._call(stream_id)
 
     def _asked(self, stream: Stream) -> str:
-        """Return the key expression of what comes from beyond the water."""
+        """Return the key expression of remote samples."""
         publishers = self._siblings.publishers_beyond(stream)
         only_one = publishers is not None and len(publishers) == 1
         expression = stream.keys.expression(publishers[0] if publishers and only_one else None)
         return self._topics.dialects[stream.stream_id].key(expression)
 
     def _sources(self, stream: Stream) -> tuple[int, ...]:
-        """Return the nodes beyond the water that may publish, as far as they are listed."""
+        """Return the remote nodes that may publish, as far as they are listed."""
         publishers = self._siblings.publishers_beyond(stream)
         if publishers is None:
             return tuple(each for each in self._table.nodes if each not in self._siblings.alive)

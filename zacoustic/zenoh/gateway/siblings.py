@@ -1,30 +1,29 @@
-"""Several gateways on one island: who does what for which stream.
+"""Redundant gateways on one local network: who does what for which stream.
 
-Two gateways on one island hear the same samples, and each hears on the water what the other one
-sent. Without agreement each sample would cross twice and come back. They agree without a word, by
-one rule that all of them compute from the same list, the addresses of those alive:
+Two gateways on one network hear the same samples, and each hears on the channel what the other one
+sent. Without agreement each sample would cross twice and come back. They agree without a message,
+by one rule that all of them compute from the same list, the addresses of the live ones:
 
 ==========  =======================================================  ===============================
 job         of                                                       done by
 ==========  =======================================================  ===============================
-forward     samples of the island to the water                       the lowest of those that may
+forward     local samples to the channel                             the lowest of those that may
                                                                      publish the stream
-deliver     samples from the water to the island, last values        the lowest of those that may
+deliver     received samples to the local network, last values       the lowest of those that may
                                                                      subscribe to it
-proxy       calls and goals of the island for a server beyond the    the lowest
-            water
-serve       calls from the water                                     the stream's server
-attend      goals from the water, feedback and results for it        the stream's server
+proxy       local calls and goals for a remote server                the lowest
+serve       received calls                                           the stream's server
+attend      received goals, their feedback and results               the stream's server
 ==========  =======================================================  ===============================
 
-Two exceptions. A topic with ``{node}`` in its name has keys of its own for each gateway: each
-forwards its own. And what comes from a sibling through the water is delivered by nobody, since the
-island has it already; this still holds `RETIRED_S` after the sibling is gone, for what it
-had on the air. A service whose server is a sibling is left to that one.
+Two exceptions. A topic with ``{node}`` in its name has different keys for each gateway: each
+forwards its own. And samples from another local gateway through the channel are delivered by none,
+since the network has them already; this still holds `RETIRED_S` after that gateway is gone, for its
+frames on the air. A service whose server is another local gateway is left to that one.
 
-What several of them forward may come of one event on the island, at one instant: then their frames
-would meet at every receiver, each time, and best-effort samples have no second try. So each waits
-with those until the gateways before it can have said a frame (`Topics.drain`).
+Samples that several of them forward may come of one local event, at one instant: their frames would
+collide at every receiver, each time, and best-effort samples have no second try. So each waits with
+those until the gateways before it can have sent a frame (`Topics.drain`).
 
 When a token of the list disappears the next lowest takes over; when one appears the higher one
 stands by.
@@ -38,11 +37,11 @@ from zacoustic.core.streams.table import Stream
 
 # The longest frame sounds for 4 s and arrives, from 9 km, 6 s later.
 RETIRED_S: Final = 10.0
-"""How long a sibling that is gone still counts as one of this island, s."""
+"""How long a gateway that is gone still counts as local, s."""
 
 
 class Siblings:
-    """The gateways of one island, as one of them sees them; for the loop.
+    """The gateways of one local network, as one of them sees them; for the loop.
 
     Args:
         address: Acoustic address of this gateway, always alive.
@@ -57,16 +56,16 @@ class Siblings:
 
     @property
     def alive(self) -> tuple[int, ...]:
-        """Addresses of the gateways on this island, this one included, ascending."""
+        """Addresses of the local gateways, this one included, ascending."""
         return tuple(sorted(self._alive))
 
     @property
     def rank(self) -> int:
-        """How many gateways of this island have a lower address."""
+        """How many local gateways have a lower address."""
         return self.alive.index(self.address)
 
     def update(self, address: int, *, is_alive: bool) -> bool:
-        """Note that a gateway appeared or disappeared; tells whether that is news."""
+        """Note that a gateway appeared or disappeared; return whether that is new."""
         if address == self.address or is_alive == (address in self._alive):
             return False
         if is_alive:
@@ -77,23 +76,23 @@ class Siblings:
         return True
 
     def shares_island(self, source: int) -> bool:
-        """Tell whether what that node sent through the water is on this island already."""
+        """Tell whether that node's samples from the channel are local already."""
         if source in self._alive:
             return True
         return self._clock() < self._retired_until.get(source, 0)
 
     def forwards(self, stream: Stream) -> bool:
-        """Tell whether this gateway brings samples of the stream from the island to the water."""
+        """Tell whether this gateway transmits local samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_publish(self.address):
             return False
         if stream.spec.subscribers is not None and self._alive.issuperset(stream.spec.subscribers):
-            return False  # all that listen are on this island
+            return False  # all subscribers are local
         if stream.keys.is_named_by_node:
             return self.address in stream.keys.node_names
         return self.address == min(each for each in self._alive if stream.may_publish(each))
 
     def delivers(self, stream: Stream) -> bool:
-        """Tell whether this gateway brings samples of the stream from the water to the island."""
+        """Tell whether this gateway delivers received samples of the stream."""
         if not isinstance(stream.spec, TopicSpec) or not stream.may_subscribe(self.address):
             return False
         if self.publishers_beyond(stream) == ():
@@ -101,17 +100,17 @@ class Siblings:
         return self.address == min(each for each in self._alive if stream.may_subscribe(each))
 
     def proxies(self, stream: Stream) -> bool:
-        """Tell whether this gateway takes calls, or goals, for a server beyond the water."""
+        """Tell whether this gateway takes calls, or goals, for a remote server."""
         if not isinstance(stream.spec, ServiceSpec | ActionSpec):
             return False
         return stream.spec.server not in self._alive and self.address == min(self._alive)
 
     def attends(self, stream: Stream) -> bool:
-        """Tell whether goals from the water are for the island of this gateway."""
+        """Tell whether received goals are for this gateway's network."""
         return isinstance(stream.spec, ActionSpec) and stream.spec.server == self.address
 
     def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:
-        """Return the nodes beyond the water that may publish a topic; None: any."""
+        """Return the remote nodes that may publish a topic; None: any."""
         assert isinstance(stream.spec, TopicSpec)
         if stream.spec.publishers is None:
             return None

@@ -1,12 +1,12 @@
 """Endpoints for programs: publish and subscribe, call and serve, with asyncio or without.
 
-A `Node` lives on a link (one process, one modem, no Zenoh) or on the Zenoh network of its island;
-the endpoints are the same. In reading order:
+A `Node` uses a link (one process, one modem, no Zenoh) or the local Zenoh network; the endpoints
+are the same. In reading order:
 
 - `api`: the node, which makes endpoints, and the endpoints; names to streams; without asyncio;
 - `form`, `agreement`: classes to types and back;
-- `carrier`: what an endpoint asks of whatever carries its values; `routes`, `delivery`, `goals`;
-- `onlink`: with an engine of its own; `onzenoh`: by a gateway.
+- `carrier`: what an endpoint needs of the carrier of its values; `routes`, `delivery`, `goals`;
+- `onlink`: with its own engine; `onzenoh`: by a gateway.
 
 Importing this package imports no Zenoh.
 """

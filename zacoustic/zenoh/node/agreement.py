@@ -1,4 +1,4 @@
-"""Where what the code says of a stream and what is defined have to agree."""
+"""Checks that the code and the definition of a stream agree."""
 
 from typing import Final
 
@@ -53,7 +53,7 @@ def triple_of(action_type: object, name: str) -> tuple[object, object, object]:
 
 
 def tune(stream: Stream, qos: Qos | None) -> None:
-    """Let the code say how this node's payloads wait; what both ends must agree on stays."""
+    """Let the code set how this node's payloads wait; what both ends must agree on stays."""
     if qos is None:
         return
     if qos.stamp not in (Stamp.NONE, stream.qos.stamp):

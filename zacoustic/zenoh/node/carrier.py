@@ -70,7 +70,7 @@ NodeEvent = (
     | ObjectProgress
     | RosEntitySeen
 )
-"""What a node tells beside samples and calls; on Zenoh the first kind only."""
+"""Events of a node besides samples and calls; on Zenoh the first kind only."""
 
 CLOSED_TEXT: Final = "the service was closed"
 """What a caller reads whose call was under way then."""
@@ -84,7 +84,7 @@ class Incoming(msgspec.Struct, frozen=True, kw_only=True):
     value: Any
     """A dict or bytes; None for a delete."""
     source: int | None
-    """Acoustic address that it came from; None: it was published on this island."""
+    """Acoustic address of its source; None: it was published locally."""
     deleted: bool
     """The key was deleted."""
     encoding: str
@@ -98,14 +98,14 @@ class Incoming(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class IncomingCall(Protocol):
-    """A call that is to be answered once."""
+    """A call to answer once."""
 
     value: Any
     """The request, a dict or bytes."""
     client: int | None
-    """Acoustic address of the caller; None: it is on this island."""
+    """Acoustic address of the caller; None: it is local."""
     call_id: str | None
-    """Call id; None: the caller is on this island."""
+    """Call id; None: the caller is local."""
     deadline_at: int
     """Instant after which an answer is worthless, ns."""
 
@@ -113,7 +113,7 @@ class IncomingCall(Protocol):
         """Answer; False when it is too late or answered already.
 
         Raises:
-            LocalError: The response cannot be sent; the caller has been told so.
+            LocalError: The response cannot be sent; the caller knows it.
         """
         ...
 
@@ -129,7 +129,7 @@ class Outlet(Protocol):
         """Send a value; returns at once; may be called from any thread.
 
         Returns:
-            What becomes of it, on a reliable topic, and where the carrier is told.
+            Its delivery, on a reliable topic, if the carrier learns the outcome.
 
         Raises:
             LocalError: The value cannot be sent, or a bounded queue is full.
@@ -202,10 +202,10 @@ class Carrier(Protocol):
         ...
 
     async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
-        """Give an order to a node; cancelling gives it up.
+        """Give a command to a node; cancelling gives it up.
 
         Raises:
-            LocalError: No such node, or the order makes no sense here.
+            LocalError: No such node, or the command makes no sense here.
             ServiceError: The node refuses it.
             CallTimeoutError: No answer in time.
             DeliveryError: It cannot be given from here.

@@ -38,7 +38,7 @@ class Delivery:
         self.missing: tuple[int, ...] = ()
         """Addresses of the subscribers that have not acknowledged it, when it has ended."""
         self.detail = ""
-        """Why, where the outcome does not say it."""
+        """The reason, if the outcome does not say it."""
         self.progress: ObjectProgress | None = None
         """How far it is, as told last, if it is larger than a frame; None: it is not, or nothing
         was told yet."""
@@ -163,7 +163,7 @@ class Deliveries:
             delivery.note_stored()
 
     def ended(self, event: DeliveryEnded) -> bool:
-        """Tell the delivery its end; False when it is none of this life."""
+        """Give the delivery its outcome; False if it is of another boot epoch."""
         delivery = self._deliveries.pop(event.delivery_id, None)
         if delivery is not None:
             delivery.end(event)

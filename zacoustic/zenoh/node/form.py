@@ -35,7 +35,7 @@ class Form(Generic[T]):
         self.build = build
 
     def write(self, value: object, encoding: str) -> bytes:
-        """Write a value of the application for its island.
+        """Encode a value of the application for the local network.
 
         Raises:
             PayloadInvalidError: The type does not allow it, or it is opaque and not bytes.
@@ -44,7 +44,7 @@ class Form(Generic[T]):
         return write_value(checked, self.spec, encoding)
 
     def read(self, payload: bytes, encoding: str) -> object:
-        """Read what somebody on the island sent, for `build`.
+        """Decode a local payload, for `build`.
 
         Raises:
             PayloadInvalidError: It is not of the type.
@@ -86,7 +86,7 @@ def configured_form(value_type: object, spec: TypeSpec | None, *, where: str) ->
         where: The stream, named in errors.
 
     Raises:
-        ConfigError: What the code says and what is defined are not one type.
+        ConfigError: The code's type and the defined one differ.
     """
     defined = "opaque bytes" if spec is None else f'the type "{spec.name}"'
     if isinstance(value_type, str):

@@ -30,7 +30,7 @@ class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SentGoal(Protocol):
-    """A goal that the server has answered, or that a former life has sent."""
+    """A goal that the server has answered, or that a former boot epoch has sent."""
 
     @property
     def accepted(self) -> bool:
@@ -61,15 +61,15 @@ class SentGoal(Protocol):
 
 
 class TakenGoal(Protocol):
-    """A goal that somebody has sent to this node."""
+    """A goal that was sent to this node."""
 
     value: Any
     """The goal, a dict or bytes."""
     client: int | None
-    """Acoustic address of the client; None: it is on this island."""
+    """Acoustic address of the client; None: it is local."""
 
     def accept(self) -> bool:
-        """Accept it; False: nobody waits for that any more, and it must not be begun."""
+        """Accept it; False: its client has given up, and it must not begin."""
         ...
 
     def reject(self, failure: GoalFailure, text: str) -> bool:
@@ -131,7 +131,7 @@ class GoalCarrier(Protocol):
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> Sequence[SentGoal]:
-        """Return the goals that a former life has sent, each once."""
+        """Return the goals that a former boot epoch has sent, each once."""
         ...
 
     def serve(self, route: ActionRoute[Any, Any, Any], desk: GoalDesk) -> Callable[[], None]:
@@ -144,7 +144,7 @@ class GoalCarrier(Protocol):
 
 
 def goal_error(name: str, failure: GoalFailure, text: str) -> ZacousticError:
-    """Make the exception of a goal that was not answered, or of which no end is known."""
+    """Make the exception of a goal without an answer, or with an unknown end."""
     kind = CallTimeoutError if failure is GoalFailure.TIMED_OUT else DeliveryError
     return kind(
         f"{name}: {text or failure.name.lower().replace('_', ' ')}", hint=_HINTS.get(failure, "")

@@ -1,4 +1,4 @@
-"""Where endpoints go: a stream of the water, or on Zenoh a key that no configuration maps."""
+"""Where endpoints go: a stream, or on Zenoh a key that no configuration maps."""
 
 from typing import Any, Final, Generic, TypeVar
 

@@ -1,7 +1,7 @@
-"""From Zenoh's threads to the loop: a bell that rings once.
+"""The wake-up from Zenoh's threads to the loop: at most one is under way.
 
-A loop that is called for each sample collects an unbounded queue of calls. So whoever hands
-something over keeps it, bounded, and rings: that wakes the loop if no wake-up is under way.
+A loop that is called for each sample collects an unbounded queue of calls. So the sender keeps what
+it hands over, bounded, and wakes the loop unless a wake-up is under way.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ class Doorbell:
         self._has_rung = False
 
     def ring(self) -> None:
-        """Have `answer` called soon; whatever was handed over before the ring is there by then."""
+        """Have `answer` called soon; everything handed over before the call is there by then."""
         with self._guard:
             if self._has_rung:
                 return
@@ -40,5 +40,5 @@ class Doorbell:
 
 def tell_loop(loop: asyncio.AbstractEventLoop, callback: Callable[[], None]) -> None:
     """Call back on the loop, if it still runs; from any thread."""
-    with contextlib.suppress(RuntimeError):  # it has ended: nobody is there any more
+    with contextlib.suppress(RuntimeError):  # it has ended
         loop.call_soon_threadsafe(callback)

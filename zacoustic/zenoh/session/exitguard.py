@@ -1,11 +1,11 @@
 """A script that ends without closing what it has opened must still end, with its own exit code.
 
-The threads of a Zenoh session come back to Python for each sample. The interpreter waits for those
-that are no daemons before it runs any exit hook, and they wait for a session that nobody closes any
-more. Those that are daemons, because a daemon has declared something, it does not wait for; then
+The threads of a Zenoh session come back to Python for each sample. Before it runs any exit hook,
+the interpreter waits for those that are no daemons, and they wait for a session that is never
+closed. It does not wait for those that are daemons (because a daemon has declared something); then
 the first of them that comes back aborts the process. So a guard waits beside them, in a thread that
-the interpreter does wait for: it sees that the main thread is over and closes while everything is
-still in working order.
+the interpreter does wait for: it sees that the main thread is over and closes the session while
+everything still works.
 """
 
 import threading
@@ -27,7 +27,7 @@ class ExitGuard:
     def __init__(self, close: Callable[[], None]) -> None:
         self._close = close
         self._dismissed = threading.Event()
-        # A thread is a daemon where its maker is one, unless it is told otherwise.
+        # A thread is a daemon if its maker is one, unless set otherwise.
         threading.Thread(target=self._watch, name="exit guard", daemon=False).start()
 
     def dismiss(self) -> None:

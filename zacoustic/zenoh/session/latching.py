@@ -2,8 +2,8 @@
 
 Zenoh's advanced subscriber with a history, which a *transient local* subscription of rmw_zenoh is,
 asks the caches of publishers, each under ``KEY/@adv/pub/…``. Zenoh's advanced publisher is such a
-cache. It needs samples with time stamps: where the file has turned those off there is no cache, and
-that is said.
+cache. It needs samples with time stamps: if the file has turned those off, there is no cache, and a
+warning says so.
 """
 
 import json
@@ -23,7 +23,7 @@ Latched = zenoh.ext.AdvancedPublisher | zenoh.Publisher
 
 
 def stamp_samples(settings: zenoh.Config) -> None:
-    """Have all samples stamped, unless the file says something of it: caches need that."""
+    """Have all samples stamped, unless the file sets it: caches need that."""
     if json.loads(settings.get_json("timestamping/enabled")) is None:
         everywhere = {"router": True, "peer": True, "client": True}
         settings.insert_json5("timestamping/enabled", json.dumps(everywhere))

@@ -1,17 +1,16 @@
-"""The mark on what came off the water: who published it, and how old it was.
+"""The mark on samples from the channel: their publisher and their age.
 
-A second gateway on the same island hears what the first one puts there and must not send it back.
-Nothing in a Zenoh sample tells who published it, so the gateway says it in the *attachment*, a CBOR
-map::
+A second local gateway hears what the first one puts and must not send it back. Nothing in a Zenoh
+sample names its publisher, so the gateway writes it into the *attachment*, a CBOR map::
 
     {"acoustic": 2, "age_s": 1.3}
     {"acoustic": 2, "call": "2/17/20/5"}
 
 `acoustic` is always there and comes first: the acoustic address of the node that published the
-sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: how old
-the sample was when its frame was composed, and for an answer to a `get` also how long it has been
-kept; infinity means over an hour. `call` is there on calls: the call id. Everything with this mark
-stays on its island. An attachment that an application sets does not cross the water.
+sample, that calls, or that answers. `age_s`, s, is there on streams with ``stamp: "age"``: the
+sample's age when its frame was composed, and for an answer to a `get` also the time since then;
+infinity means over an hour. `call` is there on calls: the call id. Everything with this mark stays
+on its network. An attachment that an application sets does not cross the channel.
 """
 
 from typing import Final
@@ -27,10 +26,10 @@ _MAP_LAST: Final = 0xB7
 
 
 class Marker(msgspec.Struct, frozen=True, kw_only=True):
-    """What the attachment says."""
+    """The contents of the attachment."""
 
     acoustic: int
-    """Acoustic address that it came from, 1…254; 0 where the wire does not tell (rmw_desert)."""
+    """Acoustic address of the source, 1…254; 0 where the wire does not have it (rmw_desert)."""
     age_s: float | None = None
     """Age, s, ≥ 0; infinity: over an hour; None: not known."""
     call: str | None = None

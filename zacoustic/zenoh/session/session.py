@@ -30,10 +30,10 @@ WORDS: Final = {
     False: "the Zenoh router is gone; nothing comes or goes until it is back",
     True: "the Zenoh router is back",
 }
-"""What to say to people when the connection goes, and when it comes again."""
+"""Messages for people when the connection goes, and when it comes again."""
 
 HERE: Final = {"router": ("tcp/127.0.0.1:7447",), "peer": ("tcp/127.0.0.1:0",)}
-"""Where a session listens of whose file says nothing about it, by its mode."""
+"""Where a session listens by default, by its mode."""
 _ZENOH_LISTENS: Final = {"router": ["tcp/[::]:7447"], "peer": ["tcp/[::]:0"]}
 
 _ENDPOINT: Final = re.compile(r"bound to (\S+): ")
@@ -69,7 +69,7 @@ class Island:
         """Open a session in the mode of the config.
 
         Raises:
-            SessionError: A port is in use, no router is reached, or anything else that Zenoh says.
+            SessionError: A port is in use, no router is reached, or another error of Zenoh.
         """
         worker = Worker("zenoh")
 
@@ -142,7 +142,7 @@ class Island:
         priority: Priority,
         attachment: bytes | None = None,
     ) -> None:
-        """Put a sample on the island; on the loop."""
+        """Put a sample; on the loop."""
         try:
             self.session.put(
                 key,
@@ -157,7 +157,7 @@ class Island:
             self._lose(key, error)
 
     def delete(self, key: str, *, priority: Priority, attachment: bytes) -> None:
-        """Delete a key on the island; on the loop."""
+        """Delete a key; on the loop."""
         try:
             self.session.delete(
                 key,
@@ -232,7 +232,7 @@ def listen_at(config: zenoh.Config, endpoints: Sequence[str]) -> None:
 
 
 def listen_here(config: zenoh.Config) -> bool:
-    """Have a session whose file says nothing of listening listen on this computer only.
+    """Have a session without `listen` in its file listen on this computer only.
 
     Zenoh's own default is every network that the computer is in.
 
@@ -240,7 +240,7 @@ def listen_here(config: zenoh.Config) -> bool:
         config: The settings; changed.
 
     Returns:
-        Whether the file says nothing, and the session would listen.
+        Whether the file has no `listen`, and the session would listen.
     """
     if _setting(config, "listen/endpoints") != _ZENOH_LISTENS:
         return False
@@ -284,7 +284,7 @@ def explain(error: zenoh.ZError, endpoints: Sequence[str] = ()) -> SessionError:
 
 
 def one_line(error: zenoh.ZError) -> str:
-    """What Zenoh says, without places in its source."""
+    """Zenoh's message, without places in its source."""
     return " ".join(_NOISE.sub("", str(error)).split())
 
 

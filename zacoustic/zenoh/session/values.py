@@ -1,7 +1,7 @@
 """Values on the Zenoh side: CBOR maps or JSON objects for types, bytes as they are without one.
 
-Reading and writing does not ask whether the type allows the value; that is for whoever gives it to
-an engine or to an application.
+Decoding and encoding does not check whether the type allows the value; the caller that gives it to
+an engine or to an application does.
 """
 
 from zacoustic.core.values.encoding import OPAQUE, decode_application, encode_application
@@ -10,7 +10,7 @@ from zacoustic.errors import PayloadInvalidError
 
 
 def said_encoding(encoding: object, otherwise: str) -> str:
-    """Return the encoding of a sample; `otherwise` for Zenoh's default and None, which say nothing.
+    """Return the encoding of a sample; `otherwise` for Zenoh's default and None.
 
     Args:
         encoding: What Zenoh gives; its text counts.
@@ -21,7 +21,7 @@ def said_encoding(encoding: object, otherwise: str) -> str:
 
 
 def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
-    """Read what somebody on the island sent: a dict, or bytes.
+    """Decode a local payload: a dict, or bytes.
 
     Raises:
         PayloadInvalidError: It cannot be read.
@@ -30,7 +30,7 @@ def read_value(payload: bytes, spec: TypeSpec | None, encoding: str) -> object:
 
 
 def write_value(value: object, spec: TypeSpec | None, encoding: str) -> bytes:
-    """Write a value for the island.
+    """Encode a value for the local network.
 
     Raises:
         PayloadInvalidError: The encoding cannot carry it, or it is opaque and not bytes.

@@ -1,6 +1,6 @@
-"""The one thread in which calls of Zenoh are made that may block.
+"""The one thread for calls of Zenoh that may block.
 
-A reply to somebody who does not read, a declaration on a full connection, opening and closing can
+A reply to a client that does not read, a declaration on a full connection, opening and closing can
 each block for seconds; the loop, which owns the engine, must not. The order of the steps is kept.
 """
 
@@ -70,7 +70,7 @@ class Worker:
         def take() -> None:
             try:
                 result = step()
-            except Exception as error:  # handed on to whoever waits
+            except Exception as error:  # handed on to the waiting caller
                 failure = error
                 tell(lambda: done.set_exception(failure))
             else:
@@ -81,15 +81,15 @@ class Worker:
             return await done
 
     def end_with(self, farewell: Callable[[], object]) -> None:
-        """Say what is to be done behind all steps, whoever ends the thread; in a step."""
+        """Set the final step, after all others, whichever caller ends the thread; in a step."""
         self._farewell = farewell
 
     def end(self) -> None:
-        """Take the steps that are there and say farewell; does not wait. May be called again."""
+        """Take the present steps and end; does not wait. May be called again."""
         self._steps.put(_END)
 
     async def close(self, *, limit_s: float) -> bool:
-        """Take the steps that are there and say farewell; False when it takes above `limit_s`."""
+        """Take the present steps and end; False if it takes above `limit_s`."""
         self.end()
         await asyncio.to_thread(self._thread.join, limit_s)
         return not self._thread.is_alive()

@@ -51,7 +51,7 @@ class Sent(Note, frozen=True, kw_only=True, tag="sent"):
     stream: str
     """Lane: the name of the stream, for a service with `request` or `response`."""
     source: int
-    """Address of the island it came from."""
+    """Address of the side it came from."""
     count: int
     """Number of it on its lane, from 0."""
     value: Any
@@ -64,7 +64,7 @@ class Crossed(Note, frozen=True, kw_only=True, tag="crossed"):
     stream: str
     """Lane, as in `Sent`."""
     source: int
-    """Address of the island it came from."""
+    """Address of the side it came from."""
     count: int
     """Number of it on its lane."""
     delay_s: float

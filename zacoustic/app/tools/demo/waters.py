@@ -1,14 +1,14 @@
 """The channel of the demo: for each link the process that stands for it.
 
-It knows three things: the verb that serves it, the locator of each gateway's modem,
-and the meaning of the process's lines. The lines of `zacoustic medium --json` are the
-common language; another one translates its own into them::
+It knows three things: the verb that serves it, the locator of each gateway's modem, and the meaning
+of the process's lines. The lines of `zacoustic medium --json` are the common language; another one
+translates its own into them::
 
     listening                                       every modem is there
     waiting     source                              a frame waits for its turn
-    emission    source sequence frame_bytes         a frame is in the water
+    emission    source sequence frame_bytes         a frame is transmitted
                 airtime_s [sound_s]
-    reception   source sequence node outcome        what became of it at the other island
+    reception   source sequence node outcome        its outcome at the other side
                 propagation_s
 
 One more class in `WATERS` is one more `zacoustic demo --link`.

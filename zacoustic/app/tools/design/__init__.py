@@ -1,1 +1,1 @@
-"""For whoever designs a fleet: what it costs, whether it fits, what its types are."""
+"""Tools to design a fleet: costs, load, types."""

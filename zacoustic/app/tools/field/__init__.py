@@ -1,1 +1,1 @@
-"""For whoever is at the modems: is it healthy, who answers, be silent."""
+"""Tools for the field: health of a node, ping, remote commands."""

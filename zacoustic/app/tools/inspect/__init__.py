@@ -1,1 +1,1 @@
-"""For whoever looks at what happened: frames and recordings."""
+"""Tools for afterwards: frames and recordings."""

@@ -1,10 +1,10 @@
-"""What keeps a page true when something dies; `webpage.Banner` puts it onto a page of NiceGUI's.
+"""Keeps a page true when something dies; `webpage.Banner` puts it onto a page of NiceGUI's.
 
-A browser shows for ever what it was told last. So each page beats: a number in it changes, and a
-script there (`truth.js`) that misses it says so in a banner over the whole width, within three
-seconds, greys what is shown, and takes no click that nobody would get. The same banner has what the
-server knows to be dead. Ages count in the browser: an element with ``data-age`` (seconds, when it
-was sent) shows what has become of it.
+A browser shows its last contents for ever. So each page beats: a number in it changes, and a script
+there (`truth.js`) that misses the beat shows a banner over the whole width, within three seconds,
+greys the values, and refuses clicks that nobody would get. The same banner shows what the server
+knows to have failed. Ages count in the browser: an element with ``data-age`` (seconds, when it was
+sent) shows its present age.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Who may use a page of ours: browsers that show it, and no other page through them.
 
-A page on the network of a vessel has no password, so another one that somebody has open must not
-reach it through his browser. Two checks keep it out. `Host` says under which name the browser found
-us: a name that was turned to this address behind its back is none of ours. `Origin` says which page
-speaks: only one that we have served. And no page may show ours inside of it, under a false button.
+A page on the network of a vessel has no password, so another open page must not reach it through
+the same browser. Two checks keep it out. `Host` is the name under which the browser found us: a
+name that was redirected to this address is none of ours. `Origin` is the requesting page: only one
+that we have served. And no page may show ours in a frame, under a false button.
 """
 
 import ipaddress

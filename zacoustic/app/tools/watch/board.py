@@ -1,8 +1,8 @@
-"""The board: the newest documents of all gateways, and what can be read off them now.
+"""The board: the newest documents of all gateways, and the values derived from them.
 
 Instants in documents are by the clock of the gateway's computer, which may differ from ours by
-hours: a vehicle has no network time. So a gateway that is asked tells what time it is there, and
-ages are reckoned by its clock.
+hours: a vehicle has no network time. So a gateway answers with its own time, and ages are computed
+by its clock.
 """
 
 import re

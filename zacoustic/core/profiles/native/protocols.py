@@ -11,12 +11,7 @@ from collections.abc import Callable, Mapping, Set
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
-from zacoustic.core.base.linktypes import (
-    LinkCapabilities,
-    ReceivedFrame,
-    Transmission,
-    TransmitReport,
-)
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.stats import EngineStats, count
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
@@ -213,9 +208,15 @@ class Protocols:
             self.demand,
             stats,
         )
-        self.composer = Composer(queue, handshake, self.dense, self.ranging, stats)
-        self.composer.objects = self.large.objects
-        self.composer.contact = self.contact
+        self.composer = Composer(
+            queue,
+            handshake,
+            self.dense,
+            self.ranging,
+            self.large.objects,
+            self.contact,
+            stats,
+        )
         self._write_epoch()
 
     @property
@@ -298,11 +299,11 @@ class Protocols:
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None."""
-        return self.composer.compose(port.envelope, now)
+        return self.composer.compose(port, now)
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of what waits in one lane, or return None."""
-        return self.composer.compose_only(port.envelope, lane, now)
+        return self.composer.compose_only(port, lane, now)
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of what medium access has to say, or return None."""
@@ -347,7 +348,6 @@ class Protocols:
             port.handle_control,
             port.handle_call,
         )
-        self.composer.port = port
         capabilities = port.capabilities
         self.handshake.use_link(capabilities)
         self.ranging.use_link(capabilities)
@@ -357,7 +357,7 @@ class Protocols:
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
-        self.repeater.use_link(times, now)
+        self.repeater.use_link(times)
         self.receiving.use_link(times)
         self.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
@@ -373,25 +373,14 @@ class Protocols:
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
-        self.repeater.link_up(now)
+        self.repeater.link_up()
         self.services.link_up(now)
         self.actions.link_up(now)
 
-    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
-        """A transmission begins."""
-        self.copied.transmitted(composed.records)
-        self.sending.transmitted(composed.records, now)
-        self.repeater.transmitted(composed.records)
-        self.ranging.transmitted(transmission, now)
-        self.contact.transmitted(transmission.destination, now)
-
-    def handle_report(self, report: TransmitReport, now: int) -> None:
-        """A transmission has ended."""
-        self.copied.handle_report(report)
-        self.sending.handle_report(report)
-        self.repeater.handle_report(report)
-        self.large.objects.transmitted(report.finished_at)
-        self.ranging.handle_report(report, now)
+    def handle_timeout(self, now: int) -> None:
+        """The node is awake, and timers may be due: do what has no instant of its own."""
+        self.large.at(now)
+        self.copied.sweep(now)
 
     # Below the methods above
 

@@ -27,10 +27,10 @@ from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
     LinkCapabilities,
     ReceivedFrame,
-    Transmission,
     TransmitOutcome,
     TransmitReport,
 )
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.doubt import Doubt
@@ -100,6 +100,7 @@ class RmwDesertProtocols(Protocols):
         )
         self._port: LinkPort | None = None
         self._pieces: list[bytes] = []
+        self._piece = Part(reported=self._reported)
         self._pieces_stream = NO_STREAM
 
     # Commands
@@ -175,8 +176,8 @@ class RmwDesertProtocols(Protocols):
             return Composed(
                 destination=BROADCAST,
                 frame_bytes=piece,
-                records=(),
                 object_stream=self._pieces_stream,
+                parts=(self._piece,),
             )
         for lane, _ in self.queue.candidates(now):
             if lane.due_at <= now:
@@ -237,14 +238,6 @@ class RmwDesertProtocols(Protocols):
             envelope.forget()
         self._discovery.begin(now)
 
-    def transmitted(self, transmission: Transmission, composed: Composed, now: int) -> None:
-        """A transmission begins."""
-
-    def handle_report(self, report: TransmitReport, now: int) -> None:
-        """A transmission has ended; a packet of which a piece is missing is not completed."""
-        if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
-            self._pieces.clear()
-
     # Below the methods above
 
     def _give_up(self, now: int) -> None:
@@ -263,6 +256,11 @@ class RmwDesertProtocols(Protocols):
         envelope = self._port.envelope if self._port is not None else None
         return envelope if isinstance(envelope, PacketEnvelope) else None
 
+    def _reported(self, report: TransmitReport, now: int) -> None:
+        """A packet of which a piece is missing is not completed."""
+        if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
+            self._pieces.clear()
+
     def _packet(self, port: LinkPort, item: Waiting) -> Composed:
         message = bytes((item.code,)) + item.head + item.payload
         packet = port.envelope.wrap(message, BROADCAST)
@@ -273,7 +271,9 @@ class RmwDesertProtocols(Protocols):
         most = port.capabilities.mtu_bytes
         first, *self._pieces = [packet[at : at + most] for at in range(0, len(packet), most)]
         self._pieces_stream = item.stream_id
-        return Composed(destination=BROADCAST, frame_bytes=first, records=(item,))
+        return Composed(
+            destination=BROADCAST, frame_bytes=first, records=(item,), parts=(self._piece,)
+        )
 
     def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
         stream = self._table.get(message.stream_id)

@@ -22,7 +22,7 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served, ServerCalls
-from zacoustic.core.transport.repeating import RepeatedRecord, Repeater
+from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
@@ -321,7 +321,7 @@ class Answering:
         stream, answer = self._table.by_id(call.stream_id), served.answer
         assert answer is not None
         is_response = answer.kind is CallKind.RESPONSE
-        record = RepeatedRecord(
+        record = Waiting(
             stream_id=call.stream_id,
             destination=call.client,
             head=self._head(answer.kind, call, served),

@@ -24,7 +24,7 @@ from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream, StreamTable
 from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
 from zacoustic.core.transport.calls.calls import CallEvent, CallFailed, ClientCalls
-from zacoustic.core.transport.repeating import RepeatedRecord, Repeater
+from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
@@ -157,7 +157,7 @@ class Services:
         if self._handshake.differs(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
             return call_id
-        request = RepeatedRecord(
+        request = Waiting(
             stream_id=stream_id,
             destination=server,
             head=head + _head(CallKind.REQUEST, number),

@@ -1,10 +1,9 @@
-"""Which orders have been obeyed: each once, and none behind a later one about the same thing.
+"""The deduplication table of commands: each is executed once, and none after a later one.
 
-Orders of one life of a node are counted (*serial*), and lives differ by the boot epoch. The ledger
-keeps, for each node that gives orders and each thing that they are about, the epoch and the serial
-of the last order that was obeyed, and the epochs before. An order is new if its serial is later in
-the same epoch, or if its epoch is none that was there before: nobody goes back to a former life, so
-an order from one came late.
+A node counts the commands of one boot epoch (*serial*). The table keeps, for each commanding node
+and each object of a command, the epoch and the serial of the last executed command, and the epochs
+before. A command is new if its serial is later in the same epoch, or if its epoch is none of those
+before: a node never returns to a former epoch, so a command from one came late.
 """
 
 import enum
@@ -21,18 +20,18 @@ _FORMER_LIVES: Final = 8
 
 
 class Standing(enum.Enum):
-    """What an order is beside those before."""
+    """A command compared with those before."""
 
     NEW = "new"
-    """It is to be obeyed."""
+    """New: execute it."""
     SAME = "same"
-    """It has been obeyed."""
+    """It has been executed."""
     OVERTAKEN = "overtaken"
-    """A later one has been obeyed."""
+    """A later one has been executed."""
 
 
 class _Last(msgspec.Struct, frozen=True, array_like=True):
-    """The last order of a node about one thing."""
+    """The last command of a node about one object."""
 
     epoch: int
     serial: int
@@ -40,7 +39,7 @@ class _Last(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Ledger:
-    """The orders that this node has obeyed.
+    """The commands that this node has executed.
 
     Args:
         stored: What the journal has kept.
@@ -57,13 +56,13 @@ class Ledger:
                 self._last[client, subject] = msgspec.msgpack.decode(value, type=_Last)
 
     def standing(self, client: int, subject: int, epoch: int, serial: int) -> Standing:
-        """Tell whether an order is a new one.
+        """Tell whether a command is new.
 
         Args:
             client: Who gives it.
             subject: What it is about.
             epoch: Boot epoch of that node.
-            serial: Number of the order.
+            serial: Number of the command.
         """
         last = self._last.get((client, subject))
         if last is None or (epoch != last.epoch and epoch not in last.former):
@@ -78,7 +77,7 @@ class Ledger:
     def enter(
         self, client: int, subject: int, epoch: int, serial: int, then: Callable[[int], None]
     ) -> None:
-        """Note an order that is obeyed; `then` is called when that is written down."""
+        """Note an executed command; `then` is called when that is written down."""
         last = self._last.get((client, subject))
         former: tuple[int, ...] = ()
         if last is not None:

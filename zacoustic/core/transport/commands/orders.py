@@ -1,4 +1,4 @@
-"""The orders of one node: those that it gives, and those that it obeys."""
+"""The commands of one node: those that it gives, and those that it executes."""
 
 from collections.abc import Callable
 from typing import Final, assert_never
@@ -20,38 +20,38 @@ from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
 NOBODY: Final = 0
-"""In place of an address: an order of the node's own island, or program."""
+"""In place of an address: a command of the node's own network, or program."""
 
 
 class StreamTuned(msgspec.Struct, frozen=True, kw_only=True):
-    """It was ordered how a topic of this node is sent, and the journal has it."""
+    """A command has overridden how a topic of this node is sent, and the journal has it."""
 
     stream_id: int
     """The topic's stream."""
     on: bool
     """Its samples go; otherwise they wait, expire and are superseded."""
     min_interval_s: float
-    """Least time between two samples of one key on the water, s."""
+    """Minimum time between two transmitted samples of one key, s."""
     priority: Priority
     """Zenoh's priority."""
     ordered_by: int
-    """Address of the node that has ordered it; 0: it was ordered here."""
+    """Address of the commanding node; 0: commanded here."""
     changed_at: int
     """Instant, ns."""
 
 
 class Orders:
-    """What a node orders others to do, and does for them.
+    """What a node commands others to do, and does for them.
 
     Args:
         address: Address of the node.
         table: Its streams.
-        services: They carry orders.
+        services: They carry commands.
         handshake: Knows how long an answer may take.
-        tunings: What was ordered of topics.
-        ledger: What was obeyed.
+        tunings: The overrides of topics.
+        ledger: The executed commands.
         silence: The gate in front of all transmissions.
-        obeys: Addresses of the nodes whose orders it obeys; None: those of the table's list.
+        obeys: Addresses of the nodes whose commands it executes; None: those of the table's list.
         emit: Takes `StreamTuned`.
     """
 
@@ -68,7 +68,7 @@ class Orders:
         emit: Callable[[StreamTuned], None],
     ) -> None:
         self.tunings = tunings
-        """What was ordered of topics; to be read only."""
+        """The overrides of topics; read only."""
         self._address = address
         self._table = table
         self._obeys = obeys
@@ -79,24 +79,24 @@ class Orders:
         self._emit = emit
         self._serial = 0
         stream = table.get(ORDERS_STREAM_ID)
-        if stream is not None and stream.is_built_in:  # else the id is that of another service
+        if stream is not None and stream.is_built_in:  # else the id is another service's
             self._services.serve_here(ORDERS_STREAM_ID, self._receive)
 
     def send(self, node: int, order: Order, now: int, *, timeout_s: float | None = None) -> int:
-        """Give an order to another node; returns the call id that the answer will name.
+        """Give a command to another node; return the call id of its answer.
 
         The answer is a `ResponseReceived` of stream `ORDERS_STREAM_ID`, to be read by
         `OrderState.from_wire`, or a `CallFailed`: HANDLER when it is refused, with the reason.
 
         Args:
             node: Address of the node.
-            order: What it is to do.
+            order: The command.
             now: The instant.
             timeout_s: How long to try, s, at most 600; None: 600.
 
         Raises:
-            LocalError: No such node, this one itself, or the table has no room for orders.
-            QueueFullError: Too many orders to that node are under way.
+            LocalError: No such node, this one itself, or the table has no remote commands.
+            QueueFullError: Too many commands to that node are under way.
         """
         if not 1 <= node <= 254:
             raise LocalError(f"node {node}; allowed: 1..254")
@@ -115,10 +115,10 @@ class Orders:
         )
 
     def obey(self, order: Order, now: int, then: Callable[[OrderState], None]) -> None:
-        """Do what is ordered here.
+        """Execute a local command.
 
         Args:
-            order: The order.
+            order: The command.
             now: The instant.
             then: Takes what holds, when it is written down.
 
@@ -133,7 +133,7 @@ class Orders:
         self._do(order, now, kept)
 
     def state(self, order: Order, now: int) -> OrderState:
-        """Return what holds of the things that an order is about.
+        """Return the state of the objects of a command.
 
         Raises:
             LocalError: It speaks of a topic that this node does not publish.
@@ -151,10 +151,10 @@ class Orders:
             state, on=on, min_interval_s=qos.min_interval_s, priority=qos.priority
         )
 
-    # For the water
+    # For the channel
 
     def _receive(self, request: RequestReceived, now: int) -> None:
-        """Take an order of another node."""
+        """Take a command of another node."""
         call, age_s = request.call, request.age_s or 0.0
         obeys = self._table.nodes if self._obeys is None else self._obeys
         if call.client not in obeys:
@@ -172,7 +172,7 @@ class Orders:
             self._refuse(call, str(error), now)
 
     def _obey_once(self, call: CallKey, serial: int, order: Order, now: int) -> None:
-        """Do what an order says, unless that has been done, or something later."""
+        """Execute a command, unless it or a later one has been executed."""
         standing = self._ledger.standing(call.client, order.subject, call.epoch, serial)
         if standing is Standing.OVERTAKEN:
             raise LocalError("overtaken by a later order")
@@ -214,7 +214,7 @@ class Orders:
                 assert_never(order.kind)
 
     def _tell(self, order: Order, by: int, now: int) -> None:
-        """Tell the application what has become of a topic; `Silence` tells of itself."""
+        """Report a changed topic to the application; `Silence` reports itself."""
         if order.kind not in (OrderKind.TUNE, OrderKind.RESET):
             return
         assert order.stream_id is not None
@@ -232,7 +232,7 @@ class Orders:
 
 
 def _for_the_rest(order: Order, age_s: float) -> Order:
-    """Return a silence that ends when it was to end, however long the order took.
+    """Return a silence that ends on time, however long the command took.
 
     Raises:
         LocalError: That is over.

@@ -1,4 +1,4 @@
-"""What was ordered of topics while the node runs; it outlives a restart, and changes no digest."""
+"""Overrides of topics by remote commands; they survive a restart, and change no digest."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -51,11 +51,11 @@ class Tunings:
                 self._recover(int(stream_id), value)
 
     def of(self, stream_id: int) -> Tuning:
-        """Return what was ordered of a stream."""
+        """Return the override of a stream."""
         return self._tunings.get(stream_id, UNTUNED)
 
     def effective(self, stream: Stream) -> tuple[bool, Qos]:
-        """Return whether the samples of a topic go, and its QoS with what was ordered."""
+        """Return whether the samples of a topic go, and its QoS with the override."""
         tuning = self.of(stream.stream_id)
         return tuning.on, tuning.over(stream.qos)
 
@@ -63,7 +63,7 @@ class Tunings:
         """Return a topic that can be tuned here.
 
         Raises:
-            LocalError: It is none of this node's; in few words, since they may cross the water.
+            LocalError: It is none of this node's; in few words, since they may cross the channel.
         """
         stream = self._table.get(stream_id)
         if stream is None:
@@ -75,7 +75,7 @@ class Tunings:
         return stream
 
     def change(self, order: Order, then: Callable[[int], None]) -> None:
-        """Do what a TUNE or RESET says; `then` is called when it is written down.
+        """Execute a TUNE or RESET; `then` is called when it is written down.
 
         Raises:
             LocalError: As `check`.
@@ -103,7 +103,7 @@ class Tunings:
             stream = self.check(stream_id)
             tuning = msgspec.msgpack.decode(value, type=Tuning)
         except (LocalError, msgspec.MsgspecError):
-            # The table is another one now.
+            # The table is new now.
             self._journal.write(f"{_JOURNAL}/{stream_id}", None)
             return
         self._apply(stream, tuning)

@@ -20,11 +20,11 @@ exclusive                 92      72      62      43
 `objects`, `gate`       the engine's view; what objects ask of the rest
 `large`                 samples that are larger than a frame, for the topics
 `sending`               which object is next; `outgoing` one of them, `planning` its repair
-`receiving`             what is kept; `incoming` one object, `replies` when to speak of it,
+`receiving`             incoming objects; `incoming` one of them, `replies` when to send feedback,
                         `endings` those that are over
 `timing`                the durations, the listen windows
 `code`                  the erasure code
 `manifest`, `limits`    what an object is; how much memory objects may take
-`stored`, `progress`    what is written down; what the application hears
+`stored`, `progress`    the journal entries; the events for the application
 ======================  ============================================================================
 """

@@ -1,10 +1,10 @@
-"""Samples that fit no frame: a reliable topic hands them on as objects, and takes them back.
+"""Samples that fit no frame: a reliable topic hands them over as objects, and takes them back.
 
-The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who is to have
-an object, whether this node wants one that arrives, and whether both ends define its stream in the
-same way. So is the count of the key (`zacoustic.core.transport.reliable`), in which a large sample
-has its place between the small ones. An object that is complete before any of that is known waits
-for it.
+The table is asked here, so that `zacoustic.core.transport.objects` knows no streams: who the
+receivers of an object are, whether this node subscribes to an arriving one, and whether both ends
+define its stream in the same way. So is the count of the key
+(`zacoustic.core.transport.reliable`), in which a large sample has its place between the small ones.
+An object that is complete before any of that is known waits for it.
 """
 
 from collections.abc import Callable, Mapping, Set
@@ -62,11 +62,11 @@ class LargeSamples:
         table: Its streams.
         limits: How much memory objects may take.
         handshake: Knows whether the tables agree.
-        demand: Knows who has subscribed to on-demand topics.
+        demand: Knows the subscribers of on-demand topics.
         sending: Has the counts of this node's keys.
-        receiving: Has those of the others', and takes samples.
-        journal: Keeps what is to survive.
-        timers: Withdraw what is too old.
+        receiving: Has the others' samples, and takes new ones.
+        journal: Keeps what must survive a restart.
+        timers: Withdraw expired objects.
         stats: Counts.
         generators: One for each component that draws.
         emit: Takes events.
@@ -112,14 +112,14 @@ class LargeSamples:
         self._places.sender = self
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left; what small samples it has left is known."""
+        """Restore the large samples of a former boot epoch, after its small ones."""
         for source, manifest in self.objects.restore(stored, self._accept):
             place = Place(manifest.lineage, manifest.number)
             if self._table.get(manifest.stream_id) is not None:
                 self._receiving.recover_place(manifest.stream_id, source, manifest.instance, place)
 
     def link_up(self, now: int) -> None:
-        """The link is up: tell of what a former life has left and nobody can read any more."""
+        """The link is up: report samples of a former boot epoch that cannot be decoded any more."""
         for order in self._given_up:
             self._emit(given_up(order.stream_id, order.object_id, now))
         self._given_up.clear()
@@ -130,7 +130,7 @@ class LargeSamples:
                 self.audience_changed(stream, now)
 
     def audience_changed(self, stream: Stream, now: int) -> None:
-        """Others subscribe to an on-demand topic than before: who has left gets no object of it.
+        """The subscribers of an on-demand topic have changed: those that left get no object of it.
 
         One that was for nobody else is given up. Who has come gets those that are made from now on.
         """
@@ -180,7 +180,7 @@ class LargeSamples:
         return delivery_id
 
     def at(self, now: int) -> "LargeSamples":
-        """Note the instant, for what is asked of the table and told to the application."""
+        """Note the instant, for questions to the table and for events."""
         self._now = now
         return self
 
@@ -246,7 +246,7 @@ class LargeSamples:
     # For objects that arrive: `zacoustic.core.transport.objects.gate.Gate`
 
     def admit(self, source: int, stream_id: int) -> Admission:
-        """Tell what the table says of an object; stream 0: not yet known."""
+        """Return the table's facts about an object; stream 0: not yet known."""
         if not stream_id:
             taken = [each for each in self._table if self._may_take(each, source)]
             is_wanted = any(self._is_wanted(each, source) for each in taken)
@@ -388,7 +388,7 @@ class LargeSamples:
         )
 
     def _accept(self, order: StoredObject) -> bool:
-        """Go on with an own object of a former life, if its stream is what it was."""
+        """Resume an own object of a former boot epoch, if its stream is unchanged."""
         stream = self._table.get(order.stream_id)
         place = Place(order.lineage, order.number)
         if (

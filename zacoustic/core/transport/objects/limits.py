@@ -7,9 +7,9 @@ import msgspec
 from zacoustic.core.wire.objects import MOST_TRANSFERS
 
 LARGEST_BYTES: Final = 1 << 20
-"""Largest payload of an object, bytes, where nothing else is said."""
+"""Default largest payload of an object, bytes."""
 MOST_BYTES: Final = (1 << 28) - 1
-"""Largest payload that a manifest can tell of, bytes."""
+"""Largest payload of a manifest, bytes."""
 
 
 class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
@@ -26,7 +26,7 @@ class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
         """Check the ranges.
 
         Raises:
-            ValueError: Names field, value and what is allowed.
+            ValueError: Names field, value and the allowed values.
         """
         ranges = {
             "largest_bytes": (1, MOST_BYTES),

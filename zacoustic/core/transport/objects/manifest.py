@@ -1,8 +1,8 @@
-"""What an object is: stream, place, instance, encoding, length, digest, in front of its payload.
+"""The manifest of an object: stream, place, instance, encoding, length, digest, before its payload.
 
-The manifest is part of what is coded, so it costs no byte in any fragment's header, and no fragment
-is needed more than any other: whoever has enough of them has the manifest too. Most receivers have
-it with the first fragment.
+The manifest is part of the coded data, so it costs no byte in any fragment's header, and no
+fragment is needed more than any other: a receiver with enough of them has the manifest too. Most
+receivers have it with the first fragment.
 
 ::
 
@@ -10,9 +10,9 @@ it with the first fragment.
     instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
 
 The flags say how many instance bytes follow, and by 0x80 that an encoding does. Lineage and number
-are its place in the count of the key (`zacoustic.core.transport.reliable`), by which it is handed
-on in order and told from the same payload published before. The digest is the first eight bytes of
-the SHA-256 of everything before it and of the payload.
+are its place in the count of the key (`zacoustic.core.transport.reliable`): it is delivered in that
+order, and they distinguish it from the same payload published before. The digest is the first eight
+bytes of the SHA-256 of everything before it and of the payload.
 """
 
 import hashlib
@@ -41,7 +41,7 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str | None
     """Zenoh encoding, where it is not the stream's."""
     lineage: int
-    """Boot epoch in which the count of the key began."""
+    """Boot epoch of the key's count."""
     number: int
     """Its number in that count, modulo 2^24."""
     payload_bytes: int
@@ -66,7 +66,7 @@ def encode_object(
     lineage: int,
     number: int,
 ) -> tuple[Manifest, bytes]:
-    """Return the manifest of a payload, and both in a row: what is cut into fragments."""
+    """Return the manifest of a payload, and both in a row, to cut into fragments."""
     number %= _NUMBERS
     head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
     head += (lineage * _NUMBERS + number).to_bytes(_PLACE_BYTES, "big") + bytes(instance)

@@ -4,20 +4,21 @@ What the engine does with it::
 
     publish, cancel, cancel_incoming                      commands
     due_at ─► offer ─► take_feedback, take_fragment       what goes into the next frame
-    transmitted                                           each frame of this node has ended
     hold_until                                            until then nothing else should start
     fragment, feedback                                    what arrived
-    restore                                               once, with what former lives have kept
+    restore                                               once, with entries of former boot epochs
 
 A fragment has a frame of its own; a feedback rides on what goes to its destination. The pauses of
 the listen windows are those of medium access, which is told when a transfer is exclusive.
 """
 
 from collections.abc import Callable, Mapping, Set
+from functools import partial
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.schedule.sources import Offer, Taken
@@ -27,6 +28,7 @@ from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest, decode_manifest
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.receiving.receiving import IncomingObjects
+from zacoustic.core.transport.objects.receiving.replies import Place
 from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Owner, Sending
 from zacoustic.core.transport.objects.stored import (
     StoredObject,
@@ -55,9 +57,9 @@ class Objects:
         timers: Withdraw what is too old.
         generators: One for each component that draws.
         gate: Knows the table, and when it is whose turn; takes complete objects, once each.
-        owner: Is told of own objects, and knows when it is their turn.
+        owner: Gets events of own objects, and knows when it is their turn.
         emit: Takes progress.
-        journal: Keeps what is to survive.
+        journal: Keeps what must survive a restart.
     """
 
     def __init__(
@@ -92,8 +94,6 @@ class Objects:
         self._timing: Timing | None = None
         self._fragment_bytes = 0
         self._last_fragment_at = 0
-        self._fragment_on_air = False
-        self._feedback_on_air = False
 
     def use_link(
         self, capabilities: LinkCapabilities, room_bytes: int, pause_ns: int, now: int
@@ -114,11 +114,11 @@ class Objects:
     def restore(
         self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
     ) -> list[tuple[int, Manifest]]:
-        """Go on with what former lives have kept, before anything else.
+        """Restore the entries of former boot epochs, before anything else.
 
         Args:
             stored: What they have kept.
-            accept: Tells whether an own object is still to be sent; if not, it is forgotten.
+            accept: Returns whether to resume an own object; if not, it is forgotten.
 
         Returns:
             What was handed on: source and manifest.
@@ -139,7 +139,7 @@ class Objects:
         return handed_on
 
     def link_up(self, now: int) -> None:
-        """The link is up: what a former life was about to hand on is handed on."""
+        """The link is up: deliver what a former boot epoch was about to deliver."""
         self._incoming.link_up(now)
 
     # Commands
@@ -175,12 +175,12 @@ class Objects:
             lineage: Where it stands in the count of its key.
             number: Its number there.
             receivers: Who is to have it, at least one.
-            stream_digest: Of its topic: a later life goes on only if it is the same.
+            stream_digest: Of its topic: a later boot epoch resumes only if it is the same.
             keep: It survives a restart.
             priority: Which of several objects goes first.
             exclusive: Send without listen windows.
-            lifespan_s: Withdraw it after so long, s, in a later life.
-            expires_at: Withdraw it at this instant, ns, in this life; None: never.
+            lifespan_s: Withdraw it after so long, s, in a later boot epoch.
+            expires_at: Withdraw it at this instant, ns, in this boot epoch; None: never.
 
         Raises:
             PayloadTooLargeError: More than an index can name on this link.
@@ -211,7 +211,7 @@ class Objects:
         Args:
             name: Of the topic.
             payload_bytes: Its size.
-            most_bytes: Largest of this topic; None: as the node says.
+            most_bytes: Largest of this topic; None: the node's limit.
 
         Raises:
             PayloadTooLargeError: Says how large it is and how large it may be.
@@ -240,7 +240,7 @@ class Objects:
         return self._incoming.cancel(source, transfer)
 
     def stream_coming(self, source: int, transfer: int) -> int:
-        """Return the stream of an object on its way to here, 0 while nobody has said it."""
+        """Return the stream of an incoming object, 0 while unknown."""
         return self._incoming.stream_of(source, transfer)
 
     def drop_unwanted(self, stream_id: int, sources: Set[int]) -> None:
@@ -261,11 +261,11 @@ class Objects:
         return min((at for at in instants if at is not None), default=None)
 
     def owes_answer(self, now: int) -> bool:
-        """Tell whether a source is to be told what has come of an object."""
-        return self._incoming.due_at(now) is not None
+        """Tell whether to send feedback about an object, or whether it is still on the air."""
+        return self._incoming.owes_answer(now)
 
     def offer(self, now: int) -> Offer | None:
-        """Return what is due now: an answer before a fragment."""
+        """Return the due record: feedback before a fragment."""
         if self._timing is None:
             return None
         destination = self._incoming.destination(now)
@@ -293,18 +293,22 @@ class Objects:
 
     def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
         """Take an answer that is due and goes to this destination, if it fits."""
-        if room_bytes < FEEDBACK_BYTES or self._feedback_on_air:
+        if room_bytes < FEEDBACK_BYTES:
             return None
         taken = self._incoming.take(destination, now)
         if taken is None:
             return None
-        feedback, stream_id = taken
-        self._feedback_on_air = True
+        feedback, place = taken
         record = feedback.encode()
-        return Taken(stream_id=stream_id, record=record, header_bytes=len(record))
+        return Taken(
+            stream_id=self._incoming.stream_of(*place),
+            record=record,
+            header_bytes=len(record),
+            part=Part(reported=partial(self._feedback_reported, place)),
+        )
 
     def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
-        """Take the fragment that `offer` told of, if it fits.
+        """Take the fragment of `offer`, if it fits.
 
         Args:
             room_bytes: What the frame has for it.
@@ -320,7 +324,6 @@ class Objects:
         if taken is None:
             return None
         sending, fragment = taken
-        self._fragment_on_air = True
         self._last_fragment_at = now
         return Taken(
             stream_id=sending.stream_id,
@@ -329,19 +332,8 @@ class Objects:
             is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
             ends_run=fragment.call is Call.WINDOW,
+            part=Part(reported=partial(self._fragment_reported, sending)),
         )
-
-    def transmitted(self, finished_at: int) -> None:
-        """A frame of this node has been on the air, or was given up."""
-        timing = self._timing
-        if timing is None:
-            return
-        if self._fragment_on_air:
-            self._fragment_on_air = False
-            self._outgoing.transmitted(finished_at, timing)
-        if self._feedback_on_air:
-            self._feedback_on_air = False
-            self._incoming.transmitted(finished_at, timing)
 
     def hold(self, stream_id: int, until: int) -> None:
         """Let no fragment of a stream go before an instant, ns: its airtime is used up."""
@@ -382,12 +374,12 @@ class Objects:
 
     @property
     def incoming_bytes(self) -> int:
-        """Bytes that what has come of unfinished objects of others takes."""
+        """Bytes of all unfinished incoming objects."""
         return self._incoming.memory_bytes
 
     @property
     def is_idle(self) -> bool:
-        """Nothing is to be sent."""
+        """There is nothing to send."""
         return not len(self._outgoing)
 
     @property
@@ -397,12 +389,20 @@ class Objects:
 
     # Below the methods above
 
+    def _fragment_reported(self, sending: Sending, report: TransmitReport, now: int) -> None:
+        assert self._timing is not None
+        self._outgoing.transmitted(sending, report.finished_at, self._timing)
+
+    def _feedback_reported(self, place: Place, report: TransmitReport, now: int) -> None:
+        assert self._timing is not None
+        self._incoming.transmitted(place, report.finished_at, self._timing)
+
     def _fragment_due_at(self, now: int) -> int | None:
         sending, at = self._outgoing.next(max(now, self._incoming.quiet_until))
         return at if sending is not None else None
 
     def _sending(self, now: int) -> Sending | None:
-        """Return the object of which a fragment is due now."""
+        """Return the object with a due fragment."""
         if self._incoming.quiet_until > now:
             return None
         sending, at = self._outgoing.next(now)

@@ -1,4 +1,4 @@
-"""What objects tell the application."""
+"""Events of objects for the application."""
 
 import enum
 

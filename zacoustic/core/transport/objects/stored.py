@@ -1,17 +1,17 @@
-"""What objects keep in the journal, so that either end may crash at any instant.
+"""The journal entries of objects, so that either end may crash at any instant.
 
 ==============================  ====================================================================
-``object/out/7``                an object to be sent, with all that is needed to go on
-``object/out/7/sent``           from which fragment on nothing has been sent
+``object/out/7``                an outgoing object, with all that is needed to resume
+``object/out/7/sent``           the fragment from which on nothing has been sent
 ``object/in/2/7/0``             fragments that arrived, in groups in the order of arrival
 ``object/done/2/7``             an object that was delivered: its digest and the fragments with it
 ==============================  ====================================================================
 
-The second is written ahead of the sending, in steps of a fortieth of the object, and the groups of
-the third have a fortieth of it: so that at most so much has to be sent again. The fourth is
-committed before the object is delivered and confirmed: it is delivered once, whatever happens. All
-of the third stay until it has been delivered: a life that finds both delivers it, *again*, since
-the one before may have died right behind that.
+The second is written ahead of the transmission, in steps of a fortieth of the object, and the
+groups of the third have a fortieth of it: so at most so much is sent again. The fourth is committed
+before the object is delivered and confirmed: it is delivered once in any case. All of the third
+stay until it has been delivered: a boot epoch that finds both delivers it, *again*, since the one
+before may have died right behind that.
 """
 
 from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ _SENT = "/sent"
 
 
 class StoredObject(msgspec.Struct, frozen=True, array_like=True):
-    """An object to be sent."""
+    """An outgoing object."""
 
     object_id: int
     stream_id: int
@@ -63,7 +63,7 @@ class StoredEnd(msgspec.Struct, frozen=True, array_like=True):
 
 
 def out_key(transfer: int) -> str:
-    """Return the key of an object to be sent."""
+    """Return the key of an outgoing object."""
     return f"{_OUT}{transfer}"
 
 
@@ -90,7 +90,7 @@ def encode_group(fragments: list[tuple[int, bytes]]) -> bytes:
 def stored_out(
     stored: Mapping[str, bytes],
 ) -> Iterator[tuple[int, StoredObject, StoredPlace | None]]:
-    """Yield the objects to be sent, by transfer number."""
+    """Yield the outgoing objects, by transfer number."""
     for key, value in stored.items():
         if key.startswith(_OUT) and not key.endswith(_SENT):
             transfer = int(key.removeprefix(_OUT))

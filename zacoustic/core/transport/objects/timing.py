@@ -1,4 +1,4 @@
-"""The durations of a transfer, all of them from what the link says of itself.
+"""The durations of a transfer, all derived from the link's capabilities.
 
 No number of seconds here belongs to one modem: a *slot* is the time from the start of a full frame
 to the start of the next, and the other durations follow from slots and the propagation delay.
@@ -22,7 +22,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     feedback_ns: int
     """Airtime of a frame with a feedback."""
     propagation_ns: int
-    """Propagation delay to reckon with, one way."""
+    """Assumed propagation delay, one way."""
     pause_ns: int
     """Length of a listen window."""
     senses_carrier: bool = True

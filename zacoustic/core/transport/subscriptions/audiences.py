@@ -28,7 +28,7 @@ class _Held:
         self.version = version
         self.streams = streams
         self.read_at = read_at
-        """Instant at which it came first, ns; None: in a former life."""
+        """Instant at which it came first, ns; None: in a former boot epoch."""
 
     def is_same(self, epoch: int, letter: Subscribe) -> bool:
         """Tell whether it is this letter."""
@@ -46,7 +46,7 @@ class Audiences:
     Args:
         address: Address of the node.
         table: Its streams.
-        handshake: Knows in which life, and by which table, others speak.
+        handshake: Knows the boot epochs and tables of others.
         journal: Keeps the letters.
         changed: Told when an audience has changed.
         answer: Sends the answer to a letter: ``(address, letter, now)``.
@@ -110,7 +110,7 @@ class Audiences:
         return None
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has kept."""
+        """Restore the entries of a former boot epoch."""
         for key, kept in stored.items():
             name, _, rest = key.partition("/")
             if name != _KEY or len(kept) != _KEPT_BYTES or kept[4:] != self._table.digest:
@@ -141,7 +141,7 @@ class Audiences:
         self._journal.write(f"{_KEY}/{source}/{letter.page}", value + self._table.digest, kept)
 
     def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
-        """Tell whether a letter was said before the one that is held."""
+        """Tell whether a message was sent before the held one."""
         if held.epoch != life or held.read_at is None:
             return False
         if now >= held.read_at + self._handshake.settling_ns:
@@ -170,7 +170,7 @@ class Audiences:
         )
 
     def _settle(self, source: int, letter: Subscribe, readable: Set[int], now: int) -> None:
-        """Make the audiences what a letter says."""
+        """Set the subscribers by a message."""
         wanted = set(streams_of(letter.page, letter.streams)) & readable
         for stream in self._table:
             stream_id = stream.stream_id

@@ -48,7 +48,7 @@ class Demand:
         table: Its streams.
         queue: Takes answers.
         repeater: Repeats letters.
-        handshake: Knows in which life, and by which table, others speak.
+        handshake: Knows the boot epochs and tables of others.
         journal: Keeps what others want.
         changed: Told when the audience of a topic has changed.
         unsubscribed: Told when this node wants a topic no longer: stream, sources, instant.
@@ -90,7 +90,7 @@ class Demand:
     def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
         """Subscribe to an on-demand topic at some of its publishers, and at no others.
 
-        Nothing happens for a topic that crosses the water always.
+        Nothing happens for a topic that always crosses.
 
         Args:
             stream_id: The topic.
@@ -125,7 +125,7 @@ class Demand:
         return frozenset(self._table.nodes if listed is None else listed) - {self._address}
 
     def wanted(self, stream_id: int) -> frozenset[int]:
-        """Return the publishers of whom this node wants an on-demand topic."""
+        """Return the publishers at which this node subscribes to an on-demand topic."""
         return self._wishes.wanted(stream_id)
 
     def audience(self, stream: Stream) -> Set[int] | None:
@@ -143,7 +143,7 @@ class Demand:
     # For the publisher
 
     def refuse(self, stream: Stream, delivery_id: int, now: int) -> int:
-        """Tell the publisher of a reliable sample that nobody wants it; returns its id."""
+        """Report that a reliable sample of this node has no subscribers; return its id."""
         self._emit(
             DeliveryEnded(
                 delivery_id=delivery_id,
@@ -156,7 +156,7 @@ class Demand:
         )
         return delivery_id
 
-    # For the water
+    # For the channel
 
     def receive(self, source: int, epoch: int | None, letter: Subscribe, now: int) -> str | None:
         """Take a letter, or an answer, that was for this node alone.
@@ -164,7 +164,7 @@ class Demand:
         Args:
             source: Who wrote it.
             epoch: Of the HELLO or TAG of its frame; None: there is none.
-            letter: What it says.
+            letter: Its contents.
             now: The instant.
 
         Returns:
@@ -195,7 +195,7 @@ class Demand:
     # The journal
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left."""
+        """Restore the entries of a former boot epoch."""
         self._audiences.recover(stored)
 
     # Below the methods above

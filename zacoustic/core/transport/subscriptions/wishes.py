@@ -4,7 +4,8 @@ from collections.abc import Callable, Iterable
 
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import NO_STREAM, Cause
-from zacoustic.core.transport.repeating import RepeatedRecord, Repeater, Repetition
+from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.transport.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
 
 LETTER_LANE = 0
@@ -15,7 +16,7 @@ VERSIONS = 256
 
 
 class _Letter:
-    """What is said to one node about one page."""
+    """The subscribe messages to one node about one page."""
 
     __slots__ = (
         "bits", "known_at", "known_bits", "known_version", "repetition", "said_version", "version",
@@ -25,19 +26,19 @@ class _Letter:
         self.bits = 0
         """What is wanted."""
         self.version = 0
-        """What `repetition` says is this version."""
+        """The version under `repetition`."""
         self.said_version: int | None = None
         """The last version that the node may have heard of; None: of none."""
         self.repetition: Repetition | None = None
         """Says it, until it is answered."""
         self.known_version: int | None = None
-        """The last version that the node has answered in its present life."""
+        """The last version that the node has answered in its present boot epoch."""
         self.known_bits = 0
         self.known_at = 0
 
     @property
     def is_known(self) -> bool:
-        """The node has answered what was said last, and that is what is wanted."""
+        """The node has answered the last message, and that is the present state."""
         return self.known_version is not None and (self.known_version, self.known_bits) == (
             self.said_version,
             self.bits,
@@ -45,7 +46,7 @@ class _Letter:
 
     @property
     def next_version(self) -> int:
-        """The version for something that has not been said yet."""
+        """The version for a new message."""
         return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
 
 
@@ -54,7 +55,7 @@ class Wishes:
 
     Args:
         repeater: Repeats letters.
-        settling_ns: Tells within what time what was sent has arrived, ns.
+        settling_ns: Returns the time within which a frame has arrived, ns.
     """
 
     def __init__(self, repeater: Repeater, settling_ns: Callable[[], int]) -> None:
@@ -64,7 +65,7 @@ class Wishes:
         self._letters: dict[tuple[int, int], _Letter] = {}
 
     def wanted(self, stream_id: int) -> frozenset[int]:
-        """Return the publishers of whom a topic is wanted."""
+        """Return the publishers at which this node subscribes to a topic."""
         return self._wanted.get(stream_id, frozenset())
 
     def want(self, stream_id: int, sources: Iterable[int], now: int) -> None:
@@ -78,7 +79,7 @@ class Wishes:
         """Take an answer; returns why it is dropped, or None."""
         letter = self._letters.get((source, answer.page))
         if letter is None or letter.repetition is None or not letter.repetition.tries:
-            return "unexpected_ack"  # what was not sent yet is not answered: it is of a former life
+            return "unexpected_ack"  # an answer to an unsent message is of a former boot epoch
         if (answer.version, answer.streams) != (letter.version, letter.bits):
             return "unexpected_ack"
         self._stop(letter, letter.repetition, now, answered=True)
@@ -87,7 +88,7 @@ class Wishes:
         return None
 
     def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
-        """A sample came from `source`, maybe for this node alone: tell if it is not wanted."""
+        """A sample came from `source`, maybe for this node alone: unsubscribe if needed."""
         if source in self.wanted(stream_id):
             return
         key = (source, page_of(stream_id))
@@ -99,7 +100,7 @@ class Wishes:
         self._say(key, letter, letter.next_version, now)
 
     def publisher_restarted(self, source: int, now: int) -> None:
-        """A node has begun a new epoch, and may have forgotten what it was told."""
+        """A node has begun a new epoch, and may have forgotten the messages."""
         for key, letter in self._letters.items():
             if key[0] == source:
                 letter.known_version = None
@@ -110,7 +111,7 @@ class Wishes:
     # Below the methods above
 
     def _write(self, source: int, page: int, now: int) -> None:
-        """Make the letter to a node what is wanted of it now."""
+        """Set the message to a node to the present state."""
         bits = bits_of(
             stream_id
             for stream_id, sources in self._wanted.items()
@@ -131,7 +132,7 @@ class Wishes:
     def _say(self, key: tuple[int, int], letter: _Letter, version: int, now: int) -> None:
         source, page = key
         letter.version = version
-        record = RepeatedRecord(
+        record = Waiting(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,

@@ -1,22 +1,23 @@
-"""Best-effort samples that press go several times where somebody is in a run.
+"""Urgent best-effort samples go several times while another node is in a run.
 
-Nobody acknowledges a best-effort sample, so nobody repeats it, and most of those for a node that
-sends an object would meet its run. One of priority `real_time` that is published while a run is
-heard goes eight times, four copies in each of two pauses
-(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. It is numbered
-for that, by SYNC, so that it is handed on once; what is published while nobody is in a run goes
-once, without a number.
+A best-effort sample is neither acknowledged nor repeated, and most of those for a node that sends
+an object would collide with its run. A sample of priority `real_time` that is published while a run
+is heard goes eight times, four copies in each of two pauses
+(`zacoustic.core.schedule.access.listening`): at 40 % loss one of a thousand is lost. SYNC numbers
+it, so that it is delivered once; a sample that is published without a run goes once, without a
+number.
 
 A newer sample of its key ends the copies of one that was sent; so does half a minute: a subscriber
 that restarts knows no numbers, and would take an old one for new.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from functools import partial
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
@@ -38,10 +39,11 @@ COPIED_NS: Final = 30 * NS_PER_S
 
 
 class _Copied:
-    """A sample and what is left to send of it."""
+    """A sample and its copies left to send."""
 
     __slots__ = (
-        "copies_left", "due_at", "ends_at", "in_the_dark", "key", "qos", "record", "was_sent"
+        "copies_left", "due_at", "ends_at", "in_the_dark", "is_on_air", "key", "qos", "record",
+        "was_sent",
     )  # fmt: skip
 
     def __init__(self, key: LaneKey, record: Waiting, qos: Qos, copies: int, ends_at: int) -> None:
@@ -52,24 +54,13 @@ class _Copied:
         self.copies_left = copies
         self.in_the_dark = _MOST_IN_THE_DARK
         self.was_sent = False
+        self.is_on_air = False
         self.due_at: int | None = None
         """When it goes again, ns; None: it waits in the queue, or is on the air."""
 
-    def is_over(self, now: int) -> bool:
-        """Tell whether it is too old to go again."""
-        return self.record.expires_at is not None and self.record.expires_at <= now
-
-    def sent(self) -> None:
-        """It was sent: from now on it does not go for longer than its copies are to."""
-        self.was_sent = True
-        expires_at = self.record.expires_at
-        self.record.expires_at = (
-            self.ends_at if expires_at is None else min(expires_at, self.ends_at)
-        )
-
 
 class CopiedSamples:
-    """The samples of one node that go several times, and those of others that came so.
+    """The copied samples of one node, and the received copies of others.
 
     Args:
         queue: Takes the copies.
@@ -84,16 +75,14 @@ class CopiedSamples:
         self._times: LinkTimes | None = None
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
-        self._on_air: list[_Copied] = []
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
     # What this node publishes
 
     def use_link(self, times: LinkTimes) -> None:
-        """Take the airtimes of a link; nothing is under way on the one before."""
+        """Take the airtimes of a link; what went on the one before goes no more."""
         self._times = times
         self._copied.clear()
-        self._on_air.clear()
         self._changed()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
@@ -105,52 +94,29 @@ class CopiedSamples:
             record.sync = Sync(self._handshake.epoch, self._next_number).encode()
             self._next_number += 1
             record.dense_value = None
-            self._copied[id(record)] = _Copied(key, record, qos, copies, now + COPIED_NS)
+            each = _Copied(key, record, qos, copies, now + COPIED_NS)
+            self._copied[id(record)] = each
+            record.part = Part(
+                transmitted=partial(self._transmitted, each),
+                reported=partial(self._reported, each),
+            )
         self._queue.push(key, record, qos)
-        for each in [each for each in self._copied.values() if each.key == key]:
-            if not self._queue.holds(key, each.record) and each not in self._on_air:
-                self._end(each)  # pushed out
-        self._changed()
 
     def drop_stream(self, stream_id: int) -> None:
-        """Send nothing more of a stream: nobody wants it, or others than before."""
+        """Send nothing more of a stream: it has no subscribers, or new ones."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
-    def transmitted(self, records: Iterable[Waiting]) -> None:
-        """Note which samples are in the transmission that begins."""
-        self._on_air = [self._copied[id(each)] for each in records if id(each) in self._copied]
-
-    def handle_report(self, report: TransmitReport) -> None:
-        """A transmission has ended: its samples go again, now or in another pause."""
-        on_air, self._on_air = self._on_air, []
-        for each in on_air:
-            if id(each.record) not in self._copied or self._times is None:
-                continue
-            record, listening = each.record, self._times.listening
-            at = report.finished_at
-            invited_at = (
-                listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
-            )
-            each.sent()
-            if invited_at is None and each.in_the_dark:
-                each.in_the_dark -= 1  # nobody pauses for it, as far as is known
-            else:
-                each.copies_left -= 1
-            if each.copies_left <= 0 or listening is None or at > each.ends_at:
+    def sweep(self, now: int) -> None:
+        """Drop copies that are too old or have left the queue: whenever the node is awake."""
+        for each in list(self._copied.values()):
+            expires_at = each.record.expires_at
+            is_over = each.was_sent and each.ends_at <= now
+            waits = each.due_at is not None or each.is_on_air
+            if is_over or (expires_at is not None and expires_at <= now):
                 self._end(each)
-                continue
-            record.cause = Cause.REPEAT
-            record.copies += 1
-            detour_ns = listening.detour_ns(record.destination, at)
-            in_row = record.copies < _in_row(record, self._times, detour_ns)
-            record.is_copy = in_row and listening.is_heard_out(at + self._times.gap_ns)
-            if record.is_copy:
-                self._queue.push(each.key, record, each.qos)
-                continue
-            record.copies = 0
-            each.due_at = invited_at or at + self._times.first_round_trip_ns
-        self._changed()
+            elif not waits and not self._queue.holds(each.key, each.record):
+                self._end(each)
 
     # What others publish
 
@@ -177,13 +143,9 @@ class CopiedSamples:
         return min(due, default=None)
 
     def _go_on(self, now: int) -> None:
-        """Queue what is due, and forget what is too old."""
-        for each in list(self._copied.values()):
-            if each.due_at is None or each.due_at > now:
-                continue
-            if each.is_over(now):
-                self._end(each)
-            else:
+        """Queue what is due."""
+        for each in self._copied.values():
+            if each.due_at is not None and each.due_at <= now:
                 each.due_at = None
                 self._queue.push(each.key, each.record, each.qos)
         self._changed()
@@ -200,6 +162,39 @@ class CopiedSamples:
             return 1
         detour_ns = listening.detour_ns(record.destination, now)
         return _ROWS * _in_row(record, self._times, detour_ns)
+
+    def _transmitted(self, each: _Copied, now: int) -> None:
+        each.is_on_air = True
+
+    def _reported(self, each: _Copied, report: TransmitReport, now: int) -> None:
+        """A sample has been sent: it goes again, now or in another pause."""
+        each.is_on_air = False
+        self._changed()
+        if id(each.record) not in self._copied or self._times is None:
+            return
+        record, listening = each.record, self._times.listening
+        at = report.finished_at
+        invited_at = (
+            listening.next_invitation_at(at, at + listening.pause_ns) if listening else None
+        )
+        each.was_sent = True
+        if invited_at is None and each.in_the_dark:
+            each.in_the_dark -= 1  # no known pause for it
+        else:
+            each.copies_left -= 1
+        if each.copies_left <= 0 or listening is None or at > each.ends_at:
+            self._end(each)
+            return
+        record.cause = Cause.REPEAT
+        record.copies += 1
+        detour_ns = listening.detour_ns(record.destination, at)
+        in_row = record.copies < _in_row(record, self._times, detour_ns)
+        record.is_copy = in_row and listening.is_heard_out(at + self._times.gap_ns)
+        if record.is_copy:
+            self._queue.push(each.key, record, each.qos)
+            return
+        record.copies = 0
+        each.due_at = invited_at or at + self._times.first_round_trip_ns
 
     def _end(self, copied: _Copied) -> None:
         del self._copied[id(copied.record)]

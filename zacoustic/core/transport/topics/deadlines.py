@@ -1,16 +1,16 @@
-"""Deadlines: a topic promises a sample of each key at least so often, and who misses one is told.
+"""Deadlines: a topic promises a sample of each key at least so often; a miss is reported.
 
 The words are those of ROS 2 and DDS. The publisher of a topic with `deadline_s` promises a sample
-of each key at least every `deadline_s`. Whoever depends on that has to know when it is not kept:
-at sea a value that has stopped looks like one that does not change.
+of each key at least every `deadline_s`. An application that depends on it must know when the
+promise is broken: at sea a value that has stopped looks like one that does not change.
 
-Both ends watch, each for itself. The publishing node looks at when its application publishes; a
-receiving one at when samples are handed on, so that whatever holds them up (loss, silence, a queue)
-counts. The first sample of a key in a node's life starts the watch, each further one starts the
-period anew, and a deleted key is awaited no longer. A missed period is told of once, and then the
-next one begins. No timer is armed for topics without a deadline, nor before the first sample.
+Both ends watch, each for itself. The publishing node watches the publications of its application, a
+receiving one the deliveries, so that every delay (loss, silence, a queue) counts. The first sample
+of a key in a boot epoch starts the watch, each further one starts a new period, and a deleted key
+is not awaited any more. A missed period is reported once, and then the next one begins. No timer is
+armed for topics without a deadline, nor before the first sample.
 
-What is repeated and asked for follows from the deadline, too:
+The deadline also bounds repetitions and requests:
 `zacoustic.core.transport.reliable.sending.pacing`.
 """
 
@@ -32,12 +32,12 @@ _Key = tuple[int, int, Instance]
 
 
 class DeadlineSide(enum.Enum):
-    """Who has missed a deadline; the words are those of DDS."""
+    """The side that missed a deadline; the words are those of DDS."""
 
     OFFERED = "offered"
     """This node, which has promised samples: nothing was published in time."""
     REQUESTED = "requested"
-    """This node, to which they are promised: nothing has come in time."""
+    """This node, the receiver: nothing has come in time."""
 
 
 class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,7 +46,7 @@ class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """The topic's stream."""
     source: int
-    """Address of the node that publishes it; that of this node, where `side` is OFFERED."""
+    """Address of the publisher; this node's, where `side` is OFFERED."""
     instance: Instance
     """Which of the topic's keys."""
     key: str
@@ -54,7 +54,7 @@ class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
     side: DeadlineSide
     """Who has missed it."""
     missed: int
-    """How many periods were missed in all, of this key and node, in this life."""
+    """How many periods were missed in all, of this key and node, in this boot epoch."""
     is_first: bool
     """There was a sample in the period before."""
     last_at: int
@@ -64,7 +64,7 @@ class DeadlineMissed(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Awaited(msgspec.Struct, kw_only=True):
-    """What is known of a key of a publisher, of which a further sample is awaited."""
+    """The state of a key of a publisher with an awaited sample."""
 
     stream_id: int
     """The topic's stream."""
@@ -121,7 +121,7 @@ class Deadlines:
         self._note(key, now, deleted=sample.deleted)
 
     def awaited(self) -> list[Awaited]:
-        """Return what is or was awaited of this node and of others; to be read only."""
+        """Return the awaited samples of this node and of others; read only."""
         return list(self._awaited.values())
 
     # Below the methods above

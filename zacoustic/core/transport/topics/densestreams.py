@@ -1,24 +1,24 @@
-"""Dense streams on the water: which samples share a dense string, and who knows what was said.
+"""Dense streams on the channel: which samples share a dense block, and who has acknowledged what.
 
-How samples become a string, and what it may refer to, is the affair of
-`zacoustic.core.values.dense`; here is who listens:
+`zacoustic.core.values.dense` makes a block of samples, and knows what it may refer to; here are the
+listeners:
 
-- A string refers to one that all its listeners hold: the one node of a unicast frame, in a
-  broadcast all listed subscribers of the streams in it. Where there is none it stands for itself.
-  So what is received can be decoded, whatever was lost, and nothing is ever asked for again.
-- A link may hand a frame over late, within the settling time behind the longest way. Of strings
-  that count (`zacoustic.core.values.dense.stream.references`) so few are sent in that time that
-  none is mistaken for another one; what is more stands apart.
-- A node tells the newest string that it has of a source in frames that go there anyway, in three
-  bytes (`DenseAck`), and never makes a frame for that.
-- What strings save, against records, is booked, and what their acknowledgements cost (`Savings`).
-  While that is in the red, records go: a dense stream costs no more airtime than a packed one.
-- A peer that begins a new life, or asks who we are, holds nothing. A new epoch of this node begins
-  anew as well.
-- A dense string takes the whole table, since one that cannot be read to its end cannot be read at
-  all. Whoever is known to hold another table is sent records; what the two agree on still crosses.
+- A block refers to one that all its listeners hold: the one node of a unicast frame, in a broadcast
+  all listed subscribers of its streams. Without such a block it is independent. So every received
+  block can be decoded, whatever was lost, and nothing is ever asked for again.
+- A link may hand a frame over late, within the settling time behind the longest delay. So few
+  blocks that count (`zacoustic.core.values.dense.stream.references`) are sent in that time that
+  none is mistaken for another one; further ones are independent.
+- A node acknowledges the newest block that it holds of a source in frames that go there anyway, in
+  three bytes (`DenseAck`), and never makes a frame for that.
+- `Savings` counts what blocks save against records, and what their acknowledgements cost. While the
+  balance is negative, records go: a dense stream costs no more airtime than a packed one.
+- A peer that begins a new boot epoch, or asks who we are, holds nothing. A new epoch of this node
+  starts again as well.
+- A dense block needs the whole table, since one that cannot be read to its end cannot be read at
+  all. A peer that is known to have another table gets records; streams that agree still cross.
 
-Of a dense stream, deletes and samples in an encoding of their own are records like any other.
+Deletes of a dense stream, and samples with their own encoding, are records like any other.
 """
 
 import copy
@@ -66,7 +66,7 @@ class DenseStreams:
         address: Address of the node.
         table: Its streams.
         handshake: Knows who holds another table.
-        demand: Knows who has subscribed to on-demand topics.
+        demand: Knows the subscribers of on-demand topics.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class DenseStreams:
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
 
-    # What this node says
+    # Blocks of this node
 
     def admits(self, item: Waiting, destination: int) -> bool:
         """Tell whether a payload that waits can be part of a dense string to `destination`."""
@@ -97,7 +97,7 @@ class DenseStreams:
         """Write a string of all these payloads; None where they do not fit."""
         if self._speaker is None:
             codec = self._codec_of(self._address)
-            assert codec is not None  # whoever has samples of dense streams publishes some
+            assert codec is not None  # a node with samples of dense streams publishes some
             self._speaker = Speaker(codec)
         samples = [self._sample(item, now) for item in items]
         hearers = {destination} if destination != BROADCAST else self._hearers()
@@ -113,7 +113,7 @@ class DenseStreams:
         self._speaker.sent(encoded)
 
     def acknowledged(self, source: int, ack: DenseAck) -> str | None:
-        """Take what a peer says it has; returns why it is dropped, or None."""
+        """Take a peer's acknowledgement; return why it is dropped, or None."""
         if ack.address not in (0, self._address):
             return None  # for another node
         self.savings.book(-len(ack.encode()))
@@ -124,7 +124,7 @@ class DenseStreams:
     # What this node hears
 
     def concerns_us(self, source: int, destination: int) -> bool:
-        """Tell whether the strings of a source to `destination` refer to what is held here.
+        """Tell whether the blocks of a source to `destination` refer to blocks held here.
 
         A node that subscribes to nothing of what may be in them is not waited for, and would take
         one reference for another.
@@ -145,7 +145,7 @@ class DenseStreams:
         """Read the string of a source that holds the same table; returns stream ids and values.
 
         Raises:
-            PayloadError: It is damaged, or refers to what is not held here.
+            PayloadError: It is damaged, or refers to a block that is not held here.
         """
         heard = self._heard.get(source)
         if heard is None:
@@ -161,7 +161,7 @@ class DenseStreams:
         return copy.deepcopy(decoded.samples)
 
     def acks(self, destination: int, room_bytes: int) -> bytes:
-        """Take what is to be acknowledged to the hearers of a frame, and fits in it."""
+        """Take the acknowledgements for the receivers of a frame that fit in it."""
         taken = b""
         for source in sorted(self._heard) if destination == BROADCAST else [destination]:
             heard = self._heard.get(source)
@@ -179,7 +179,7 @@ class DenseStreams:
     # What changes
 
     def peer_restarted(self, address: int) -> None:
-        """A peer begins a new life: it knows nothing of us, and nothing that we know of it."""
+        """A peer begins a new boot epoch: it holds nothing of ours, and we nothing of its."""
         self._heard.pop(address, None)
         self.peer_forgot(address)
 
@@ -189,7 +189,7 @@ class DenseStreams:
             self._speaker.forget(address)
 
     def epoch_changed(self) -> None:
-        """This node begins a new epoch: all that was said, and heard, was in the old one."""
+        """This node begins a new epoch: all blocks, sent and received, were in the old one."""
         self._speaker = None
         self._heard.clear()
 
@@ -197,7 +197,7 @@ class DenseStreams:
 
     @property
     def _latest_ns(self) -> int:
-        """How long after it began to be sent a string arrives at the latest, ns."""
+        """How long after the start of its transmission a block arrives at the latest, ns."""
         settling_ns = self._handshake.settling_ns
         return settling_ns + settling_ns // SETTLING_UNITS
 
@@ -227,14 +227,14 @@ class DenseStreams:
         return DenseSample(item.stream_id, value, item.tick)
 
     def _audience(self, items: Iterable[Waiting], destination: int) -> set[int]:
-        """Return who is to know what these payloads say."""
+        """Return the listeners of these payloads."""
         if destination != BROADCAST:
             return {destination}
         streams = map(self._table.by_id, {item.stream_id for item in items})
         return self._subscribers(streams)
 
     def _hearers(self) -> set[int]:
-        """Return who reads the strings that are broadcast, whatever is in them."""
+        """Return the listeners of broadcast blocks, with any contents."""
         subscribers = self._subscribers(self._streams_of(self._address))
         return {each for each in subscribers if not self._handshake.knows_difference(each)}
 

@@ -1,8 +1,7 @@
 """Topics: a sample is queued, crosses, and becomes an event.
 
-A best-effort sample crosses once or not at all; a reliable one is handed to
-`zacoustic.core.transport.reliable`. What a record consists of is told in
-`zacoustic.core.wire.content`.
+A best-effort sample crosses once or not at all; a reliable one goes to
+`zacoustic.core.transport.reliable`. `zacoustic.core.wire.content` has the parts of a record.
 """
 
 from collections.abc import Callable, Set
@@ -33,7 +32,7 @@ from zacoustic.errors import UnknownStreamError
 _AGE_BYTES: Final = 1
 _IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
 NO_DELIVERY: Final = 0
-"""What `Engine.publish` returns for a best-effort sample: nothing is told of it."""
+"""The result of `Engine.publish` for a best-effort sample: it has no reported outcome."""
 
 
 class Topics:
@@ -42,12 +41,12 @@ class Topics:
     Args:
         address: Address of the node.
         table: Its streams.
-        queue: Takes what is published.
+        queue: Takes the samples.
         copied: Takes best-effort samples, which may go several times.
         stats: Counts.
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
-        demand: Knows who has subscribed to on-demand topics.
+        demand: Knows the subscribers of on-demand topics.
         emit: Takes the samples, and the instant.
     """
 

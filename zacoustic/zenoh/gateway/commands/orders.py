@@ -1,12 +1,11 @@
-"""Orders from the island: for this node they are obeyed here, for others they cross the water.
+"""Remote commands from the local network: executed here for this node, else sent to the other one.
 
 The keys are those of `zacoustic.zenoh.session.asking.orders`. Each gateway answers for its own
-node. For a node beyond the water the lowest gateway of the island asks, unless that node's own
-gateway is here; an order for one that it does not know is left to others. A query with a wildcard
-in place of the address is for the gateways of this island only: looking around orders nothing
-beyond the water.
+node. For a remote node the lowest local gateway asks, unless that node's own gateway is here; a
+command for an unknown node is left to others. A query with a wildcard in place of the address is
+for the local gateways only: browsing commands no remote node.
 
-An order is answered when it is in the journal of the node that obeys it.
+A command is answered when it is in the journal of the node that executes it.
 """
 
 import time
@@ -41,12 +40,12 @@ _EVERYWHERE: Final = tuple(f"{PREFIX}/*/{subject}" for subject in SUBJECTS)
 
 
 class OrderDesk:
-    """Takes orders of the island; for the loop.
+    """Takes commands of the local network; for the loop.
 
     Args:
         table: All streams.
-        runner: Whose engine obeys, or sends.
-        siblings: The gateways of this island.
+        runner: Its engine executes, or sends.
+        siblings: The local gateways.
         clock: Where instants come from.
         wall_clock: Tells UTC, ns since 1970.
     """
@@ -109,16 +108,16 @@ class OrderDesk:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 
     def has_sent(self, call_id: int) -> bool:
-        """Tell whether a call is an order."""
+        """Tell whether a call is a remote command."""
         return call_id in self._sent
 
     def respond(self, event: ResponseReceived) -> None:
-        """Answer who has ordered something of another node."""
+        """Answer the sender of a command to another node."""
         held, node, order = self._sent.pop(event.call_id)
         self._answer(held, node, order, OrderState.from_wire(event.value, event.age_s or 0.0))
 
     def fail(self, event: CallFailed) -> None:
-        """Tell who has ordered something of another node that it came to nothing."""
+        """Report the failure of a command to another node."""
         held, node, order = self._sent.pop(event.call_id)
         text = event.text
         if event.failure is CallFailure.TIMED_OUT:
@@ -127,7 +126,7 @@ class OrderDesk:
         held.refuse(event.failure, text)
 
     def silence(self, event: SilenceChanged) -> SilenceState:
-        """Return what the engine says in the words of an answer."""
+        """Return the engine's answer in the words of a reply."""
         left_s = None
         if event.ends_at is not None:
             left_s = ns_to_seconds(event.ends_at - self._clock())
@@ -143,7 +142,7 @@ class OrderDesk:
         if target is None or not is_for_us(target[0]):
             held.answer([])
             return None
-        # Zenoh's stubs do not say that they can be iterated over.
+        # Zenoh's stubs do not declare that they can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         try:
             return read_query(key, dict(parameters))
@@ -152,7 +151,7 @@ class OrderDesk:
             return None
 
     def _is_ours(self, node: int | None) -> bool:
-        """Tell whether this gateway is to ask a node beyond the water."""
+        """Tell whether this gateway asks a remote node."""
         if node is None:
             return False
         alive = self._siblings.alive

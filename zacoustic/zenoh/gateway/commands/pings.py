@@ -1,10 +1,10 @@
-"""Pings from the island: is the node there, how long does an answer take, how far away is it?
+"""Pings from the local network: does the node answer, how fast, how far away is it?
 
-The node itself is asked whether it is silent (an order that changes nothing,
-`zacoustic.core.transport.commands`): what comes back says that its engine lives, not only its
-modem, and a refusal says so as well. Then, where the modem measures ranges and has told none on
-those frames, one is asked for: behind the answer, since a modem that waits for an acknowledgement
-is deaf to it. Where the wire knows no orders the range alone has to do.
+The gateway asks the node whether it is silent (a command that changes nothing,
+`zacoustic.core.transport.commands`): an answer, also a refusal, shows that its engine runs, not
+only its modem. Then, if the modem measures ranges and has reported none on those frames, the
+gateway asks for one: after the answer, since a modem that waits for an acknowledgement is deaf to
+it. A wire without remote commands gives the range alone.
 """
 
 from collections.abc import Iterable
@@ -32,15 +32,15 @@ from zacoustic.zenoh.session.asking.pings import (
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 RANGE_LIMIT_S: Final = 10.0
-"""How long an answer waits for the range besides, s: three exchanges over 1500 m."""
+"""How much longer an answer waits for the range, s: three exchanges over 1500 m."""
 
 
 class PingDesk:
-    """Takes pings of the island; for the loop.
+    """Takes pings of the local network; for the loop.
 
     Args:
         runner: Whose engine asks.
-        siblings: The gateways of this island.
+        siblings: The local gateways.
         clock: Where instants come from.
     """
 
@@ -58,7 +58,7 @@ class PingDesk:
 
     def serve(self, held: HeldQuery) -> None:
         """Take a query."""
-        # Zenoh's stubs do not say that they can be iterated over.
+        # Zenoh's stubs do not declare that they can be iterated over.
         parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
         key = str(held.query.key_expr)
         target = pinged_node(key)
@@ -115,7 +115,7 @@ class PingDesk:
     # Below the methods above
 
     def _is_ours(self, node: int) -> bool:
-        """Tell whether this gateway is to ask, of those on the island."""
+        """Tell whether this gateway asks, of the local ones."""
         nodes = self._runner.engine.table.nodes
         is_known = 1 <= node <= 254 and (not nodes or node in nodes)
         return is_known and self._siblings.address == self._siblings.alive[0]
@@ -131,7 +131,7 @@ class PingDesk:
             self._by_call[call_id] = ping
 
     def _range(self, ping: "_Ping", within_s: float, engine: Engine, now: int) -> bool:
-        """Ask for the range; False: there is none to be had."""
+        """Ask for the range; False: it cannot be measured."""
         try:
             range_id = engine.ranging.request(ping.node, now, timeout_s=within_s)
         except (LocalError, RangeUnavailableError):

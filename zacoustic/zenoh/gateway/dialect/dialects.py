@@ -1,10 +1,10 @@
-"""Dialects: how a stream looks on the island.
+"""Dialects: the form of a stream on the local network.
 
-What crosses the water is the same whoever lives on the island. There, a topic is a key with samples
-of some form, and something beside each that tells what came off the water; a service is a key with
-questions and answers. A dialect is those forms. `PlainTopic` and `PlainService` are what Zenoh
-programs have: keys as the configuration writes them, CBOR or JSON, and a mark (`island.marker`).
-Nodes of ROS 2 have another one: `zacoustic.zenoh.gateway.dialect.ros`.
+Frames are the same for all local programs. Locally, a topic is a key with samples of some form,
+each with an attachment that marks samples from the channel; a service is a key with questions and
+answers. A dialect is these forms. `PlainTopic` and `PlainService` are those of Zenoh programs: keys
+as the configuration writes them, CBOR or JSON, and a mark (`island.marker`). Nodes of ROS 2 have
+another one: `zacoustic.zenoh.gateway.dialect.ros`.
 """
 
 from abc import ABC, abstractmethod
@@ -29,7 +29,7 @@ from zacoustic.zenoh.session.session import Island
 
 
 class Declared(Protocol):
-    """Something on the island that can be taken back."""
+    """A declaration on the local network that can be withdrawn."""
 
     def undeclare(self) -> Any:  # noqa: ANN401 (Zenoh's own)
         """Take it back; in the worker."""
@@ -37,7 +37,7 @@ class Declared(Protocol):
 
 
 class Reading(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample of the island, read."""
+    """A local sample, decoded."""
 
     value: Any
     """For the engine."""
@@ -48,14 +48,14 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Written(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample from the water, written."""
+    """A sample from the channel, encoded."""
 
     payload: bytes
-    """For the island."""
+    """For the local network."""
     encoding: str
     """Its Zenoh encoding."""
     attachment: bytes | None
-    """What goes beside it."""
+    """Its attachment."""
 
 
 class TopicDialect(ABC):
@@ -63,7 +63,7 @@ class TopicDialect(ABC):
 
     Args:
         stream: The topic.
-        island: Where it is.
+        island: The session.
     """
 
     def __init__(self, stream: Stream, island: Island) -> None:
@@ -75,24 +75,24 @@ class TopicDialect(ABC):
 
     @property
     def is_latched(self) -> bool:
-        """Tell whether whoever subscribes late gets the last samples."""
+        """Tell whether late subscribers get the last samples."""
         return self._latched is not None
 
     def key(self, stream_key: str) -> str:
-        """Return the key on the island of a key, or key expression, of the stream."""
+        """Return the local key of a key, or key expression, of the stream."""
         return stream_key
 
     def stream_key(self, key: str) -> str:
-        """Return the key of the stream that a key on the island stands for."""
+        """Return the stream's key for a local key."""
         return key
 
     @abstractmethod
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether what has this beside it came off the water; on any thread."""
+        """Tell whether a sample with this attachment came from the channel; on any thread."""
 
     @abstractmethod
     def read(self, parcel: Parcel) -> Reading:
-        """Read a sample of the island.
+        """Decode a local sample.
 
         Raises:
             PayloadInvalidError: It cannot be read.
@@ -100,7 +100,7 @@ class TopicDialect(ABC):
 
     @abstractmethod
     def write(self, key: str, event: SampleReceived) -> Written:
-        """Write a sample from the water for a key on the island.
+        """Encode a sample from the channel for a local key.
 
         Raises:
             PayloadInvalidError: It cannot be written.
@@ -108,14 +108,14 @@ class TopicDialect(ABC):
 
     @abstractmethod
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
-        """Return what goes beside a value that was kept."""
+        """Return the attachment of a stored value."""
 
     @abstractmethod
     def mark_again(self, last: LastValue) -> bytes:
-        """Return what goes beside a value of a former life that is put again."""
+        """Return the attachment of a value of a former boot epoch that is put again."""
 
     def put(self, key: str, written: Written) -> None:
-        """Put a sample on the island; into a cache where the topic is latched."""
+        """Put a sample on the local network; into a cache if the topic is latched."""
         if self._latched is not None:
             self._latched.put(key, written.payload, written.encoding, written.attachment)
             return
@@ -128,7 +128,7 @@ class TopicDialect(ABC):
         )
 
     def delete(self, key: str, source: int) -> None:
-        """Delete a key on the island."""
+        """Delete a key on the local network."""
         if self._latched is not None:
             self._latched.forget(key)
         self._island.delete(
@@ -138,7 +138,7 @@ class TopicDialect(ABC):
     def subscribe(
         self, expression: str, take: Callable[[zenoh.Sample], None]
     ) -> Sequence[Declared]:
-        """Hear samples of the island, of a latched topic also those from before; in the worker."""
+        """Subscribe to local samples, of a latched topic also to earlier ones; in the worker."""
         if self._latched is None:
             subscriber = self._island.session.declare_subscriber(
                 zenoh.KeyExpr(expression),
@@ -150,7 +150,7 @@ class TopicDialect(ABC):
         return [latched_subscriber(self._island, expression, take, depth)]
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
-        """Declare what is put here, by which nodes beyond the water; in the worker."""
+        """Declare the publishers of remote nodes here; in the worker."""
         if self._latched is None:
             return []
         self._latched.declare()
@@ -165,13 +165,13 @@ class PlainTopic(TopicDialect):
         return is_marked(attachment)
 
     def read(self, parcel: Parcel) -> Reading:
-        """Read CBOR, JSON or bytes, as the encoding says."""
+        """Decode CBOR, JSON or bytes, by the encoding."""
         stream = self.stream
         value, encoding = from_island(parcel.payload, parcel.encoding, stream.type, stream.encoding)
         return Reading(value=value, encoding=encoding)
 
     def write(self, key: str, event: SampleReceived) -> Written:
-        """Write it in the encoding in which it was published."""
+        """Encode it in the encoding of its publication."""
         stream = self.stream
         payload, encoding = to_island(event.value, stream.type, event.encoding, stream.encoding)
         mark = Marker(acoustic=event.source, age_s=event.age_s).encode()
@@ -198,12 +198,12 @@ class ServiceDialect(ABC):
 
     @property
     def key(self) -> str:
-        """The key on the island."""
+        """The local key."""
         return self.stream.name
 
     @abstractmethod
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether a call that has this beside it came off the water."""
+        """Tell whether a call with this attachment came from the channel."""
 
     @abstractmethod
     def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
@@ -231,11 +231,11 @@ class ServiceDialect(ABC):
 
     @abstractmethod
     def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return what goes beside the answer to a question that had `asked` beside it."""
+        """Return the attachment of the answer to a question with the attachment `asked`."""
 
     @abstractmethod
     def question_mark(self, call: CallKey) -> bytes:
-        """Return what goes beside a call from the water."""
+        """Return the attachment of a call from the channel."""
 
 
 class PlainService(ServiceDialect):
@@ -263,7 +263,7 @@ class PlainService(ServiceDialect):
         return to_island(value, stream.type, stream.encoding, stream.encoding)
 
     def read_response(self, payload: bytes, encoding: object) -> object:
-        """Read it as its encoding says."""
+        """Decode it by its encoding."""
         stream = self.stream
         return from_island(payload, encoding, stream.response_type, stream.encoding)[0]
 
@@ -281,7 +281,7 @@ class Dialects:
     """The dialect of each stream: plain ones, unless a subclass knows better.
 
     Args:
-        island: Where the streams are.
+        island: The session of the streams.
     """
 
     def __init__(self, island: Island) -> None:
@@ -296,7 +296,7 @@ class Dialects:
         return PlainService(stream)
 
     def action(self, stream: Stream) -> ActionForm:
-        """Make the form of what is said about the goals of an action."""
+        """Make the form of the messages about an action's goals."""
         return ActionMessages(
             stream.name, stream.type, stream.feedback_type, stream.response_type, stream.encoding
         )
@@ -304,7 +304,7 @@ class Dialects:
     def put_about_goals(
         self, stream: Stream, form: ActionForm
     ) -> Callable[[ActionKey, bytes], None]:
-        """Make what puts feedback and status of goals beyond the water."""
+        """Make what puts feedback and status of remote goals."""
         assert isinstance(stream.spec, ActionSpec)
         mark = Marker(acoustic=stream.spec.server).encode()
 
@@ -319,10 +319,10 @@ class Dialects:
 
         return put
 
-    # What belongs to a job beside subscribers and queryables
+    # Parts of a job besides subscribers and queryables
 
     async def open(self) -> None:
-        """Begin to watch the island, and become visible."""
+        """Begin to watch the local network, and become visible."""
 
     def declare(self, job: str, stream: Stream) -> Sequence[Declared]:
         """Declare what makes a job on a stream visible; in the worker."""
@@ -333,15 +333,15 @@ class Dialects:
         return False
 
     def note_peer(self, address: int, *, is_lost: bool) -> bool:
-        """Note that a node is lost, or is back; tells whether jobs may have changed."""
+        """Note that a node is lost, or is back; return whether jobs may have changed."""
         return False
 
     def visible(self, stream: Stream) -> bool:
-        """Tell whether calls from the water are made by something that programs can see."""
+        """Tell whether programs can see the caller of calls from the channel."""
         return False
 
     def settle(self) -> bool:
-        """Take in what was seen of the island; tells whether jobs may have changed."""
+        """Take observations of the local network; return whether jobs may have changed."""
         return False
 
     def undeclare(self) -> None:

@@ -1,4 +1,4 @@
-"""The last value of each key that came off the water, for a `get` on a topic.
+"""The last value of each key from the channel, for a `get` on a topic.
 
 A key that has never arrived, or that was deleted, has none: then a `get` ends without a reply,
 which is what Zenoh says when nobody has a value.
@@ -22,7 +22,7 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     stream_id: int
     """Its stream."""
     payload: bytes
-    """As it was put on the island."""
+    """As it was put on the local network."""
     encoding: str
     """Its Zenoh encoding."""
     source: int
@@ -32,10 +32,10 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     received_at: int
     """Instant at which the frame had arrived, ns."""
     attachment: bytes | None = None
-    """What went beside it."""
+    """Its attachment."""
 
     def age_at(self, now: int) -> float | None:
-        """Return the age with the time for which it has been kept here, s."""
+        """Return the age with the time of its storage here, s."""
         return None if self.age_s is None else self.age_s + ns_to_seconds(now - self.received_at)
 
 

@@ -1,4 +1,4 @@
-"""A latched topic: whoever subscribes late gets the last samples at once, from a cache here.
+"""A latched topic: late subscribers get the last samples at once, from a cache here.
 
 A cache is declared in the worker, and what arrives before that waits.
 """
@@ -18,7 +18,7 @@ class LatchedPublisher:
     Args:
         key: The key.
         depth: How many samples it keeps.
-        island: Where it is.
+        island: The session.
         priority: Of its samples.
     """
 
@@ -32,7 +32,7 @@ class LatchedPublisher:
         self._waiting: deque[tuple[bytes, str, bytes | None]] = deque(maxlen=depth)
 
     def declare(self) -> None:
-        """Declare it, unless it is, and put what has waited; in the worker."""
+        """Declare it, unless it is, and put waiting samples; in the worker."""
         if self._publisher is not None:
             return
         publisher = latched_publisher(self._island, self._key, self._depth, self._priority)
@@ -76,7 +76,7 @@ class LatchedKeys:
 
     Args:
         depth: How many samples each keeps.
-        island: Where they are.
+        island: Their session.
         priority: Of the samples.
     """
 
@@ -102,7 +102,7 @@ class LatchedKeys:
             self._island.worker.submit(partial(self._renew, cache, cache.clear()))
 
     def declare(self, *keys: str) -> None:
-        """Declare the caches that there are, and those of these keys; in the worker."""
+        """Declare the existing caches, and those of these keys; in the worker."""
         self._is_declared = True
         for key in keys:
             self._cache(key)
@@ -116,13 +116,13 @@ class LatchedKeys:
             cache.undeclare()
 
     def _renew(self, cache: LatchedPublisher, full: Latched | None) -> None:
-        """Zenoh's cache cannot be emptied: take it back, and declare another one."""
+        """Zenoh's cache cannot be emptied: withdraw it, and declare another one."""
         if full is not None:
             full.undeclare()  # type: ignore[no-untyped-call]
         if self._is_declared:
             cache.declare()
 
     def _cache(self, key: str) -> LatchedPublisher:
-        # Made by the loop or by the worker, whoever is first; `setdefault` is one step.
+        # Made by the loop or by the worker, the first of them; `setdefault` is one step.
         made = LatchedPublisher(key, self._depth, self._island, self._priority)
         return self._caches.setdefault(key, made)

@@ -1,6 +1,6 @@
 """Samples from Zenoh's threads to the loop: bounded mailboxes.
 
-Zenoh calls a subscriber on a thread of its own and, when that thread is slow, stalls the whole
+Zenoh calls a subscriber on its own thread and, when that thread is slow, stalls the whole
 session. So the callback does two things only: `Mailbox.post`, which keeps the newest samples of
 each key, and `Doorbell.ring`. The loop empties all mailboxes whenever the bell has rung.
 """
@@ -18,7 +18,7 @@ from zacoustic.core.values.encoding import LARGEST_VALUE_BYTES
 MAILBOX_LIMIT_BYTES: Final = 4 * LARGEST_VALUE_BYTES
 """What one mailbox holds, bytes, counting each parcel with `PARCEL_OVERHEAD_BYTES`."""
 PARCEL_OVERHEAD_BYTES: Final = 256
-"""Memory of a parcel beside its payload, bytes; estimated high."""
+"""Memory of a parcel without its payload, bytes; estimated high."""
 
 
 class Parcel(msgspec.Struct, frozen=True):
@@ -79,7 +79,7 @@ class Mailbox:
                     del self._by_key[key]
 
     def take(self) -> list[Parcel]:
-        """Empty the mailbox; in the order of arrival."""
+        """Empty the mailbox in order of arrival."""
         with self._guard:
             by_key, self._by_key = self._by_key, {}
             self._held_bytes = 0

@@ -1,4 +1,4 @@
-"""Values and their encodings between the island and the engine.
+"""Values and their encodings between the local network and the engine.
 
 A sample's encoding crosses only where it is another than the stream's, which both ends know.
 """
@@ -19,9 +19,9 @@ def from_island(
 
     Args:
         payload: Its bytes.
-        encoding: Its Zenoh encoding; Zenoh's own default and None say nothing.
+        encoding: Its Zenoh encoding; Zenoh's own default and None mean the stream's.
         type_spec: The type; None: opaque.
-        stream_encoding: What holds where `encoding` says nothing.
+        stream_encoding: The stream's encoding.
 
     Returns:
         The value for the engine, and its encoding if it is another than the stream's.
@@ -31,7 +31,7 @@ def from_island(
     """
     said = said_encoding(encoding, stream_encoding)
     if type_spec is not None:
-        # A schema names what the type says already, and would cost its text on the water.
+        # A schema names what the type has already, and would cost its text on the channel.
         said = said.partition(_SCHEMA_MARK)[0]
         stream_encoding = stream_encoding.partition(_SCHEMA_MARK)[0]
     value = read_value(payload, type_spec, said)

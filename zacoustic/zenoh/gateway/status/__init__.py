@@ -1,1 +1,1 @@
-"""What the gateway says of itself: health, recent events, metrics."""
+"""The gateway's status: health, recent events, metrics."""

@@ -1,7 +1,7 @@
-"""The last things that were worth a line: notices, and what the island gave that was of no use.
+"""Recent events: notices, and input errors of the local network.
 
-``@acoustic/ADDRESS/events`` is a document of the health report: whoever comes later reads what was
-said before, and a monitor shows the last errors.
+``@acoustic/ADDRESS/events`` is a document of the health report: a late reader gets the earlier
+events, and a monitor shows the last errors.
 """
 
 import time
@@ -13,16 +13,16 @@ from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.gateway.notices import Notice
 
 EVENTS_KEPT: Final = 16
-"""The last so many are told."""
+"""Number of last events."""
 TROUBLES_KEPT: Final = 4
-"""Of those before them the last so many that were trouble: what is usual pushes no error out."""
+"""Number of errors kept besides: usual events push no error out."""
 _LONGEST_TEXT: Final = 200
 COMPLAINT: Final = "complaint"
-"""Stands for `event` where the island gave something that was of no use."""
+"""The `event` of an input error of the local network."""
 
 
 class Chronicle:
-    """What one gateway has said; for the loop.
+    """The recent events of one gateway; for the loop.
 
     Args:
         unix_s: The clock of people, s.
@@ -39,7 +39,7 @@ class Chronicle:
         self._keep(notice.event, ", ".join(lines), is_trouble=notice.is_trouble)
 
     def complain(self, text: str) -> None:
-        """Keep a complaint about the island."""
+        """Keep an input error."""
         self._keep(COMPLAINT, text, is_trouble=True)
 
     def document(self) -> dict[str, object]:

@@ -1,9 +1,9 @@
-"""Dates of what a gateway tells: by the clock of people, whatever becomes of that.
+"""Dates of a gateway's documents: by the wall clock, also when that is set.
 
-People set clocks, and network time sets them by years after a start. A fact that was dated before
-would then be hours old at once, or new for hours. So facts are dated by a clock that only goes on,
-from what the wall clock showed at the start; what has been set since is added when they are told.
-Then the difference between two dates is the time that has passed, always.
+People set clocks, and network time sets them by years after a start. An earlier date would then be
+hours old at once, or new for hours. So dates come from a clock that only goes on, from the wall
+clock's value at the start; later changes of the wall clock are added when a document is made. So
+the difference between two dates is always the time that has passed.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ class Dates:
         return (self._clock() + self._began_ns) / NS_PER_S
 
     def now_unix_s(self) -> float:
-        """Return the instant as told documents have it, s since 1970."""
+        """Return the instant as documents have it, s since 1970."""
         return self.unix_s() + self._set_by_ns / NS_PER_S
 
     def look(self) -> None:

@@ -2,8 +2,8 @@
 
 ``@acoustic/ADDRESS/frames`` has a `FrameRecord` for each frame sent or received,
 ``@acoustic/ADDRESS/reports`` a `ReportRecord` for each transmission that has ended, both in JSON
-with `unix_s`. Zenoh tells whether anybody listens; as long as nobody does, nothing is made of what
-crosses. Unlike the health documents they are no state, so a `get` has no answer.
+with `unix_s`. Zenoh reports whether there are subscribers; without any, no record is made. Unlike
+the health documents they are no state, so a `get` has no answer.
 """
 
 import asyncio
@@ -74,7 +74,7 @@ class FrameFeed:
         self._runner.watch = None
 
     def _see(self, name: str, status: zenoh.MatchingStatus) -> None:
-        """Note that somebody listens, or nobody does any more; on a thread of Zenoh's."""
+        """Note whether there are subscribers; on a thread of Zenoh's."""
         with self._guard:
             self._matching[name] = bool(status.matching)
         tell_loop(self._loop, self._settle)

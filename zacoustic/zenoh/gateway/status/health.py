@@ -1,4 +1,4 @@
-"""Health as plain Zenoh keys: what the link, the water and the streams are doing.
+"""Health as plain Zenoh keys: the state of the link, the channel and the streams.
 
 JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INTERVAL_S`, and
 answered to a `get`:
@@ -83,12 +83,12 @@ class Health:
         runner: Whose engine and link.
         island: Where it is put.
         objects: Knows how far large samples are.
-        chronicle: Keeps what was said.
+        chronicle: Keeps the recent events.
         about: What does not change: the document ``node``.
         jobs: What this gateway does: job and stream id.
-        losses: What the island gave and was of no use.
+        losses: Useless local input.
         is_journal_kept: The journal outlives the process.
-        dates: Dates of what is told.
+        dates: Dates of the documents.
         clock: Where the instants of the engine come from.
         interval_s: Least time between two puts of one document, s.
     """
@@ -147,7 +147,7 @@ class Health:
         return f"{self._prefix}/**"
 
     def trace(self, record: TraceRecord) -> None:
-        """Take notice of whatever the engine does; its trace sink."""
+        """Note every action of the engine; its trace sink."""
         self._traffic.note(record)
         self._frames.note(record)
         self.touch()
@@ -157,7 +157,7 @@ class Health:
         self._traffic.note_age(event.stream_id, event.age_s)
 
     def note_peer(self, event: PeerSeen) -> None:
-        """Keep what a peer said; streams that differed may agree in its new life."""
+        """Keep a peer's introduction; streams that differed may agree in its new boot epoch."""
         self._seen[event.address] = event
         for peers in self._differing.values():
             peers.discard(event.address)
@@ -180,7 +180,7 @@ class Health:
     def answer(self, held: HeldQuery) -> None:
         """Answer a `get`."""
         asked = held.query.key_expr
-        # Whoever watches asks for the clock every second, to know that this gateway lives.
+        # Monitors ask for the clock every second, to know that this gateway runs.
         is_pulse = str(asked).endswith("/clock")
         documents = {**({} if is_pulse else self._encoded()), **self._clock_document()}
         held.answer(
@@ -204,14 +204,14 @@ class Health:
         documents = self._encoded()
         if self._times_set != self._dates.times_set:
             self._times_set = self._dates.times_set
-            documents = {**self._clock_document(), **documents}  # before what is dated by it
+            documents = {**self._clock_document(), **documents}  # before those that it dates
         for key, payload in documents.items():
             if self._published.get(key) != payload:
                 self._published[key] = payload
                 self._island.put(key, payload, encoding=JSON, priority=Priority.DATA_LOW)
 
     def _clock_document(self) -> dict[str, bytes]:
-        """What tells whoever asks how far the clocks of people are apart."""
+        """Shows a client how far the wall clocks are apart."""
         self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
         return {f"{self._prefix}/clock": msgspec.json.encode(now)}
@@ -266,7 +266,7 @@ class Health:
         }
 
     def _why_silent(self) -> str:
-        """Return why nothing is transmitted; empty: no such order, and no want of the time."""
+        """Return why nothing is transmitted; empty: no such command, and the time is known."""
         engine = self._engine
         state = engine.silence.state(self._clock())
         if state.is_ordered:
@@ -366,7 +366,7 @@ class Health:
         }
 
     def _tuning(self, stream: Stream) -> dict[str, object]:
-        """Return how the samples of a topic of this node go, with what was ordered."""
+        """Return how the samples of a topic of this node are sent, with its overrides."""
         if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
             return {}
         on, qos = self._engine.orders.tunings.effective(stream)
@@ -374,7 +374,7 @@ class Health:
         return {"tuning": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
 
     def _demands(self, stream: Stream) -> dict[str, list[int]]:
-        """Return who wants an on-demand topic, and who is asked for it."""
+        """Return subscribers and publishers of an on-demand topic."""
         demand = self._engine.demand
         audience = demand.audience(stream)
         if audience is None:

@@ -1,8 +1,8 @@
 """The health report for Prometheus: the same documents as metrics, and a server for them.
 
 A scrape comes on a thread of the server; the documents belong to the loop, which is asked for them.
-Counters are those of the documents, so they begin anew with each life of the gateway, as Prometheus
-expects. Labels are bounded by the table of streams, the addresses there are, and words of the code.
+Counters are those of the documents, so they start again with each start of the gateway, as
+Prometheus expects. The table of streams, the addresses and words of the code bound the labels.
 """
 
 import asyncio
@@ -92,7 +92,7 @@ class _HealthCollector(Collector):
         def ask() -> None:
             try:
                 answer.set_result(msgspec.to_builtins(self._documents(), str_keys=True))
-            except Exception as error:  # handed on to whoever waits, who logs it
+            except Exception as error:  # handed on to the waiting caller, which logs it
                 answer.set_exception(error)
 
         tell_loop(self._loop, ask)

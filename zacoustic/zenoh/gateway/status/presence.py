@@ -1,4 +1,4 @@
-"""Liveliness tokens: which gateways are alive on this island.
+"""Liveliness tokens: which gateways are alive on this network.
 
 Each gateway declares two::
 
@@ -57,7 +57,7 @@ class Presence:
         return await self._island.worker.run(self._declare)
 
     def take(self) -> dict[int, bool]:
-        """Return what has changed: address → is alive; on the loop."""
+        """Return the changes: address → is alive; on the loop."""
         with self._guard:
             news, self._news = self._news, {}
         return news

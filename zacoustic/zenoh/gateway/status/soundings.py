@@ -1,4 +1,4 @@
-"""What is known of others beside their samples, as documents of the health report.
+"""Peer status besides samples, as documents of the health report.
 
 ===========================  ======================================================================
 ``peer/ADDRESS/range``       how far away: range, propagation delay, signal quality
@@ -55,7 +55,7 @@ class Soundings:
         self._dated: dict[str, tuple[int, float]] = {}
 
     def documents(self) -> dict[str, object]:
-        """Return what is known, by the end of its key."""
+        """Return the documents, by the end of their keys."""
         known = self._measurements
         found: dict[str, object] = {}
         for address in known.addresses():

@@ -1,10 +1,10 @@
-"""When each stream crossed, how often, and what became of frames to each node.
+"""When each stream crossed, how often, and the outcomes of frames to each node.
 
-Facts that stay true while nothing happens: instants by the clock of people and mean times between
-two, not rates and ages, which an idle gateway would have to put again and again. Whoever shows them
-makes rates and ages of them (`zacoustic.app.tools.watch`).
+Facts that stay true while nothing happens: instants by the wall clock and mean times between two,
+not rates and ages, which an idle gateway would have to put again and again. Monitors compute rates
+and ages (`zacoustic.app.tools.watch`).
 
-The memory is that of 255 stream ids and 255 addresses, whatever comes.
+The memory is bounded by 255 stream ids and 255 addresses.
 """
 
 import time
@@ -16,7 +16,7 @@ from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOut
 from zacoustic.core.base.trace import TraceRecord
 
 EXCHANGES_KEPT: Final = 64
-"""The error rate of frames to a node is that of the last so many that its modem was to confirm."""
+"""The error rate of frames to a node is over the last so many with a modem acknowledgement."""
 # The last four intervals or so make the mean: a stream that was tuned shows it soon.
 _WEIGHT: Final = 1 / 4
 
@@ -62,7 +62,7 @@ class Exchanges:
 
 
 class Traffic:
-    """What the trace of one engine says of streams and nodes; for the loop.
+    """Figures of streams and nodes from the trace of one engine; for the loop.
 
     Args:
         unix_s: The clock of people, s.

@@ -1,8 +1,8 @@
-"""What is in the water: the frame that is being sent, and the last ones sent and heard.
+"""The frames on the channel: the one being sent, and the last ones sent and heard.
 
-``@acoustic/ADDRESS/water`` is a document of the health report. Counters tell how much has crossed;
-this tells what crosses now, so that whoever waits can see whether it is worth waiting. A frame that
-was sent is still on its way for as long as sound needs: instants are those of its beginning.
+``@acoustic/ADDRESS/water`` is a document of the health report. Counters show how much has crossed;
+this shows what crosses now, for a user who waits. A frame that was sent is still under way for the
+propagation delay: instants are those of its beginning.
 """
 
 import time
@@ -18,25 +18,25 @@ from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 
 KEPT: Final = 16
-"""Frames of the past that are told."""
+"""Number of past frames in the document."""
 
 
 class Frame(msgspec.Struct, kw_only=True):
-    """One frame, as the document tells it."""
+    """One frame, in the document's form."""
 
     way: str
     """``out`` or ``in``."""
     peer: int | None
-    """The other node; null: everybody, or nobody knows."""
+    """The other node; null: everybody, or unknown."""
     bytes: int
     streams: list[str]
     """Names, each once; empty: the link's own business, as acknowledgements."""
     begun_unix_s: float
     """When it was given to the modem; of one that was heard, when it began to arrive."""
     airtime_s: float
-    """As the modem's rate says."""
+    """By the modem's rate."""
     outcome: str = ""
-    """Of one that was sent, once the modem has told it: a word of `TransmitOutcome`."""
+    """Of a sent one, once the modem has reported it: a word of `TransmitOutcome`."""
 
 
 class FrameLog:

@@ -1,11 +1,11 @@
-"""Actions: goals of the island for servers beyond the water, and goals from the water.
+"""Actions: local goals for remote servers, and received goals.
 
-A goal of the island arrives in a `GoalHall`, which answers for the server beyond the water. Its
-name there, 16 bytes, stays on the island: on the water a goal has a number. The engine keeps the
-name as its tag, so a gateway that is restarted still knows it.
+A local goal arrives in a `GoalHall`, which stands for the remote server. Its local name, 16 bytes,
+does not cross: on the channel a goal has a number. The engine keeps the name as its tag, so a
+restarted gateway still knows it.
 
-A goal from the water is a `GoalErrand` on the island: sent to the program that serves, followed to
-its end. If the program ends without one, what became of the goal is unknown, and that is said.
+A received goal is a `GoalErrand`: sent to the local program that serves, followed to its end. If
+the program ends without one, the outcome is unknown, and the client learns that.
 """
 
 import contextlib
@@ -60,9 +60,9 @@ class Actions:
     Args:
         address: Of this node.
         table: All streams.
-        island: Where goals come from and go to.
-        complaints: Takes what is wrong with what programs say.
-        dialects: What actions look like on the island.
+        island: The session of the goals.
+        complaints: Takes the errors of local programs.
+        dialects: The local forms of actions.
         runner: Drives the engine.
         clock: Where instants come from.
     """
@@ -84,7 +84,7 @@ class Actions:
             for stream in table
             if isinstance(stream.spec, ActionSpec)
         }
-        """What each action looks like on the island, by stream id."""
+        """The local form of each action, by stream id."""
         self._proxies: dict[int, _Proxy] = {}
         self._attendants: dict[int, _Attendant] = {}
         for stream in table:
@@ -102,7 +102,7 @@ class Actions:
                 )
 
     def ask(self, stream_id: int, held: HeldQuery) -> None:
-        """Take a query about goals for a server beyond the water."""
+        """Take a query about goals for a remote server."""
         self._proxies[stream_id].hall.take(held)
 
     def ear(self, stream_id: int) -> Callable[[zenoh.Sample], None]:
@@ -118,13 +118,13 @@ class Actions:
             self._proxies[stream_id].deliver(event)
 
     def close(self) -> None:
-        """Stop to ask the island."""
+        """Stop asking the local network."""
         for attendant in self._attendants.values():
             attendant.close()
 
 
 class _Proxy:
-    """Stands on the island for the server of one action beyond the water; see `Pursuer`."""
+    """Stands locally for the remote server of one action; see `Pursuer`."""
 
     def __init__(
         self,
@@ -152,10 +152,10 @@ class _Proxy:
             mark=Marker(acoustic=stream.spec.server).encode(),
         )
 
-    # For the hall
+    # For the goal server
 
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
-        """Send a goal over the water."""
+        """Send a goal to a remote server."""
         attachment = held.query.attachment
         if attachment is not None and self._form.is_marked(attachment.to_bytes()):
             raise LocalError("the goal came off the water, it does not go back")
@@ -171,15 +171,15 @@ class _Proxy:
             raise
 
     def cancel(self, goal_id: bytes) -> None:
-        """Cancel a goal beyond the water."""
+        """Cancel a remote goal."""
         key = self._keys.get(goal_id)
         if key is not None:
             _apply(self._runner, lambda engine, now: engine.actions.cancel_goal(key, now))
 
-    # From the water
+    # From the channel
 
     def deliver(self, event: ActionEvent) -> None:
-        """Take an event about a goal of this island."""
+        """Take an event about a local goal."""
         if isinstance(event, GoalRecovered):
             if len(event.tag) == GOAL_ID_BYTES:
                 self._learn(event.goal, event.tag)
@@ -227,7 +227,7 @@ class _Proxy:
 
 
 class _Attendant:
-    """Takes the goals of one action from the water to the program that serves it; see `Errands`."""
+    """Takes the received goals of one action to the program that serves it; see `Errands`."""
 
     def __init__(
         self,
@@ -245,7 +245,7 @@ class _Attendant:
         self._complaints = complaints
         self._runner = runner
         self._clock = clock
-        # No two gateways, and no two lives of one, give the same name to two goals.
+        # No two gateways, and no two boot epochs of one, give the same name to two goals.
         self._rng = random.SystemRandom()
         self._keys: dict[bytes, GoalKey] = {}
         self._ids: dict[GoalKey, bytes] = {}
@@ -254,7 +254,7 @@ class _Attendant:
         self.ear = FeedbackEar(form, self._feed, hears_marked=False)
 
     def deliver(self, event: GoalReceived | CancelRequested) -> None:
-        """Take an event about a goal from the water."""
+        """Take an event about a received goal."""
         if isinstance(event, CancelRequested):
             errand = self._errands.get(self._ids.get(event.goal, b""))
             if errand is not None:
@@ -275,7 +275,7 @@ class _Attendant:
         errand.begin(event.value, max(left_s, _LEAST_LIMIT_S))
 
     def close(self) -> None:
-        """Stop to ask the island."""
+        """Stop asking the local network."""
         for errand in self._errands.values():
             errand.close()
 
@@ -291,7 +291,7 @@ class _Attendant:
             return
         self._accepted.add(goal_id)
         if not _apply(self._runner, lambda engine, now: engine.actions.accept(key, now)):
-            # Its client has given it up meanwhile: nobody wants it to run.
+            # Its client has given it up meanwhile: it must not run.
             self._errands[goal_id].cancel()
 
     def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:

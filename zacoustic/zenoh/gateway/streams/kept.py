@@ -1,13 +1,13 @@
-"""Latched samples in the journal: what a gateway had for late joiners it has after a restart.
+"""Latched samples in the journal: a gateway has them for late joiners also after a restart.
 
 A map that was published once may not come again for hours, so a gateway that begins with empty
-caches has nothing for whoever joins then. Each sample of a latched topic is written down as it was
-put on the island, with the instant by the wall clock, and put there again by the next life. Who was
-there before gets it twice, as from any latched publisher that was restarted.
+caches has nothing for late joiners. Each sample of a latched topic is journalled as it was put,
+with the instant by the wall clock, and put again after a restart. Earlier subscribers get it twice,
+as from any latched publisher that was restarted.
 
 The room is bounded: of each key as many samples as its topic keeps, and of all together
-`LIMIT_BYTES`; the oldest make room. What arrives while no gateway runs is not there; a reliable
-topic gets it afterwards.
+`LIMIT_BYTES`; the oldest make room. Samples that arrive while no gateway runs are missing; a
+reliable topic gets them afterwards.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -67,7 +67,7 @@ class KeptSamples:
     def recover(
         self, stored: Mapping[str, bytes], table: StreamTable
     ) -> Iterator[tuple[Stream, LastValue]]:
-        """Yield what a former life has kept, in its order; what nobody reads any more is deleted.
+        """Yield what a former boot epoch has kept, in order; delete unreadable entries.
 
         Args:
             stored: What the journal has kept.
@@ -100,7 +100,7 @@ class KeptSamples:
             )
 
     def keep(self, stream: Stream, value: LastValue) -> None:
-        """Write down a sample that was put on the island."""
+        """Journal a sample that was put on the local network."""
         received_utc_ns = self._wall_clock() - (self._clock() - value.received_at)
         entry = msgspec.msgpack.encode(
             _Entry(

@@ -1,13 +1,12 @@
-"""Who on the island looks at on-demand topics, so that they are wanted of nodes beyond the water.
+"""Local subscribers of on-demand topics, for which the gateway subscribes at remote nodes.
 
-Zenoh tells a publisher whether anybody subscribes to its key (*matching*). So for each on-demand
-topic that this gateway delivers a publisher is declared that never puts anything: on the keys of
-the topic, or, where the name of the node is in them, one for each node that may publish. What this
-gateway itself has subscribed to does not count; a sibling that forwards the same topic does, it
-subscribes as anybody.
+Zenoh tells a publisher whether its key has subscribers (*matching*). So for each on-demand topic
+that this gateway delivers it declares a publisher that never puts anything: on the keys of the
+topic, or, if the name of the node is in them, one for each node that may publish. The gateway's own
+subscriptions do not count; those of another local gateway that forwards the same topic do.
 
-A subscriber that goes is often back at once: its program is restarted, or the router is. So a
-topic is wanted `GRACE_S` longer than anybody looks at it, and nothing crosses the water for that.
+A subscriber that goes is often back at once: its program or the router restarts. So a subscription
+lasts `GRACE_S` longer than its last local subscriber, and nothing crosses for that.
 """
 
 import asyncio
@@ -25,7 +24,7 @@ from zacoustic.zenoh.gateway.streams.topics import Topics
 from zacoustic.zenoh.session.session import Island
 
 GRACE_S: Final = 10.0
-"""How long a topic is still wanted when nobody looks at it any more, s."""
+"""How long a subscription outlasts its last local subscriber, s."""
 _ANY: Final = 0
 
 
@@ -46,16 +45,16 @@ class Lookout:
 
 
 class Onlookers:
-    """What the island looks at; for the loop, except for `declare`.
+    """The local subscribers; for the loop, except for `declare`.
 
     Args:
         table: All streams.
-        island: Where they look.
-        siblings: Which nodes are on this island.
+        island: Their session.
+        siblings: The local nodes.
         topics: What topics look like there.
         runner: Whose engine asks for what they want to see.
         ring: Wakes the loop, which then calls `settle`.
-        grace_s: How long a topic is still wanted when nobody looks at it any more, s.
+        grace_s: How long a subscription outlasts its last local subscriber, s.
     """
 
     def __init__(
@@ -121,12 +120,12 @@ class Onlookers:
             self._settle(stream_id)
 
     def settle(self) -> None:
-        """Ask for what is looked at now."""
+        """Subscribe to the topics with local subscribers."""
         for stream_id in self._watched:
             self._settle(stream_id)
 
     def close(self) -> None:
-        """Ask for nothing more; what was asked for stays, for the next life of the gateway."""
+        """Subscribe to nothing more; subscriptions stay for the next start of the gateway."""
         self._watched.clear()
         for timer in self._timers.values():
             timer.cancel()
@@ -139,7 +138,7 @@ class Onlookers:
         self._ring()
 
     def _sources(self, stream: Stream) -> frozenset[int]:
-        """Return the nodes beyond the water of which the island wants to see a topic."""
+        """Return the remote nodes whose topic has local subscribers."""
         with self._guard:
             seen = {
                 node
@@ -162,7 +161,7 @@ class Onlookers:
             self._want(stream_id, before | after)
 
     def _withdraw(self, stream_id: int) -> None:
-        """Ask no longer for what nobody looks at."""
+        """Unsubscribe from topics without local subscribers."""
         del self._timers[stream_id]
         before = self._runner.engine.demand.wanted(stream_id)
         after = self._sources(self._table.by_id(stream_id)) & before

@@ -1,12 +1,12 @@
-"""Services: calls of the island to servers beyond the water, and calls from the water.
+"""Services: local calls to remote servers, and received calls.
 
-A call of the island is a `Query` that is held until the engine has the answer or gives up at the
-stream's deadline; then it is answered or refused, never left silent. Zenoh does not tell how long
-the caller waits: 10 s unless it says otherwise, which on sound is short.
+A local call is a `Query` that is held until the engine has the answer or gives up at the stream's
+deadline; then it is answered or refused, never left silent. Zenoh does not tell how long the caller
+waits: 10 s by default, which is short for sound.
 
-A call from the water becomes a `get` on the island. The first good reply is the answer; if there is
-none, the first error. If there is nothing at all, then nobody serves; but if somebody was there
-when it was asked, that one has ended without an answer, and what it has done is unknown.
+A received call becomes a local `get`. The first good reply is the answer; if there is none, the
+first error. Without any reply there is no server; but if one was there when it was asked, it has
+ended without an answer, and the outcome is unknown.
 """
 
 from collections import deque
@@ -37,7 +37,7 @@ from zacoustic.zenoh.session.session import Island
 # Zenoh refuses a limit of 0.
 _LEAST_LIMIT_S: Final = 0.001
 
-# What a server on the island can say of itself; anything else is text of its handler.
+# Failures that a local server can name; anything else is text of its handler.
 _SAID_BY_SERVERS: Final = (
     CallFailure.NO_SERVER,
     CallFailure.BAD_REQUEST,
@@ -50,9 +50,9 @@ class Services:
 
     Args:
         table: All streams.
-        island: Where servers are asked.
-        complaints: Takes what is wrong with answers of the island.
-        dialects: What they look like on the island.
+        island: The session of the servers.
+        complaints: Takes the errors of local answers.
+        dialects: Their local forms.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
     """
@@ -77,10 +77,10 @@ class Services:
             for stream in table
             if isinstance(stream.spec, ServiceSpec)
         }
-        """What each service looks like on the island, by stream id."""
-        # Own calls: call id → who waits, and in which encoding.
+        """The local form of each service, by stream id."""
+        # Own calls: call id → the waiting query, and its encoding.
         self._calls: dict[int, tuple[HeldQuery, str]] = {}
-        # Questions to the island: who asks, and whether a server was there.
+        # Local questions: the caller, and whether a server was there.
         self._asked: dict[Question, tuple[CallKey, bool]] = {}
         self._watched: dict[int, Any] = {}
         self._settled: deque[Question] = deque()
@@ -95,7 +95,7 @@ class Services:
                 )
 
     def call(self, held: HeldQuery, stream_id: int, engine: Engine, now: int) -> None:
-        """Bring a call of the island to the water."""
+        """Send a local call to its remote server."""
         stream = self._table.by_id(stream_id)
         dialect = self.dialects[stream_id]
         query = held.query
@@ -121,7 +121,7 @@ class Services:
         self._calls[call_id] = (held, encoding)
 
     def respond(self, event: ResponseReceived) -> None:
-        """Answer a call of the island."""
+        """Answer a local call."""
         dialect = self.dialects[event.stream_id]
         held, encoding = self._calls.pop(event.call_id)
         try:
@@ -134,12 +134,12 @@ class Services:
         held.answer([Answer(key=dialect.key, payload=payload, encoding=encoding, attachment=mark)])
 
     def fail(self, event: CallFailed) -> None:
-        """Refuse a call of the island."""
+        """Refuse a local call."""
         held, _ = self._calls.pop(event.call_id)
         held.refuse(event.failure, event.text)
 
     def serve(self, event: RequestReceived) -> None:
-        """Ask the island for an answer to a call from the water."""
+        """Ask the local server for the answer to a received call."""
         stream = self._table.by_id(event.call.stream_id)
         dialect = self.dialects[stream.stream_id]
         payload, encoding = dialect.write_request(event.value)
@@ -161,7 +161,7 @@ class Services:
         )
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Bring the answers of the island to the water."""
+        """Send the local answers."""
         while self._settled:
             question = self._settled.popleft()
             asked = self._asked.pop(question, None)
@@ -170,7 +170,7 @@ class Services:
                 self._answer(engine, call, question, now, was_there=was_there)
 
     def close(self) -> None:
-        """Stop to ask the island."""
+        """Stop asking the local network."""
         questions = list(self._asked)
         self._asked.clear()
         for question in questions:
@@ -199,5 +199,5 @@ class Services:
             return
         try:
             engine.reply(call, value, now)
-        except ZacousticError as error:  # the engine has told the caller
+        except ZacousticError as error:  # the engine has informed the caller
             self._complaints.add(stream.name, "response", str(error))

@@ -1,4 +1,4 @@
-"""Topics: samples of the island to the engine, samples from the water to the island.
+"""Topics: local samples to the engine, received samples to the local network.
 
 What they look like there is a matter of the topic's dialect. A sample that cannot be read or that
 its type does not allow is counted and complained about; it harms nothing.
@@ -28,7 +28,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 _APART_S: Final = 0.1
-"""Between the frames of two gateways of one island: for the time that an event takes to both."""
+"""Between the frames of two local gateways: for the time that an event takes to both."""
 
 
 class Topics:
@@ -36,9 +36,9 @@ class Topics:
 
     Args:
         table: All streams.
-        siblings: Who does what on this island.
-        complaints: Takes what is wrong with samples of the island.
-        dialects: What they look like on the island.
+        siblings: The jobs of the local gateways.
+        complaints: Takes the errors of local samples.
+        dialects: Their local forms.
         kept: Samples of latched topics, in the journal.
         clock: Where instants come from.
         ring: Wakes the loop, which then calls `drain`.
@@ -68,14 +68,14 @@ class Topics:
             for stream in table
             if isinstance(stream.spec, TopicSpec)
         }
-        """What each topic looks like on the island, by stream id."""
+        """The local form of each topic, by stream id."""
         self._mailboxes = {
             stream_id: Mailbox(dialect.stream.qos.depth)
             for stream_id, dialect in self.dialects.items()
         }
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Have for late joiners what a former life of this gateway had."""
+        """Restore the former boot epoch's samples for late joiners."""
         for stream, value in self._kept.recover(stored, self._table):
             dialect = self.dialects.get(stream.stream_id)
             if dialect is None or not dialect.is_latched:
@@ -89,11 +89,11 @@ class Topics:
             )
 
     def post(self, stream_id: int, sample: zenoh.Sample) -> None:
-        """Keep a sample of the island for the loop; on Zenoh's thread."""
+        """Keep a local sample for the loop; on Zenoh's thread."""
         attachment = sample.attachment
         dialect = self.dialects[stream_id]
         if attachment is not None and dialect.is_marked(attachment.to_bytes()):
-            return  # it came off the water
+            return  # it came from the channel
         self._mailboxes[stream_id].post(
             Parcel(
                 str(sample.key_expr),
@@ -106,7 +106,7 @@ class Topics:
         self._ring()
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Publish what the island has sent, when it is the turn of this gateway."""
+        """Publish the local samples, when it is the turn of this gateway."""
         later: list[int] = []
         for stream_id, mailbox in self._mailboxes.items():
             stream = self._table.by_id(stream_id)
@@ -124,7 +124,7 @@ class Topics:
             self._alarm = asyncio.get_running_loop().call_later(later_s, self._ring)
 
     def deliver(self, event: SampleReceived) -> None:
-        """Put a sample from the water on the island, and keep it for `answer`."""
+        """Put a received sample on the local network, and keep it for `answer`."""
         if self._siblings.shares_island(event.source):
             return
         dialect = self.dialects[event.stream_id]

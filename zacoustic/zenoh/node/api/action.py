@@ -58,7 +58,7 @@ class GoalResult(msgspec.Struct, Generic[Result], frozen=True, kw_only=True):
     result: Result | None
     """The result; None: the server gave none."""
     text: str = ""
-    """One line for people, where the status does not say all."""
+    """One line for people, if the status does not say all."""
 
 
 FeedbackCallback = Callable[[Feedback], Awaitable[None] | None]
@@ -81,7 +81,7 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
     @property
     def accepted(self) -> bool:
-        """The server has accepted it. Of a goal of a former life that is not known at once."""
+        """The server has accepted it. Unknown at first for a goal of a former boot epoch."""
         return self._sent.accepted
 
     @property
@@ -168,7 +168,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
         Cancelling this cancels the goal.
 
         Args:
-            goal: As the client's type says.
+            goal: A value of the client's type.
             feedback_callback: Takes feedback.
             timeout_s: Time to wait for the answer, s, > 0; the action's own at most, and unless
                 given.
@@ -198,7 +198,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that a former life of this node has sent, each once.
+        """Return the goals that a former boot epoch of this node has sent, each once.
 
         Direct mode with a journal; on Zenoh the gateway keeps them.
         """
@@ -249,7 +249,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         self.client = taken.client
         """Acoustic address of its client; None: on this Zenoh network."""
         self.status: GoalStatus | None = None
-        """What `succeed`, `abort` or `canceled` has said; None: nothing yet."""
+        """The status by `succeed`, `abort` or `canceled`; None: none yet."""
         self._route = route
         self._taken = taken
         self._cancelled = asyncio.Event()

@@ -39,7 +39,7 @@ class Catalogue:
 
     Args:
         identity: Who the node is.
-        table: Its streams; on a link that of the engine.
+        table: Its streams; on a link the engine's table.
         carrier: Adds streams to it, where it can.
     """
 

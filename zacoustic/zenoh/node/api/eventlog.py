@@ -1,4 +1,4 @@
-"""What happens to a node beside samples and calls: kept for a while, told to whoever asks."""
+"""Events of a node besides samples and calls, kept for a while for its readers."""
 
 from collections import deque
 from collections.abc import AsyncIterator

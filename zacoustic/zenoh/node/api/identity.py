@@ -39,7 +39,7 @@ def identify(
     Args:
         name_or_address: A name, which the configuration may list, or an address.
         config: The configuration, or the file that holds it.
-        address: The address, where the name does not tell it.
+        address: The address, if the name does not give it.
 
     Raises:
         ConfigError: The file is wrong, or the address is none.

@@ -1,4 +1,4 @@
-"""A loop in a thread of its own, and the one way into it that waits."""
+"""A loop in its own thread, and the one way into it that waits."""
 
 import asyncio
 import threading
@@ -95,7 +95,7 @@ class LoopThread:
             raise LocalError("the node is closed")
 
     def _park(self) -> None:
-        """Have the thread stand still for ever."""
+        """Stop the thread for ever."""
 
         def stand_still() -> None:
             self._parked.set()

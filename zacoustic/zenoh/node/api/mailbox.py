@@ -1,6 +1,6 @@
 """What arrived and was not taken yet: bounded, the latest wins.
 
-Arrivals never wait for whoever takes them. A mailbox keeps the newest `depth` items of each key,
+Arrivals never wait for their reader. A mailbox keeps the newest `depth` items of each key,
 so that a talkative node does not push out what a quiet one said, and gives them out in the order
 of their arrival. It belongs to one loop; nothing here is for other threads.
 """
@@ -68,7 +68,7 @@ class Mailbox(Generic[T]):
         return item
 
     def close(self, error: Exception | None = None) -> None:
-        """Take nothing any more; what is there can still be taken. May be called again."""
+        """Accept nothing any more; present items can still be taken. May be called again."""
         if not self._is_closed:
             self._is_closed, self._error = True, error
             self._changed.set()

@@ -25,13 +25,13 @@ from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
 
 ORDER_TIMEOUT_S: Final = 60.0
-"""How long an order is tried, s, where nothing is said."""
+"""How long a command is tried by default, s."""
 _ITS_OWN: Final = "on Zenoh the gateway keeps the journal"
 _RECORDS: Final = "on Zenoh the gateway records, or zacoustic record"
 
 
 class Node(EndpointMaker):
-    """One participant: on a link of its own, or on the Zenoh network of its island.
+    """One participant: on its own link, or on the local Zenoh network.
 
     An asynchronous context manager; `open` and `close` are the same by hand. Everything here and
     on the endpoints is for the loop it was opened on; `Publisher.publish` is for any thread.
@@ -43,7 +43,7 @@ class Node(EndpointMaker):
             open yet; then there is no Zenoh. None: a Zenoh session.
         connect: Zenoh endpoints to connect to; None: the router that `config` describes, or
             whoever is found.
-        address: Acoustic address, where neither name nor config tells it.
+        address: Acoustic address, if neither name nor config gives it.
         journal: Direct mode: what the node remembers across restarts, a store or the folder of its
             file; None: the folder that `config` names, or nothing.
         record: Direct mode: file into which everything is recorded (MCAP); None: nothing is. Needs
@@ -132,7 +132,7 @@ class Node(EndpointMaker):
         whether it arrived.
 
         Args:
-            timeout_s: How long to wait, s; None: for ever, such as on a link that stays down.
+            timeout_s: How long to wait, s; None: for ever, as on a link that stays down.
 
         Raises:
             TimeoutError: It has not left in time.
@@ -166,24 +166,24 @@ class Node(EndpointMaker):
     async def order(
         self, peer: int | str, order: Order, *, timeout_s: float = ORDER_TIMEOUT_S
     ) -> OrderState:
-        """Give an order to another node, or to this one: be silent, go on, tune a topic.
+        """Give a command to another node, or to this one: be silent, resume, override a topic.
 
-        It is obeyed when it arrives, at most once, and answered when it is in that node's journal,
-        if it has one. The answer to the order that begins a silence is the last frame of that
+        It is executed on arrival, at most once, and answered when it is in that node's journal,
+        if it has one. The answer to the command that begins a silence is the last frame of that
         node: without an answer it may be silent all the same.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
-            order: What it is to do.
+            order: The command.
             timeout_s: How long to try, s, at most 600.
 
         Returns:
             What holds there then.
 
         Raises:
-            LocalError: No such node, or the order makes no sense here.
-            ServiceError: The node refuses it, and says why.
-            CallTimeoutError: No answer in time; it may have been obeyed.
+            LocalError: No such node, or the command makes no sense here.
+            ServiceError: The node refuses it, with a reason.
+            CallTimeoutError: No answer in time; it may have been executed.
             DeliveryError: It cannot be given from here.
             LinkClosedError: The node was closed, or has failed.
         """
@@ -195,10 +195,10 @@ class Node(EndpointMaker):
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of a large sample that is on its way to here.
 
-        Its publisher is told `refused`; it may be published again.
+        Its publisher gets the outcome `refused`; it may be published again.
 
         Args:
-            progress: What `events` has told of it.
+            progress: Its progress from `events`.
 
         Returns:
             Whether it was still on its way; False on Zenoh, where nothing is in parts.
@@ -214,7 +214,7 @@ class Node(EndpointMaker):
     # What the node knows
 
     def events(self) -> AsyncIterator[NodeEvent]:
-        """Iterate over what happens beside samples and calls, the last ones first.
+        """Iterate over events besides samples and calls, the last ones first.
 
         The link goes up or down; the journal cannot be written, or can be again; silence was
         ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,

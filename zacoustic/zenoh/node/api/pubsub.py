@@ -75,14 +75,14 @@ class Publisher(Generic[T]):
         self._is_closed = False
 
     def publish(self, value: T, *, encoding: str | None = None) -> Delivery | None:
-        """Publish a value; never waits for the water.
+        """Publish a value; never waits for the channel.
 
         On a link it is queued by the stream's QoS: a newer sample may push it out, and it may
         expire. From another thread than the loop's, limits that only the engine knows (size,
         permission) are logged instead of raised.
 
         Args:
-            value: As the publisher's type says.
+            value: A value of the publisher's type.
             encoding: Zenoh encoding, where it is not the stream's.
 
         Returns:
@@ -169,7 +169,7 @@ class Subscription(Generic[T]):
             raise LocalError(f"the subscription to {self.name} is closed") from None
 
     def close(self) -> None:
-        """End it; iteration ends after what has arrived. May be called again."""
+        """End it; iteration ends after the arrived samples. May be called again."""
         self.fail(None)
 
     def fail(self, error: Exception | None) -> None:

@@ -82,7 +82,7 @@ class Client(Generic[Request, Response]):
         """Call the service. Cancelling withdraws the request if it has not left yet.
 
         Args:
-            request: As the client's type says.
+            request: A value of the client's type.
             timeout_s: Time to wait for the answer, s, > 0; None: the service's own.
 
         Raises:
@@ -113,7 +113,7 @@ class Client(Generic[Request, Response]):
 class Service(Generic[Request, Response]):
     """Serves one service. Made by `Node.create_service`.
 
-    Each request runs in a task of its own. What the handler raises is logged here and reaches the
+    Each request runs in its own task. An error of the handler is logged here and reaches the
     caller as a `ServiceError` with the text.
 
     Args:
@@ -140,7 +140,7 @@ class Service(Generic[Request, Response]):
         self._stop = carrier.serve(route, self._take)
 
     def close(self) -> None:
-        """Serve no more; calls under way are cancelled, and their callers told. May be repeated."""
+        """Serve no more; cancel calls under way and inform their callers. May be repeated."""
         self._stop()
         for task in self._tasks:
             task.cancel()
@@ -154,7 +154,7 @@ class Service(Generic[Request, Response]):
         self._tasks.discard(task)
         had_begun = call in self._at_work
         self._at_work.discard(call)
-        if task.cancelled():  # perhaps before it had begun: nobody else tells the caller
+        if task.cancelled():  # perhaps before it had begun: nothing else informs the caller
             failure = CallFailure.UNKNOWN if had_begun else CallFailure.NO_SERVER
             call.fail(failure, CLOSED_TEXT)
 

@@ -1,4 +1,4 @@
-"""Values as text, for the command line: what a user types, and what is printed.
+"""Values as text, for the command line: typed and printed.
 
 A typed value is JSON5, with base64 texts for bytes fields; an opaque one is the text itself. On
 Zenoh without a configuration nothing has a type: there a text in braces is taken for fields and

@@ -26,7 +26,7 @@ class Publisher(Generic[T]):
         self._thread = thread
 
     def publish(self, value: T, *, encoding: str | None = None) -> "Delivery | None":
-        """Publish a value; never waits for the water, and works in callbacks too."""
+        """Publish a value; never waits for the channel, and works in callbacks too."""
         made = self._thread.apply(lambda: self._publisher.publish(value, encoding=encoding))
         return None if made is None else Delivery(made, self._thread)
 
@@ -61,12 +61,12 @@ class Delivery:
 
     @property
     def detail(self) -> str:
-        """Why, where the outcome does not say it."""
+        """The reason, if the outcome does not say it."""
         return self._delivery.detail
 
     @property
     def progress(self) -> ObjectProgress | None:
-        """How far it is, as told last, if it is larger than a frame."""
+        """Its last known progress, if it is larger than a frame."""
         return self._delivery.progress
 
     def cancel(self) -> None:

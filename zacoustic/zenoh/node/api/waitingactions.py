@@ -78,7 +78,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def recovered(
         self, *, feedback_callback: FeedbackCallback[Feedback] | None = None
     ) -> list[GoalHandle[Goal, Feedback, Result]]:
-        """Return the goals that a former life of this node has sent, each once."""
+        """Return the goals that a former boot epoch of this node has sent, each once."""
         found = self._thread.apply(
             lambda: self._client.recovered(feedback_callback=feedback_callback)
         )
@@ -115,7 +115,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         return self._handle.is_cancel_requested
 
     def wait_cancel(self, *, timeout_s: float) -> bool:
-        """Wait until its client wants it to end; tells whether it does. Instead of a sleep."""
+        """Wait until its client wants it to end; return whether it does. Instead of a sleep."""
 
         async def wait() -> bool:
             try:
@@ -145,7 +145,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Result | None]
-"""Pursues a goal, in a thread of its own; may wait as long as it likes."""
+"""Pursues a goal, in its own thread; may wait as long as it likes."""
 
 
 class ActionServer(Generic[Goal, Feedback, Result]):

@@ -1,1 +1,1 @@
-"""A node with an engine and a link of its own."""
+"""A node with its own engine and link."""

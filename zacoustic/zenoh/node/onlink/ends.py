@@ -1,13 +1,25 @@
 """What a publisher and the server of a call hold of a node on a link."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from zacoustic.core.engine.events import CallFailure, RequestReceived
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.routes import TopicRoute
 
-if TYPE_CHECKING:  # which makes these
-    from zacoustic.zenoh.node.onlink.onlink import LinkCarrier
+
+class Carrier(Protocol):
+    """What these ends need of the node that makes them."""
+
+    def publish(
+        self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
+    ) -> Delivery | None:
+        """Queue a sample, from any thread."""
+
+    def reply(self, request: RequestReceived, value: object) -> bool:
+        """Answer a request."""
+
+    def reply_error(self, request: RequestReceived, failure: CallFailure, text: str) -> bool:
+        """Answer a request with an error."""
 
 
 class LinkOutlet:
@@ -18,7 +30,7 @@ class LinkOutlet:
         route: Where they go.
     """
 
-    def __init__(self, carrier: "LinkCarrier", route: TopicRoute[Any]) -> None:
+    def __init__(self, carrier: Carrier, route: TopicRoute[Any]) -> None:
         self._carrier = carrier
         self._route = route
 
@@ -42,7 +54,7 @@ class LinkCall:
         event: The request.
     """
 
-    def __init__(self, carrier: "LinkCarrier", event: RequestReceived) -> None:
+    def __init__(self, carrier: Carrier, event: RequestReceived) -> None:
         self.value: Any = event.value
         self.client: int | None = event.call.client
         self.call_id: str | None = str(event.call)

@@ -26,7 +26,7 @@ from zacoustic.zenoh.node.goals import GoalDesk, GoalEnd, TakeFeedback, goal_err
 from zacoustic.zenoh.node.routes import ActionRoute
 
 _REFUSALS: Final = (GoalFailure.REJECTED, GoalFailure.CANCELLED)
-"""What an application is told by `accepted`; anything else is an error."""
+"""Failures that an application gets by `accepted`; anything else is an error."""
 
 _logger = logging.getLogger(__name__)
 
@@ -77,7 +77,7 @@ class LinkGoals:
     def recovered(
         self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
     ) -> list["LinkSentGoal"]:
-        """Return the goals that a former life has sent, and that nobody has asked for yet."""
+        """Return the goals that a former boot epoch has sent, and that no caller has taken yet."""
         assert route.stream is not None
         found = [
             sent
@@ -128,7 +128,7 @@ class LinkGoals:
                     self._forget_ended(sent)
 
     def end_all(self, error: Exception) -> None:
-        """Tell whoever waits that nothing will come."""
+        """Inform the waiting callers that nothing will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         self._taken.clear()
@@ -191,7 +191,7 @@ class LinkSentGoal:
         return await asyncio.shield(self.ended)
 
     def hear(self, event: ActionEvent) -> None:
-        """Take what the engine says of it."""
+        """Take the engine's events of it."""
         match event:
             case GoalAnswered(accepted=True):
                 self.accepted = True

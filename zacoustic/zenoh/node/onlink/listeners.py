@@ -88,7 +88,7 @@ class Listeners:
             keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
 
     def _want(self, stream: Stream) -> None:
-        """Ask for an on-demand topic where somebody listens to it, and nowhere else."""
+        """Subscribe to an on-demand topic while it has local subscribers."""
         if not stream.is_on_demand:
             return
         keys = {key for key, _ in self._listeners[stream.stream_id].values()}

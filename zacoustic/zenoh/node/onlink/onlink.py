@@ -1,4 +1,4 @@
-"""Endpoints on a link: a node with an engine of its own, and no Zenoh anywhere."""
+"""Endpoints on a link: a node with its own engine, and no Zenoh anywhere."""
 
 import asyncio
 import contextlib
@@ -71,9 +71,9 @@ class LinkCarrier:
         link: The link, not open yet.
         address: Address of the node.
         table: Its streams.
-        journal: Where it keeps what its next life has to know; None: nowhere.
-        state: What was kept for this life.
-        ranges: Nodes to which the range is measured again and again, each with its period, s.
+        journal: Keeps what must survive a restart; None: none.
+        state: What the journal has kept.
+        ranges: Nodes whose range is measured periodically, each with its period, s.
         rules: When, and how much, the node may transmit.
         permit_log: Takes each emission, or None; closed with the carrier.
         recording: Makes the engine and records it, or None; closed with the carrier.
@@ -162,7 +162,7 @@ class LinkCarrier:
 
         Raises:
             LinkOpenError: The link cannot be opened.
-            RangeUnavailableError: Ranges are to be measured, and the link cannot do that.
+            RangeUnavailableError: The config measures ranges, and the link cannot.
         """
         try:
             await self._runner.start()
@@ -175,7 +175,7 @@ class LinkCarrier:
         self._watch = asyncio.create_task(self._wait_failed(), name="engine of the node")
 
     async def close(self) -> None:
-        """Say what is still to be acknowledged, then stop; calls under way fail.
+        """Send the owed acknowledgements, then stop; calls under way fail.
 
         May be called again.
         """
@@ -354,7 +354,7 @@ class LinkCarrier:
         except LinkClosedError:
             return False
 
-    # What the engine tells
+    # Events of the engine
 
     def _deliver(self, event: Event) -> None:
         if isinstance(event, ActionEvent):
@@ -384,7 +384,7 @@ class LinkCarrier:
             case DeliveryStored():
                 self._deliveries.stored(event)
             case DeliveryEnded():
-                if not self._deliveries.ended(event):  # of a former life
+                if not self._deliveries.ended(event):  # of a former boot epoch
                     self._report(event)
             case RangeMeasured():
                 found = self._ranges.pop(event.range_id, None)

@@ -1,4 +1,4 @@
-"""Orders of a node on a link: to others across the water, and to itself."""
+"""Commands of a node on a link: to remote nodes, and to itself."""
 
 import asyncio
 import contextlib
@@ -12,7 +12,7 @@ from zacoustic.zenoh.node.carrier import call_error
 
 
 class LinkOrders:
-    """The orders that one node has given.
+    """The commands that one node has given.
 
     Args:
         runner: Whose engine sends them.
@@ -23,12 +23,12 @@ class LinkOrders:
         self._answers: dict[int, asyncio.Future[OrderState]] = {}
 
     async def give(self, node: int, order: Order, timeout_s: float) -> OrderState:
-        """Give an order and wait for the answer; cancelling gives it up.
+        """Give a command and wait for the answer; cancelling gives it up.
 
         Raises:
-            LocalError: No such node, or one's own order makes no sense here.
+            LocalError: No such node, or a command to itself makes no sense.
             ServiceError: The node refuses it.
-            CallTimeoutError: No answer in time; it may have been obeyed.
+            CallTimeoutError: No answer in time; it may have been executed.
         """
         answer: asyncio.Future[OrderState] = asyncio.get_running_loop().create_future()
         if node == self._runner.engine.address:
@@ -54,7 +54,7 @@ class LinkOrders:
                     self._runner.apply(lambda engine, now: engine.cancel(call_id, now))
 
     def deliver(self, event: Event) -> bool:
-        """Take the answer to an order; False when it is something else."""
+        """Take the answer to a command; False if it is something else."""
         if not isinstance(event, ResponseReceived | CallFailed):
             return False
         answer = self._answers.pop(event.call_id, None)

@@ -35,7 +35,7 @@ from zacoustic.zenoh.session.session import Island, one_line
 QUERIES_LIMIT: Final = 256
 """Queries about the goals of one action that can be held at once."""
 _CLOSED_TEXT: Final = "the action server was closed"
-# Zenoh's own time limit stands behind ours, which says more.
+# Zenoh's own time limit is above ours, whose error says more.
 _BEHIND_S: Final = 1.0
 # A gateway that is restarted is there again after some seconds.
 _PATIENCE_S: Final = 120.0
@@ -114,7 +114,7 @@ class ZenohGoals:
         return self._keep(end)
 
     def close(self) -> None:
-        """Tell whoever waits that nothing will come."""
+        """Inform the waiting callers that nothing will come."""
         sent = list(self._sent.values())
         self._sent.clear()
         for each in sent:
@@ -196,7 +196,7 @@ class ZenohSentGoal:
         is_canceled = end.status is GoalStatus.CANCELED
         self._answer_cancels(is_canceled, "" if is_canceled else "the goal has ended")
 
-    # For the errand
+    # For the goal request
 
     def answered(self, goal_id: bytes, verdict: Verdict) -> None:
         """The goal is accepted or rejected."""
@@ -222,7 +222,7 @@ class ZenohSentGoal:
     def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
         """Nothing more will be heard of it."""
         if self.accepted and failure in (CallFailure.BAD_REQUEST, CallFailure.UNKNOWN):
-            self.end_with(GoalEnd(text=text))  # nobody knows it any more
+            self.end_with(GoalEnd(text=text))  # no gateway knows it any more
         else:
             self.end_with(GoalEnd(text=text, error=call_error(self._name, failure, text)))
 
@@ -270,14 +270,14 @@ class _Server:
         self._queries.admit(self.hall.take, query)
 
     def close(self) -> None:
-        """Refuse what is held, and what still comes."""
+        """Refuse held queries, and later ones."""
         self._queries.close()
 
     def forget(self, goal_id: bytes) -> None:
         """A goal is over."""
         self._goals.pop(goal_id, None)
 
-    # For the hall
+    # For the goal server
 
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
         """Show a goal to the application."""

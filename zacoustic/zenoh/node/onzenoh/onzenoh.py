@@ -1,4 +1,4 @@
-"""Endpoints on a Zenoh session: the gateway of the island carries them across the water.
+"""Endpoints on a Zenoh session: the local gateway carries them across the channel.
 
 Zenoh's callbacks run in its own threads and do nothing but hand over. From the loop, puts
 are dropped on a full connection; replies, gets and closing, which may block on one, are for the
@@ -50,7 +50,7 @@ from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, Island, one_line, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
 
-# Zenoh's own time limit stands behind ours, which says more.
+# Zenoh's own time limit is above ours, whose error says more.
 _BEHIND_S: Final = 1.0
 
 _logger = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class ZenohCarrier:
 
     Args:
         config: The node's configuration, or None.
-        connect: Endpoints of the router; None: those of the configuration.
+        connect: Endpoints of the router; None: the configuration's.
         report: Takes events; here only that the connection comes and goes.
     """
 
@@ -124,7 +124,7 @@ class ZenohCarrier:
         island.watch(lambda is_up: tell_loop(loop, partial(self._report_connection, is_up)))
 
     async def close(self) -> None:
-        """Close the session; callers whose calls are under way are told. May be called again."""
+        """Close the session; inform the callers of calls under way. May be called again."""
         if self._open_island is None:
             return
         self.goals.close()
@@ -148,7 +148,7 @@ class ZenohCarrier:
         )
 
     async def order(self, node: int, order: Order, timeout_s: float) -> OrderState:
-        """Ask the gateways of the island, which do it or pass it on."""
+        """Ask the local gateways, which execute or forward it."""
         question = OrderQuestion(node, order, timeout_s)
         with zenoh_errors(question.key):
             await question.ask(self.island)
@@ -184,7 +184,7 @@ class ZenohCarrier:
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
     ) -> Callable[[], None]:
-        """Declare a Zenoh subscriber; of a latched topic one that gets what was before, too."""
+        """Declare a Zenoh subscriber; of a latched topic one that gets earlier samples, too."""
         crossing: Crossing[zenoh.Sample] = Crossing(
             lambda sample: self._receive(sample, route, deliver)
         )
@@ -333,7 +333,7 @@ class _ZenohOutlet:
         with zenoh_errors(self._route.name):
             self._publisher.put(payload, encoding=said)
         self._count()
-        return None  # what becomes of it beyond the gateway is known there
+        return None  # only the gateway knows its outcome
 
     def delete(self) -> Delivery | None:
         with zenoh_errors(self._route.name):
@@ -352,7 +352,7 @@ class _ZenohOutlet:
 def _settle(
     question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
 ) -> None:
-    """Bring the end of a question to whoever waits for it; on the loop."""
+    """Bring the end of a question to its caller; on the loop."""
     if answer.done():
         return
     if question.good is not None:

@@ -19,7 +19,7 @@ from zacoustic.zenoh.session.values import said_encoding
 from zacoustic.zenoh.session.worker import Worker
 
 CALLS_LIMIT: Final = 64
-"""Calls of one service that can be under way: as many as a client has on the water."""
+"""Calls of one service that can be under way: as many as a client has on the channel."""
 
 
 class ServiceDesk:
@@ -47,7 +47,7 @@ class ServiceDesk:
         self._desk.admit(self._take, query)
 
     def close(self) -> None:
-        """Refuse what is held, and what still comes."""
+        """Refuse held queries, and later ones."""
         self._desk.close()
 
     def _drain(self) -> None:

@@ -27,7 +27,7 @@ def session_config(config: Config | None, connect: str | Sequence[str] | None) -
 
     Args:
         config: The node's configuration; its file may be that of the router.
-        connect: Endpoints, which count more than those of the configuration.
+        connect: Endpoints, which override the configuration's.
 
     Raises:
         SessionError: An endpoint is none.

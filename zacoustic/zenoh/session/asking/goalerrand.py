@@ -1,4 +1,4 @@
-"""A goal that is sent to whoever serves its action on the island: asked, followed, cancelled."""
+"""A goal request to the local server of its action: sent, followed, cancelled."""
 
 import asyncio
 from collections.abc import Callable
@@ -46,16 +46,16 @@ class Errands(Protocol):
 
 
 class GoalErrand:
-    """One goal, asked for on the island; for the loop.
+    """One goal for a local server; for the loop.
 
     Args:
-        island: Where it is asked.
-        form: Reads and writes what is said.
+        island: The session.
+        form: Decodes and encodes the messages.
         goal_id: Its name.
-        sender: Is told.
+        sender: Gets the outcome.
         priority: Of the questions.
-        patience_s: How long to look for who serves it when nobody answers for the result, s.
-        mark: What a gateway says of the origin of the questions.
+        patience_s: How long to look for its server when no one answers for the result, s.
+        mark: A gateway's mark of the questions' origin.
     """
 
     def __init__(
@@ -188,12 +188,12 @@ class GoalErrand:
 
 
 class FeedbackEar:
-    """Hears the feedback of one action on an island.
+    """Subscribes to the local feedback of one action.
 
     Args:
         form: Reads it.
         hear: Takes the goal's name and the feedback, on the loop.
-        hears_marked: What came off the water, too.
+        hears_marked: Also feedback from the channel.
     """
 
     def __init__(

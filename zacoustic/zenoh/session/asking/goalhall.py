@@ -1,8 +1,7 @@
-"""Where the goals of an island arrive: queries about goals, and what is to be said of each.
+"""The goal server of a local network: queries about goals, and their answers.
 
-Behind it stands whoever pursues them: a program, or a gateway with the water behind it. A goal is
-begun once, however often it is sent; whoever asks for its result waits for the end, or is answered
-from what was kept.
+A program pursues the goals, or a gateway for a remote server. A goal is begun once, however often
+it is sent; a query for its result waits for the end, or is answered from the kept one.
 """
 
 import time
@@ -27,14 +26,14 @@ GOALS_LIMIT: Final = 256
 
 
 class Pursuer(Protocol):
-    """Who pursues the goals of a hall."""
+    """Pursues the goals of a goal server."""
 
     def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
         """Begin a goal; `answer` or `fail` follows.
 
         Args:
             goal_id: Its name.
-            value: The goal, as its type says.
+            value: The goal, a value of its type.
             held: The query that brought it.
 
         Raises:
@@ -48,7 +47,7 @@ class Pursuer(Protocol):
 
 
 Put = Callable[[ActionKey, bytes], None]
-"""Puts feedback or status on the island."""
+"""Puts feedback or status on the local network."""
 
 
 class _Known:
@@ -67,16 +66,16 @@ class _Known:
 
 
 class GoalHall:
-    """The goals of one action on one island; for the loop.
+    """The local goals of one action; for the loop.
 
     Args:
-        form: Reads and writes what is said.
+        form: Decodes and encodes the messages.
         pursuer: Pursues the goals.
         put: Puts feedback and status.
         keep_s: How long the end of a goal is kept, s.
         clock: Where instants come from.
         wall_clock: What time it is, ns since 1970.
-        mark: What a gateway says of the origin of each answer.
+        mark: A gateway's mark of each answer's origin.
     """
 
     def __init__(
@@ -100,7 +99,7 @@ class GoalHall:
         self._goals: dict[bytes, _Known] = {}
         self._keys = {form.key(which): which for which in ActionKey}
 
-    # From the island
+    # From the local network
 
     def take(self, held: HeldQuery) -> None:
         """Take a query."""
@@ -140,7 +139,7 @@ class GoalHall:
     # From who pursues them
 
     def adopt(self, goal_id: bytes) -> None:
-        """Know a goal that was begun in a former life."""
+        """Restore a goal of a former boot epoch."""
         self._goals[goal_id] = _Known(goal_id)
 
     def answer(self, goal_id: bytes, verdict: Verdict) -> None:
@@ -252,7 +251,7 @@ class GoalHall:
         goal.failure = failure
 
     def _say(self, goal: _Known) -> None:
-        """Answer those who wait for what is known now."""
+        """Answer the queries that waited for this."""
         if goal.verdict is not None:
             self._tell_verdict(goal, ActionKey.SEND_GOAL, goal.verdict)
         if goal.ending is not None:

@@ -1,4 +1,4 @@
-"""Actions on Zenoh: five keys below ``<name>/_action``, named as in ROS 2, and what is said there.
+"""Actions on Zenoh: five keys below ``<name>/_action``, named as in ROS 2, and their messages.
 
 ===============  ======================================  =========================================
 key              asked, or put                           answered
@@ -11,12 +11,11 @@ key              asked, or put                           answered
 ===============  ======================================  =========================================
 
 Everything is a map: in CBOR, or in JSON where the stream's encoding says so and all three types are
-given. Whoever sends a goal chooses its `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal
-that is sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in
-lower case, and before the end ``executing`` and ``canceling``.
+given. The client chooses the `goal_id`: 16 bytes, in JSON 32 hexadecimal digits. A goal that is
+sent twice under one id is one goal. The words of `status` are those of `GoalStatus` in lower case,
+and before the end ``executing`` and ``canceling``.
 
-What nodes of ROS 2 say under these keys is another form of the same
-(`zacoustic.zenoh.gateway.dialect.ros`).
+Nodes of ROS 2 have another form of the same messages (`zacoustic.zenoh.gateway.dialect.ros`).
 """
 
 import enum
@@ -92,10 +91,10 @@ class GoalState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ActionForm(ABC):
-    """How what is said about the goals of one action looks on an island."""
+    """The local form of the messages about one action's goals."""
 
     encoding: str
-    """Zenoh encoding of all that is said."""
+    """Zenoh encoding of all messages."""
 
     @abstractmethod
     def key(self, which: ActionKey) -> str:
@@ -103,7 +102,7 @@ class ActionForm(ABC):
 
     @abstractmethod
     def served(self) -> tuple[str, ...]:
-        """Return the key expressions on which whoever serves the action is asked."""
+        """Return the key expressions of the action's server."""
 
     @abstractmethod
     def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
@@ -168,15 +167,15 @@ class ActionForm(ABC):
         return None
 
     def question_mark(self, which: ActionKey, mark: bytes | None) -> bytes | None:
-        """Return what goes beside a question; `mark` is what a gateway says of its origin."""
+        """Return the attachment of a question; `mark` is a gateway's mark of its origin."""
         return mark
 
     def answer_mark(self, asked: bytes | None, mark: bytes | None) -> bytes | None:
-        """Return what goes beside the answer to a question that had `asked` beside it."""
+        """Return the attachment of the answer to a question with the attachment `asked`."""
         return mark
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether what has this beside it came off the water."""
+        """Tell whether a message with this attachment came from the channel."""
         return is_marked(attachment)
 
 
@@ -213,7 +212,7 @@ class ActionMessages(ActionForm):
         """Return the key expression of all keys of the action."""
         return (f"{self._name}/_action/*",)
 
-    # Goals, and what is asked about them
+    # Goals, and questions about them
 
     def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
         """Write a question or feedback: the goal's id, and the goal or the feedback."""
@@ -318,6 +317,6 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     value: Any
     """The goal or the feedback, a dict or bytes; None where there is none."""
     is_about_all: bool = False
-    """It is about all goals, whatever `goal_id` says: only a cancel of ROS can be."""
+    """It is about all goals, with any `goal_id`: only a cancel of ROS can be."""
     accepted_until_ns: int | None = None
     """Of all only those that were accepted until then, ns since 1970."""

@@ -1,4 +1,4 @@
-"""A question to the gateways of the island: an order, and what they answer."""
+"""A question to the local gateways: a command, and their answers."""
 
 import asyncio
 from typing import Final
@@ -12,7 +12,7 @@ from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.doorbell import tell_loop
 from zacoustic.zenoh.session.session import Island
 
-# Zenoh's own limit stands behind that of the gateway, which says more.
+# Zenoh's own limit is above the gateway's, whose error says more.
 _BEHIND_S: Final = 2.0
 
 
@@ -20,8 +20,8 @@ class OrderQuestion:
     """One `get` and its replies, which come on threads of Zenoh's; for the loop.
 
     Args:
-        node: Address; None: the nodes of all gateways on the island.
-        order: What is asked, or ordered.
+        node: Address; None: the nodes of all local gateways.
+        order: The question or the command.
         timeout_s: How long to try, s.
     """
 

@@ -1,6 +1,6 @@
-"""Orders as Zenoh keys: what is asked where, and the JSON that answers.
+"""Remote commands as Zenoh keys: queries, and the JSON of their answers.
 
-A `get` tells what holds; with parameters it orders::
+A `get` returns the state; with parameters it commands::
 
     @acoustic/2/silence                           is node 2 silent?
     @acoustic/2/silence?order=begin;for_s=1800    silence for half an hour
@@ -11,8 +11,8 @@ A `get` tells what holds; with parameters it orders::
     @acoustic/2/stream/11?on=true;min_interval_s=10;priority=background
     @acoustic/2/stream/11?reset=true              as its configuration says
 
-A gateway of the island answers for its own node, and asks across the water for others. `within_s`
-says how long it is to try there, s.
+A local gateway answers for its own node, and asks remote nodes across the channel. `within_s` is
+how long it tries there, s.
 """
 
 import math
@@ -28,14 +28,14 @@ from zacoustic.text.digits import real_number, whole_number
 PREFIX: Final = "@acoustic"
 """First chunk of all keys about gateways and their nodes."""
 ANY_NODE: Final = "*"
-"""In place of an address: each gateway of the island, for its own node."""
+"""In place of an address: each local gateway, for its own node."""
 DEFAULT_WITHIN_S: Final = 60.0
-"""How long an order is tried across the water, s, where nothing is said."""
+"""How long a command is tried across the channel by default, s."""
 
 _SILENCE: Final = "silence"
 _STREAM: Final = "stream"
 SUBJECTS: Final = (_SILENCE, f"{_STREAM}/*")
-"""Key expressions of the orders for one node, without their beginning."""
+"""Key expressions of the commands for one node, without their beginning."""
 _KINDS: Final = {"begin": OrderKind.SILENCE, "resume": OrderKind.RESUME}
 _FLAGS: Final = {"true": True, "false": False}
 _TEXTS: Final[dict[str, Callable[[Order], str | None]]] = {
@@ -62,13 +62,13 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     silent: bool
     """Nothing is transmitted now."""
     ordered: bool
-    """By an order; otherwise, if silent, by a quiet window."""
+    """By a command; otherwise, if silent, by a quiet window."""
     until_utc: str | None
     """End of the silence, as far as it is known."""
     left_s: float | None = None
     """How long it still lasts, s, as far as it is known."""
     why: str = ""
-    """Of a node on this island: why it is silent for want of the time, or maybe for too long."""
+    """Of a local node: why it is silent without the time, or maybe for too long."""
 
 
 class StreamState(msgspec.Struct, frozen=True, kw_only=True):
@@ -89,22 +89,22 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Asked(msgspec.Struct, frozen=True, kw_only=True):
-    """An order as it stands in a query."""
+    """A command in a query."""
 
     node: int | None
-    """Address; None: each gateway of the island, for its own node."""
+    """Address; None: each local gateway, for its own node."""
     order: Order
     within_s: float
-    """How long to try across the water, s."""
+    """How long to try across the channel, s."""
 
 
 def selector(node: int | None, order: Order, within_s: float | None = None) -> tuple[str, str]:
     """Return key expression and parameters of a query.
 
     Args:
-        node: Address; None: the nodes of all gateways on the island.
-        order: The order.
-        within_s: How long to try across the water, s; None: as the gateway likes.
+        node: Address; None: the nodes of all local gateways.
+        order: The command.
+        within_s: How long to try across the channel, s; None: the gateway's choice.
     """
     subject = _SILENCE if order.stream_id is None else f"{_STREAM}/{order.stream_id}"
     key = f"{PREFIX}/{ANY_NODE if node is None else node}/{subject}"
@@ -114,10 +114,10 @@ def selector(node: int | None, order: Order, within_s: float | None = None) -> t
 
 
 def read_target(key: str) -> tuple[int | None, int | None] | None:
-    """Read whom an order is for, by its key: node and stream.
+    """Read the target of a command from its key: node and stream.
 
     Returns:
-        Both, None for all nodes or no stream; or None: it is no order, but a look around.
+        Both, None for all nodes or no stream; or None: it is no command, but browsing.
     """
     chunks = key.split("/")
     if len(chunks) < 3 or chunks[0] != PREFIX:
@@ -132,17 +132,17 @@ def read_target(key: str) -> tuple[int | None, int | None] | None:
 
 
 def read_query(key: str, parameters: Mapping[str, str]) -> Asked | None:
-    """Read an order.
+    """Read a command.
 
     Args:
         key: Key expression of the query.
         parameters: Its parameters.
 
     Returns:
-        It, or None: the key is not that of an order, but of a look around.
+        It, or None: the key is not a command's, but browsing.
 
     Raises:
-        ValueError: Names a parameter, its value and what is allowed.
+        ValueError: Names a parameter, its value and the allowed values.
     """
     target = read_target(key)
     if target is None:
@@ -208,7 +208,7 @@ def _read_tuning(said: Mapping[str, str], stream_id: int | None) -> Order:
 
 
 def _number(said: Mapping[str, str], name: str, most: float) -> float | None:
-    """Read a time above 0; None: it is not said, or is none."""
+    """Read a time above 0; None: it is absent, or none."""
     written = said.get(name)
     value = None if written is None else real_number(written)
     if value is not None and 0 < value < math.inf and value <= most:

@@ -1,7 +1,7 @@
-"""A ping as a Zenoh key: what is asked where, and the JSON that answers.
+"""A ping as a Zenoh key: the query, and the JSON of its answer.
 
-A `get` on ``@acoustic/2/ping?within_s=30`` has the gateway of this island ask node 2, which answers
-by itself, whatever it is doing.
+A `get` on ``@acoustic/2/ping?within_s=30`` makes the local gateway ask node 2, which answers by
+itself, whatever it is doing.
 """
 
 import math
@@ -15,7 +15,7 @@ from zacoustic.text.digits import real_number, whole_number
 from zacoustic.zenoh.session.asking.orders import ANY_NODE, PREFIX
 
 DEFAULT_PING_S: Final = 30.0
-"""How long an answer is awaited, s, where nothing is said."""
+"""How long an answer is awaited by default, s."""
 PINGS: Final = f"{PREFIX}/{ANY_NODE}/ping"
 """Key expression of the pings of all nodes."""
 
@@ -37,7 +37,7 @@ class PingAnswer(msgspec.Struct, frozen=True, kw_only=True):
     range_age_s: float | None = None
     """How old that measurement is, s."""
     snr_db: float | None = None
-    """Signal-to-noise ratio of what was heard of it last, dB."""
+    """Signal-to-noise ratio of its last frame, dB."""
     received_level_db: float | None = None
     """Received level, dB, by the modem's own reference."""
     integrity: float | None = None
@@ -50,7 +50,7 @@ def ping_selector(node: int, within_s: float) -> tuple[str, str]:
 
 
 def pinged_node(key: str) -> int | None:
-    """Read whom a ping is for, by its key; None: it is no ping, but a look around."""
+    """Read the target of a ping from its key; None: it is no ping, but browsing."""
     chunks = key.split("/")
     if len(chunks) != 3 or chunks[0] != PREFIX or chunks[2] != "ping":
         return None
@@ -61,10 +61,10 @@ def read_ping(key: str, parameters: Mapping[str, str]) -> tuple[int, float] | No
     """Read a ping: node, and how long an answer is awaited, s.
 
     Returns:
-        Both, or None: the key is that of a look around.
+        Both, or None: the key is browsing.
 
     Raises:
-        ValueError: Names a parameter, its value and what is allowed.
+        ValueError: Names a parameter, its value and the allowed values.
     """
     node = pinged_node(key)
     if node is None:

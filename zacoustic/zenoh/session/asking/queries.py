@@ -1,9 +1,9 @@
-"""The queries of the island: each is answered, exactly once, whatever happens.
+"""Local queries: each is answered exactly once in any case.
 
 A `get` ends when its `Query` is dropped, and a query that is lost without an answer looks to the
-caller like "nobody is there". So every query lives in a `HeldQuery` from the moment at which Zenoh
-hands it over: it is answered with values, or refused with a reason, or refused when whoever holds
-it stops. What is too much at once is refused on the spot.
+caller as if there were no server. So every query lives in a `HeldQuery` from the moment at which
+Zenoh hands it over: it is answered with values, refused with a reason, or refused when its holder
+stops. Too many at once are refused on the spot.
 """
 
 import logging
@@ -127,14 +127,14 @@ class QueryDesk:
         return True
 
     def close(self) -> None:
-        """Refuse what is held and whatever comes from now on."""
+        """Refuse held queries and all later ones."""
         with self._guard:
             self._is_closed = True
             held = list(self._held)
             waiting = {each for each, _ in self._waiting}
             self._waiting.clear()
         for each in held:
-            # What somebody has begun to serve may have had its effect.
+            # A query whose service has begun may have had its effect.
             failure = CallFailure.NO_SERVER if each in waiting else CallFailure.UNKNOWN
             each.refuse(failure, self._closed_text)
 

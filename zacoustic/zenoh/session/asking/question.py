@@ -1,7 +1,7 @@
-"""A question to the island: a `get` that calls a service.
+"""A question to the local network: a `get` that calls a service.
 
-The first good reply is the answer; if there is none, the first error; if there is nothing at all,
-nobody serves. Replies come on threads of Zenoh's.
+The first good reply is the answer; if there is none, the first error; without any reply there is no
+server. Replies come on threads of Zenoh's.
 """
 
 import threading

@@ -1,7 +1,7 @@
 """The texts of error replies, both ways: ``<service>: <failure>: <text>``.
 
-Whoever asks learns from `<failure>`, a name of `CallFailure`, how far the call got. An error reply
-of another form is one of a program that knows nothing of this: its handler has failed, and said so.
+`<failure>`, a name of `CallFailure`, tells the caller how far the call got. An error reply of
+another form comes from a program that knows nothing of this: its handler has failed.
 """
 
 from typing import Final

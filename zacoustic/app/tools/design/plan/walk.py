@@ -296,7 +296,7 @@ class Walk:
             transmission_id=self._transmissions, frame_bytes=bytes(said.size_bytes),
             destination=said.destination,
         )  # fmt: skip
-        speaker.port.transmit(transmission, now)
+        speaker.port.transmit(transmission.transmission_id, (), now)
         speaker.on_air, speaker.armed_at = said, None
         for item in said.items:
             if item.begins is not None:

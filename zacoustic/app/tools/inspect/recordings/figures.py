@@ -5,17 +5,21 @@ exactly, or `ledger_is_exact` is false. A latency is from the command to the arr
 clocks of two nodes where they are not the same.
 """
 
+from typing import Final
+
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts import Facts, Published, match
 from zacoustic.app.tools.inspect.recordings.linkfigures import LinkFigures, links_of
 from zacoustic.app.tools.inspect.recordings.spread import Spread, spread_of
 from zacoustic.app.tools.inspect.recordings.thinning import left_out
-from zacoustic.app.tools.inspect.recordings.verdict import verdict_of
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.run.recording.channels import SENT
+
+_NAMED: Final = 5
+"""So many streams are named; the worst first."""
 
 
 class StreamFigures(msgspec.Struct, kw_only=True):
@@ -119,7 +123,7 @@ def figures_of(facts: Facts) -> Figures:
         links=links_of(facts),
         notes=_notes(facts, nodes),
     )
-    figures.verdict = verdict_of(figures)
+    figures.verdict = _verdict(figures)
     return figures
 
 
@@ -230,3 +234,39 @@ def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
         if each.ledger_is_exact is False
     ]
     return notes
+
+
+def _verdict(figures: Figures) -> list[str]:
+    """Return it: what is known not to have arrived, then what was left out on purpose."""
+    expected = sum(each.expected for each in figures.streams)
+    delivered = sum(each.delivered for each in figures.streams)
+    if not expected:
+        arrived = sum(each.arrived for each in figures.streams)
+        return [f"{arrived} samples arrived; what did not is not known from these recordings"]
+    short = [each for each in figures.streams if each.delivered < each.expected]
+    short.sort(key=lambda each: each.delivered / each.expected)
+    lines = [f"everything arrived: {delivered} of {expected} samples, calls and goals"]
+    if short:
+        lines = [f"{expected - delivered} of {expected} did not arrive: {_named(short)}"]
+    refused = sum(each.refused for each in figures.streams)
+    if refused:
+        whose = ", ".join(each.name for each in figures.streams if each.refused)
+        lines.append(f"{refused} were refused and never sent: {whose}")
+    lines += [
+        f"{each.name}: {each.thinned} of {each.published} left out on purpose by min_interval_s"
+        for each in figures.streams
+        if each.thinned
+    ]
+    worst = max((link.loss for link in figures.links if link.loss is not None), default=None)
+    if worst is not None:
+        lines.append(f"of the frames {worst:.0%} were lost on the worst link")
+    return lines
+
+
+def _named(streams: list[StreamFigures]) -> str:
+    words = [
+        f"{each.name} {each.expected - each.delivered} of {each.expected}"
+        for each in streams[:_NAMED]
+    ]
+    more = len(streams) - _NAMED
+    return ", ".join(words) + (f", and {more} more streams" if more > 0 else "")

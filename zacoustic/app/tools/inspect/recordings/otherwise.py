@@ -1,16 +1,15 @@
 """`zacoustic replay --through FILE`: yesterday's inputs into engines of today's configuration.
 
-The recorded calls are made of an engine that the configuration describes: the frames off the water
-as they were, byte for byte, at their instants, and what the application asked for. What it says is
-not heard by anybody, since the others are a recording; where it says the same as before it is
-answered as before. So with the configuration of the recording every frame is the same, and what a
-change of priorities, codecs or rates does to frames and deliveries is seen one by one.
+An engine of the configuration gets the recorded calls: received frames as they were, byte for byte,
+at their instants, and the requests of the application. Nobody hears its frames, since the others
+are a recording; where it sends the same as before, it is answered as before. So with the
+configuration of the recording every frame is the same, and the effect of a change of priorities,
+codecs or rates on frames and deliveries is visible one by one.
 
-Timers of the new engine run between the calls. A transmission that there was not is reported as
-sent when its airtime is over, a journal write that there was not is committed at once. Peers
-with another table than today's are taken to introduce themselves in every frame and to tell the
-rows of their table, as they would, so the streams that agree still cross and those that differ are
-refused by name.
+Timers of the new engine run between the calls. A new transmission is reported as sent when its
+airtime is over, a new journal write is committed at once. Peers with another table than today's are
+assumed to introduce themselves in every frame and to send the rows of their table, as they would,
+so the streams that agree still cross and those that differ are refused by name.
 """
 
 import heapq

@@ -1,8 +1,8 @@
 """The samples of a recording, for a Zenoh network.
 
-A recording of a network has them as they were. One of an engine has values: they are written in the
-encoding of their stream; what had come off the water gets the mark of a gateway again, so that no
-gateway there sends it back into the water.
+A recording of a network has them as they were. One of an engine has values: they are encoded in the
+encoding of their stream; samples from the channel get the mark of a gateway again, so that no
+gateway there transmits them.
 """
 
 import binascii

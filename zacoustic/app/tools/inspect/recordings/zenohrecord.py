@@ -1,9 +1,9 @@
 """`zacoustic record`: a Zenoh network into a file, from any machine on it.
 
-What is on the island is kept as it was, and beside that as values that other tools read: typed
-topics of the configuration as JSON, topics of ROS as CDR with their definitions, health documents
-as the JSON that they are. A gateway on that network puts its frames as soon as it sees somebody
-subscribe to them, so no gateway has to be restarted to be recorded.
+Local samples are kept as they were, and also as values that other tools read: typed topics of the
+configuration as JSON, topics of ROS as CDR with their definitions, health documents as JSON. A
+gateway on that network puts its frames as soon as they have a subscriber, so no gateway has to be
+restarted to be recorded.
 """
 
 import asyncio

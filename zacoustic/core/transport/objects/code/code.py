@@ -90,7 +90,7 @@ class Layout(msgspec.Struct, frozen=True):
         return index // (size + 1) if beyond < 0 else larger + beyond // size
 
     def repair(self, block: int, seed: int) -> int:
-        """Return the index of a repair fragment; after the last seed they begin anew."""
+        """Return the index of a repair fragment; after the last seed they start again."""
         return self.fragments + seed % self.seeds * self.blocks + block
 
     def seed(self, index: int) -> int:

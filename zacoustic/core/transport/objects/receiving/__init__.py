@@ -1,1 +1,1 @@
-"""The receiver of an object: what has arrived, what it says of it, how it ends."""
+"""The receiver of an object: its fragments, its feedback, its outcome."""

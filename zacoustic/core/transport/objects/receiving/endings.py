@@ -1,7 +1,7 @@
-"""Objects of others that have ended at this node: handed on, refused, or not wanted.
+"""Objects of others that have ended at this node: delivered, refused, or not subscribed to.
 
-Remembered for as long as their numbers may be used again: what still comes of them is not taken for
-a new object, and is answered in the same way.
+They are remembered while their numbers may be used again: later fragments are not taken for a new
+object, and are answered in the same way.
 """
 
 from typing import Final
@@ -38,8 +38,8 @@ class Endings:
     """What has ended at one node.
 
     Args:
-        gate: Knows what is wanted.
-        journal: Keeps what was handed on.
+        gate: Knows the admitted objects.
+        journal: Keeps delivered objects.
     """
 
     def __init__(self, gate: Gate, journal: JournalPort) -> None:
@@ -50,7 +50,7 @@ class Endings:
         self._refused: dict[Place, Refusal] = {}
 
     def restore(self, place: Place, end: StoredEnd) -> None:
-        """Take the end of an object that was handed on in a life before."""
+        """Restore the end of an object that a former boot epoch delivered."""
         self._ended[place] = end
 
     def handed_on(self, place: Place, end: StoredEnd) -> bool:
@@ -88,7 +88,7 @@ class Endings:
         return self._is_of_handed_on(place, fragment) or self._is_of_refused(place, fragment)
 
     def feedback(self, place: Place) -> Complete | Refused | None:
-        """Return what is to be said of an object that has ended, or None."""
+        """Return the feedback for an object that has ended, or None."""
         transfer = place[1]
         end = self._ended.get(place)
         if end is not None:

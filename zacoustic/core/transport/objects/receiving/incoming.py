@@ -2,8 +2,8 @@
 
 Until the manifest is there, fragments are kept as they come, a bounded number of them. Then each
 goes to its block, which is solved as soon as it has enough. The object is opened when all blocks
-are, and only if its digest is right; if it is not, everything is thrown away and the sender is told
-so by what is lacking.
+are, and only if its digest is right. If it is not, everything is dropped, and the feedback shows
+the sender that all is missing.
 """
 
 from typing import Final
@@ -23,7 +23,7 @@ _MOST_IN_HEAD: Final = 128
 """A manifest is spread over fewer fragments than that, even where they have four bytes each."""
 _ENOUGH_TO_JUDGE: Final = 8
 _LOSS_UNKNOWN: Final = 0.3
-"""Loss to reckon with where the first fragment of all has not arrived."""
+"""Assumed loss if the very first fragment has not arrived."""
 
 
 class IncomingObject:
@@ -40,7 +40,7 @@ class IncomingObject:
         self.fragment_bytes = fragment_bytes
         self.manifest: Manifest | None = None
         self.is_too_large = False
-        """Its manifest says more than is taken."""
+        """Its manifest exceeds a limit."""
         self._largest_bytes = largest_bytes
         self._early: dict[int, bytes] = {}
         self._head: dict[int, bytes] = {}
@@ -50,12 +50,12 @@ class IncomingObject:
         self._sources_begun = 0
 
     def add(self, index: int, data: bytes) -> bool:
-        """Take a fragment; False when it says nothing new, or cannot be kept."""
+        """Take a fragment; False when it is not new, or cannot be kept."""
         if self._layout is None:
             return self._add_early(index, data)
         new = self._add_to_block(self._layout, index, data)
         if new and self.lacking == 0 and self.payload() is None:
-            # Something that was never sent is in it: begin anew.
+            # It contains something that was never sent: start again.
             self._forget()
         return new
 
@@ -95,7 +95,7 @@ class IncomingObject:
         return 1 - self._sources_held / self._sources_begun
 
     def feedback(self) -> Feedback:
-        """Return what is to be said of an object that is not complete, or waits for its turn."""
+        """Return the feedback for an object that is not complete, or waits for its turn."""
         if self._layout is None:
             return Headless(self.transfer, len(self._early))
         if not self.lacking:
@@ -116,13 +116,13 @@ class IncomingObject:
         return known is not None and known != data
 
     def payload(self) -> bytes | None:
-        """Return the payload of a complete object; None: it is not what was published."""
+        """Return the payload of a complete object; None: it differs from the published one."""
         assert self.manifest is not None
         coded = b"".join(block.content() for block in self._blocks)
         return open_object(self.manifest, coded)
 
     def head(self) -> dict[int, bytes]:
-        """Return the fragments with the manifest: they tell this object from another."""
+        """Return the fragments with the manifest: they distinguish this object."""
         return self._head
 
     # Below the methods above

@@ -1,9 +1,10 @@
-"""The objects that a node receives: what is done with their fragments, and what is said.
+"""The objects that a node receives: their fragments, and the feedback.
 
-An object tells what it is in its first fragments. Until then what comes is kept, a bounded number
-of fragments, unless nothing that is large can be for this node. One that is not for it, or of an
-on-demand topic that it has not subscribed to, takes no memory from then on. So does what is on its
-way when it unsubscribes. What a former life has left is kept: it may not have subscribed yet.
+The first fragments of an object carry its manifest. Until then fragments are kept, a bounded
+number, unless no large sample can be for this node. An object that is not for it, or of an
+on-demand topic that it has not subscribed to, takes no memory from then on; neither does an object
+under way when the node unsubscribes. Fragments of a former boot epoch are kept: the node may not
+have subscribed again yet.
 """
 
 import random
@@ -49,7 +50,7 @@ class IncomingObjects:
         rng: Spreads the answers of several receivers.
         gate: Knows table and counts, and takes complete objects.
         emit: Takes progress.
-        journal: Keeps what is to survive.
+        journal: Keeps what must survive a restart.
     """
 
     def __init__(
@@ -76,11 +77,11 @@ class IncomingObjects:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes that what has come takes."""
+        """Bytes of all received fragments."""
         return self._transfers.memory_bytes
 
     def stream_of(self, source: int, transfer: int) -> int:
-        """Return the stream of an object that is under way, 0 while nobody has said it."""
+        """Return the stream of an object under way, 0 while unknown."""
         state = self._transfers.get((source, transfer))
         manifest = state.incoming.manifest if state else None
         return manifest.stream_id if manifest else 0
@@ -90,7 +91,7 @@ class IncomingObjects:
     def restore_group(
         self, source: int, transfer: int, group: int, fragments: list[tuple[int, bytes]]
     ) -> None:
-        """Take fragments that arrived in a life before."""
+        """Restore fragments that arrived in a former boot epoch."""
         for index, data in fragments:
             state = self._transfers.get((source, transfer))
             if state is None:
@@ -99,11 +100,11 @@ class IncomingObjects:
             state.groups = group + 1
 
     def restore_end(self, source: int, transfer: int, end: StoredEnd) -> None:
-        """Take the end of an object that was delivered in a life before."""
+        """Restore the end of an object that a former boot epoch delivered."""
         self._endings.restore((source, transfer), end)
 
     def link_up(self, now: int) -> None:
-        """The link is up: what a former life was about to hand on is handed on."""
+        """The link is up: deliver what a former boot epoch was about to deliver."""
         for place, state in list(self._transfers):
             end, manifest = self._endings.end(place), state.incoming.manifest
             if end is None or state.is_ending or manifest is None or state.incoming.lacking:
@@ -133,7 +134,7 @@ class IncomingObjects:
             if place not in self._transfers and _is_for_others(fragment, received):
                 return None
             if place not in self._transfers and self._gate.admit(source, 0).reason is not None:
-                return None  # whatever it is, it is not for this node
+                return None  # it is not for this node
             reason = self._collect(place, fragment, received, now)
             if reason is not None:
                 return reason
@@ -176,8 +177,12 @@ class IncomingObjects:
         due = self._replies.due(now)
         return due[0][0] if due else None
 
-    def take(self, destination: int, now: int) -> tuple[Feedback, int] | None:
-        """Return ``(feedback, stream id)`` of an answer that is due and goes there, or None."""
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether an answer is to go, or has not yet been on the air."""
+        return self._replies.owes_answer(now)
+
+    def take(self, destination: int, now: int) -> tuple[Feedback, Place] | None:
+        """Return an answer that is due and goes there, and what it is about, or None."""
         for place in self._replies.due(now, destination):
             feedback = self._feedback(place)
             if feedback is None:
@@ -187,12 +192,12 @@ class IncomingObjects:
             self._told[place] = feedback
             while len(self._told) > _MOST_TOLD:
                 del self._told[next(iter(self._told))]
-            return feedback, self.stream_of(*place)
+            return feedback, place
         return None
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The answer just taken has been on the air."""
-        self._replies.transmitted(finished_at, timing)
+    def transmitted(self, place: Place, finished_at: int, timing: Timing) -> None:
+        """An answer that was taken has been on the air."""
+        self._replies.transmitted(place, finished_at, timing)
 
     @property
     def quiet_until(self) -> int:
@@ -266,7 +271,7 @@ class IncomingObjects:
             self._finish(place, state, is_turn=False)
 
     def _has_turn(self, place: Place, check: bytes) -> None:
-        """The source says that nothing before its object will come."""
+        """The source has sent the turn: nothing before its object will come."""
         state = self._transfers.get(place)
         if state is None or state.incoming.lacking != 0:
             return
@@ -288,7 +293,7 @@ class IncomingObjects:
             return  # asked again with each further fragment
         if admission.reason is not None:
             # It was not yet known, when its manifest came, whether the tables agree. They do, so it
-            # is of somebody else with that address: of another fleet, or of a former life.
+            # is of another node with that address: of another fleet, or of a former boot epoch.
             self._refuse(place, admission.reason)
             return
         claim = self._gate.claim(place[0], manifest, is_turn=is_turn)
@@ -324,7 +329,7 @@ class IncomingObjects:
         self._forget_groups(place, state)  # committed when what is handed on here has been told
         end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
         if self._endings.handed_on(place, end) or is_over:
-            return  # it was handed on before, or is not to be any more
+            return  # it was delivered before, or must not be any more
         received = state.received or ReceivedFrame(frame_bytes=b"", received_at=state.heard_at)
         self._report(place, state, ObjectState.DELIVERED, "")
         self._gate.deliver(
@@ -393,7 +398,7 @@ class IncomingObjects:
     def _schedule(
         self, place: Place, fragment: Fragment, received: ReceivedFrame, timing: Timing
     ) -> None:
-        """Decide when to speak of an object, after a fragment of it."""
+        """Decide when to send feedback, after a fragment."""
         heard_at = received.received_at
         source = place[0]
         state = self._transfers.get(place)

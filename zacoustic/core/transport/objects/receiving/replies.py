@@ -1,10 +1,10 @@
-"""When a receiver speaks of the objects that it receives.
+"""When a receiver sends feedback about the objects that it receives.
 
-It speaks when it is called: at once when the sender waits for an answer; and when it has the object
-and the sender does not know, into the sender's next listen window (when that is, medium access
-knows: `zacoustic.core.schedule.access.listening`). An answer that is asked for is repeated where
-fragments are being lost, as long as the copies leave before the sender can react to the first.
-Several receivers speak one after the other.
+It does so on request: at once when the sender waits for an answer; and when it has the object and
+the sender does not know it, in the sender's next listen window (which medium access knows:
+`zacoustic.core.schedule.access.listening`). A requested answer is repeated while fragments are
+lost, as long as the copies leave before the sender can react to the first. Several receivers answer
+one after the other.
 """
 
 import random
@@ -31,6 +31,7 @@ class _Reply:
         self.copies = copies
         self.until = until
         """Instant after which it would come too late; None: until the sender sends on."""
+        self.is_on_air = False
 
 
 class Replies:
@@ -45,9 +46,8 @@ class Replies:
         self._rng = rng
         self._is_sayable = is_sayable
         self._replies: dict[Place, _Reply] = {}
-        self._speaking: Place | None = None
         self.quiet_until = 0
-        """Until then fragments of somebody else, or an exchange with him, are expected."""
+        """Until then fragments of another node, or an exchange with it, are expected."""
 
     def called(
         self, place: Place, call: Call, heard_at: int, timing: Timing, *, loss: float
@@ -76,8 +76,8 @@ class Replies:
             call: When it listens.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            rank: So many receivers speak before this one.
-            others: How many there are beside it.
+            rank: So many receivers answer before this one.
+            others: Number of the other receivers.
             repeats: It has said the same before. Since they are not equally far away, it may have
                 met the answer of another then, and would again.
         """
@@ -96,7 +96,7 @@ class Replies:
             place: Which object.
             heard_at: End of the fragment, ns.
             timing: The durations.
-            tell: It had better know that it need not.
+            tell: The source should learn that it need not send more.
             window: A listen window begins now, and then others.
         """
         self.quiet_until = heard_at + timing.slot_ns + timing.pause_ns
@@ -109,12 +109,17 @@ class Replies:
     def due_at(self, now: int) -> int | None:
         """Return the instant at which the next answer is to go, or None."""
         for place, reply in list(self._replies.items()):
-            if reply.until is not None and reply.until < now and place != self._speaking:
+            if reply.until is not None and reply.until < now and not reply.is_on_air:
                 del self._replies[place]
         return min((reply.at for _, reply in self._sayable()), default=None)
 
+    def owes_answer(self, now: int) -> bool:
+        """Tell whether an answer is to go, or has not yet been on the air."""
+        is_on_air = any(reply.is_on_air for reply in self._replies.values())
+        return is_on_air or self.due_at(now) is not None
+
     def due(self, now: int, source: int | None = None) -> list[Place]:
-        """Return the objects of which something is to be said now, to one source or to all."""
+        """Return the objects with due feedback, to one source or to all."""
         due = [
             (reply.at, place)
             for place, reply in self._sayable()
@@ -124,18 +129,18 @@ class Replies:
 
     def say(self, place: Place) -> None:
         """An answer is in the frame that goes now."""
-        self._speaking = place
+        self._replies[place].is_on_air = True
 
     def drop(self, place: Place) -> None:
-        """There is nothing to say."""
+        """There is no feedback to send."""
         self._replies.pop(place, None)
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The answer has been on the air: repeat it, or not."""
-        place, self._speaking = self._speaking, None
-        reply = self._replies.get(place) if place is not None else None
-        if place is None or reply is None:
+    def transmitted(self, place: Place, finished_at: int, timing: Timing) -> None:
+        """An answer has been on the air: repeat it, or not."""
+        reply = self._replies.get(place)
+        if reply is None:
             return
+        reply.is_on_air = False
         reply.copies -= 1
         reply.at = finished_at + timing.gap_ns
         if reply.copies <= 0:
@@ -151,4 +156,8 @@ class Replies:
         return at
 
     def _sayable(self) -> list[tuple[Place, _Reply]]:
-        return [(place, reply) for place, reply in self._replies.items() if self._is_sayable(place)]
+        return [
+            (place, reply)
+            for place, reply in self._replies.items()
+            if not reply.is_on_air and self._is_sayable(place)
+        ]

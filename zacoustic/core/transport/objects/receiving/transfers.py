@@ -1,7 +1,7 @@
-"""The objects that are on their way to a node, and how much memory they may take.
+"""The incoming objects of a node, and how much memory they may take.
 
-So many transfers at most, and so many bytes in all. The one that was silent for longest gives way
-to others; or rather, of its key, the one that is handed on last, since it would have to wait for
+The number of transfers and their bytes in all are bounded. The one that was silent for longest
+gives way; or rather, of its key, the one that is delivered last, since it would have to wait for
 all the others.
 """
 
@@ -17,7 +17,7 @@ _MOST_AT_A_TIME: Final = 64
 
 
 class Transfer:
-    """An object on its way to here, and what is to be said of it."""
+    """An incoming object, and its feedback."""
 
     def __init__(self, incoming: IncomingObject) -> None:
         self.incoming = incoming
@@ -69,7 +69,7 @@ class Transfers:
         return self._transfers.pop(place)
 
     def make_room(self, newest: Place) -> Iterator[Place]:
-        """Yield what is to be given up, one by one; each is to be removed before the next.
+        """Yield the transfers to give up, one by one; remove each before the next.
 
         Args:
             newest: What has just been heard: given up only when nothing else may be.

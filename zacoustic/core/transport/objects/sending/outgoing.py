@@ -1,17 +1,17 @@
-"""The sender's side of one transfer: rounds of fragments, each of which ends with a question.
+"""The sender's side of one transfer: rounds of fragments, each ending with a request for feedback.
 
 A *round* is the source fragments of the next block and as many repair fragments of the blocks
-before as the receivers will probably need; its last fragment calls for an answer, and the one
-before it announces that call, so that a receiver answers when either has arrived. Then the sender
-listens. It knows, for each receiver, how many fragments of each block it lacks; it never knows
-which, and need not.
+before as the receivers will probably need. Its last fragment requests feedback, and the one before
+it announces that, so that a receiver answers when either has arrived. Then the sender listens. It
+knows, for each receiver, how many fragments of each block it lacks; it never knows which, and need
+not.
 
-When no answer comes, the next round is short and useful: repair fragments, since the likeliest
-reason is a loss. When several questions in a row are not answered, nobody may be there: single
-fragments, at pauses that double.
+Without an answer, the next round is short and useful: repair fragments, since the likeliest reason
+is a loss. After several requests in a row without an answer the receivers may be gone: single
+fragments follow, at pauses that double.
 
 A receiver that has all of it may have to wait for samples before it. Nothing is sent to it until
-none of them will come, which it is told then: it is its turn.
+none of them will come; then the sender sends it its turn.
 """
 
 import random
@@ -40,7 +40,7 @@ from zacoustic.core.wire.objects import (
 )
 
 _MOST_IN_ROUND: Final = BLOCK_FRAGMENTS
-# While source fragments are still to be sent, another round costs nothing.
+# While source fragments are left, another round costs nothing.
 _CHEAP_ROUND_FRAMES: Final = 1.0
 _PATIENT_QUESTIONS: Final = 4
 _QUESTIONS_A_PAUSE: Final = 2
@@ -56,10 +56,10 @@ class OutgoingObject:
 
     Args:
         transfer: Its number.
-        receivers: Addresses that are to have it, and what is known of the loss on the way there.
+        receivers: Addresses of the receivers, each with the known loss on the way there.
         manifest: What it is.
         fragments: Its fragments.
-        rng: Draws the pauses between questions that nobody answers.
+        rng: Draws the pauses between unanswered requests.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class OutgoingObject:
         self.next_source = 0
         self.next_seed = [0] * fragments.layout.blocks
         self.transmitted = 0
-        """Fragments transmitted in this life."""
+        """Fragments transmitted in this boot epoch."""
         self.listens = False
         """A question is on the air or not yet answered."""
         self.due_at = 0
@@ -85,17 +85,17 @@ class OutgoingObject:
         self.listens_until = 0
         """Until then an answer may come, and nothing else should be transmitted."""
         self.is_withdrawn = False
-        """It is not to be had any more; the receivers are told so."""
+        """It was withdrawn; the receivers learn it."""
         self._round: deque[int] = deque()
         self._patience_ns = 0
         self._asked: list[ReceiverView] = []
         self._rng = rng
 
-    # What is to be sent
+    # Records to send
 
     @property
     def has_fragments(self) -> bool:
-        """Somebody needs fragments of it, or is to be told that it is withdrawn."""
+        """Some receiver needs fragments of it, or must learn that it is withdrawn."""
         return self.is_withdrawn or bool(self._lacking())
 
     def next_at(self, is_turn: Callable[[int], bool]) -> int | None:
@@ -110,14 +110,14 @@ class OutgoingObject:
         return max(self.due_at, min(turns)) if turns else None
 
     def next_turn(self, is_turn: Callable[[int], bool], now: int) -> int | None:
-        """Return the receiver that is told next that it is its turn; None: a fragment goes."""
+        """Return the receiver of the next turn record; None: a fragment goes."""
         if self.is_withdrawn:
             return None
         due = (each for each in self._holders(is_turn) if self.views[each].turn_at <= now)
         return next(due, None)
 
     def withdraw(self, now: int) -> None:
-        """Send nothing of it any more, but tell the receivers."""
+        """Send nothing of it any more, but inform the receivers."""
         self.is_withdrawn = True
         self.listens = False
         self.due_at = now
@@ -126,7 +126,7 @@ class OutgoingObject:
 
     @property
     def is_past_asking(self) -> bool:
-        """Nobody has answered for so long that nobody may be there."""
+        """No receiver has answered for so long that none may be there."""
         return all(view.unanswered > _PATIENT_QUESTIONS for view in self._waiting())
 
     def resume(self, next_source: int, next_seed: int) -> None:
@@ -164,7 +164,7 @@ class OutgoingObject:
         return Fragment(self.transfer, call, index, self.fragments.fragment(index))
 
     def take_turn(self, address: int) -> Fragment:
-        """Return what tells a receiver that it is its turn, for transmission."""
+        """Return the turn record of a receiver, for transmission."""
         view = self.views[address]
         view.turns += 1
         self.transmitted += 1
@@ -219,10 +219,10 @@ class OutgoingObject:
         """Return a seed that no fragment sent so far has."""
         return max(self.next_seed)
 
-    # What the receivers say
+    # Feedback
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
-        """Take a feedback; False when it says nothing new or is not about this object."""
+        """Take a feedback; False when it is not new or not about this object."""
         view = self.views.get(source)
         if view is None or view.is_finished:
             return False
@@ -234,7 +234,7 @@ class OutgoingObject:
             elif self.is_withdrawn:
                 view.refused = Reason.CANCELLED  # nothing of this one has arrived
             else:
-                # It has an object of a life of ours that is over: the manifest will tell it so.
+                # It has an object of a former boot epoch of ours: the manifest will show it.
                 view.headless = True
         elif isinstance(feedback, Refused):
             view.refused = feedback.reason
@@ -317,7 +317,7 @@ class OutgoingObject:
 
     @property
     def sent_bytes(self) -> int:
-        """Bytes of the payload that were on the air at least once, in this life or before."""
+        """Bytes of the payload that were on the air at least once, in any boot epoch."""
         sent_bytes = self.next_source * self.fragments.layout.fragment_bytes
         return min(self.manifest.payload_bytes, sent_bytes)
 
@@ -372,13 +372,13 @@ class OutgoingObject:
         return iter(planned) if planned else self._probe(timing, waiting)
 
     def _behind(self, waiting: list[ReceiverView]) -> list[int]:
-        """Return the blocks of which something was sent and something is lacking."""
+        """Return the blocks with sent and missing fragments."""
         return sorted(
             {block for view in waiting for block, lacking in view.lacking.items() if lacking != 0}
         )
 
     def _probe(self, timing: Timing, waiting: list[ReceiverView]) -> Iterator[int]:
-        """Plan a short round: nobody has answered, or what the receivers lack is not known."""
+        """Plan a short round: no receiver has answered, or their losses are unknown."""
         behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
         lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
         number = min(timing.run_frames, lacking)

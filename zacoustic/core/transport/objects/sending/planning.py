@@ -1,9 +1,9 @@
 """How many repair fragments to send before the receivers are asked again.
 
-One too many costs a frame. One too few costs a round: another question, the way there and back, and
-the chance that question or answer is lost. Which of them is likelier depends on a loss that nobody
-knows; it is estimated from what came of the fragments before (a beta distribution), so the number
-N of fragments that a receiver needs for its next `lacking` ones has a beta negative binomial
+One too many costs a frame. One too few costs a round: another request, the way there and back, and
+the chance that request or answer is lost. Which of them is likelier depends on an unknown loss. It
+is estimated from the fate of the fragments before (a beta distribution), so the number N of
+fragments that a receiver needs for its next `lacking` ones has a beta negative binomial
 distribution. Fragment n + 1 is worth sending while
 
     round · P(N = n + 1)  >  P(N ≤ n)
@@ -19,9 +19,9 @@ import msgspec
 
 _PRIOR_RECEIVED: Final = 1.5
 _PRIOR_LOST: Final = 0.5
-# The water changes within minutes: what is older than about so many fragments counts half.
+# The channel changes within minutes: observations older than so many fragments count half.
 _MEMORY_FRAGMENTS: Final = 400.0
-# From here on what is left to do costs less than to reckon on.
+# From here on the rest costs less than its computation.
 _HOPELESS: Final = 1e-12
 
 
@@ -47,7 +47,7 @@ class LossEstimate:
 
     @property
     def loss(self) -> float:
-        """The loss to be expected, 0…1."""
+        """The expected loss, 0…1."""
         return self.lost / (self.received + self.lost)
 
 

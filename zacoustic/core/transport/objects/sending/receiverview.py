@@ -20,7 +20,7 @@ class ReceiverView:
         self.first = 0
         """All blocks before are complete."""
         self.lacking: dict[int, int | None] = {}
-        """Of blocks of which something was sent; None: not known, from before a restart."""
+        """Of blocks with sent fragments; None: unknown, from before a restart."""
         self.sent: dict[int, int] = {}
         """Fragments of each block sent since the last question that it answered."""
         self.asked: dict[int, int] | None = None
@@ -32,9 +32,9 @@ class ReceiverView:
         self.holds = False
         """It has all of it, and waits for its turn."""
         self.turns = 0
-        """How often it was told that it is its turn."""
+        """How often its turn was sent."""
         self.turn_at = 0
-        """Instant from which it may be told so again, ns."""
+        """Instant from which its turn may be sent again, ns."""
 
     @property
     def is_finished(self) -> bool:
@@ -42,7 +42,7 @@ class ReceiverView:
         return self.complete or self.refused is not None
 
     def forget_holding(self) -> None:
-        """It does not say any more that it has all of it: maybe it has lost it."""
+        """It does not report any more that it has all of it: maybe it has lost it."""
         if self.holds:
             self.holds, self.turns = False, 0
             self.lacking = dict.fromkeys(self.lacking)
@@ -52,7 +52,7 @@ class ReceiverView:
 
         Args:
             block: Which.
-            typical: The loss on the way to somebody, for a receiver of which nothing is known.
+            typical: The typical loss, for a receiver without a known one.
         """
         lacking = self.lacking.get(block)
         if not lacking:
@@ -63,7 +63,7 @@ class ReceiverView:
         return Need(max(1, lacking - arrived), loss.received, loss.lost)
 
     def answered_for(self, asked: dict[int, int]) -> None:
-        """What was sent before the question is accounted for; what was sent since is not."""
+        """Fragments sent before the request are accounted for; later ones are not."""
         self.sent = {
             block: left
             for block, number in self.sent.items()
@@ -71,12 +71,12 @@ class ReceiverView:
         }
 
     def take_lacks(self, layout: Layout, asked: dict[int, int], lacks: Lacks) -> None:
-        """It says what it lacks.
+        """Its feedback: what it lacks.
 
         Args:
             layout: How the object is cut.
             asked: How many fragments of each block were sent before the question.
-            lacks: What it says.
+            lacks: The feedback.
         """
         self.headless = False
         self.holds = lacks.is_nothing and lacks.block == layout.blocks
@@ -88,7 +88,7 @@ class ReceiverView:
         if max(told) >= layout.blocks or any(
             lacking > layout.size(block) for block, lacking in told.items()
         ):
-            # It speaks of another object: the manifest will tell it so.
+            # It is about another object: the manifest will show it.
             self.headless = True
             return
         self.learn(layout, asked, lacks.block, told)
@@ -102,7 +102,7 @@ class ReceiverView:
             layout: How the object is cut.
             asked: How many fragments of each block were sent before the question.
             first: All blocks before are complete.
-            told: How many fragments it lacks of the blocks that it tells of.
+            told: How many fragments it lacks of the reported blocks.
         """
         self.first = first
         for block, before in list(self.lacking.items()):
@@ -113,13 +113,13 @@ class ReceiverView:
             sent = asked.get(block, 0)
             if before is not None and before > 0:
                 arrived = max(0, before - after)
-                # What came after the last that was needed is not told: count none of it.
+                # Fragments after the last needed one are not reported: count none of them.
                 self.loss.learn(sent if after else min(sent, max(arrived, 1)), arrived)
             self.lacking[block] = after
         self.answered_for(asked)
 
     def take_count(self, layout: Layout, asked: dict[int, int], held: int) -> None:
-        """It lacks the manifest, and tells how many fragments it has."""
+        """It lacks the manifest, and reports how many fragments it has."""
         self.forget_holding()
         self.headless = True
         self.loss.learn(sum(asked.values()), held - self.held)

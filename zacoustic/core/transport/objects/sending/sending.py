@@ -1,4 +1,4 @@
-"""The objects that a node sends: which of them is next, and what is written down of them."""
+"""The objects that a node sends: which of them is next, and their journal entries."""
 
 import random
 from collections.abc import Callable, Set
@@ -37,7 +37,7 @@ class Sending(msgspec.Struct, kw_only=True):
     exclusive: bool
     lifespan_ns: int | None
     expires_at: int | None
-    """When it becomes too old; None: never, or of a life before and not yet reckoned."""
+    """When it expires; None: never, or of a former boot epoch and not yet computed."""
     outgoing: OutgoingObject
     keeps: bool
     """It survives a restart."""
@@ -48,7 +48,7 @@ class Sending(msgspec.Struct, kw_only=True):
     seed_kept: int = 0
     """Seeds below are noted as sent."""
     told_bytes: int = 0
-    """What was told to be on the air."""
+    """Bytes reported as transmitted."""
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -76,13 +76,13 @@ class OutgoingObjects:
     """All objects that one node sends.
 
     Args:
-        epoch: Its boot epoch: lives in a row begin with other transfer numbers.
+        epoch: Its boot epoch: successive epochs begin with different transfer numbers.
         most: Most objects at a time, those that wait included.
         timers: Withdraw what is too old.
         rng: Draws pauses.
         emit: Takes progress.
-        owner: Is told of them, and knows when it is their turn.
-        journal: Keeps what is to survive.
+        owner: Gets their events, and knows when it is their turn.
+        journal: Keeps what must survive a restart.
     """
 
     def __init__(
@@ -105,7 +105,6 @@ class OutgoingObjects:
         self._journal = journal
         self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
         self._losses: dict[int, LossEstimate] = {}
-        self._on_air: Sending | None = None
         self.held: dict[int, int] = {}
         """Instant before which no fragment of a stream goes, ns, by stream."""
         self._off: set[int] = set()
@@ -129,7 +128,7 @@ class OutgoingObjects:
         transfer: int | None = None,
         expires_at: int | None = None,
     ) -> None:
-        """Take an object to be sent.
+        """Take an object to send.
 
         Raises:
             PayloadTooLargeError: More fragments than an index can name.
@@ -182,14 +181,14 @@ class OutgoingObjects:
             )
 
     def restore(self, transfer: int, order: StoredObject, place: StoredPlace) -> None:
-        """Go on with an object of a life before."""
+        """Resume an object of a former boot epoch."""
         self.add(order, 0, transfer=transfer)
         sending = self._sendings[transfer]
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_kept, sending.seed_kept = place.next_source, place.next_seed
 
     def forget(self, transfer: int) -> None:
-        """Forget an object of a life before."""
+        """Forget an object of a former boot epoch."""
         self._journal.write(sent_key(transfer), None)
         self._journal.write(out_key(transfer), None)
 
@@ -215,10 +214,10 @@ class OutgoingObjects:
     # Sending
 
     def use_link(self, fragment_bytes: int, now: int) -> None:
-        """Cut anew what is too large for the frames of a link."""
+        """Cut objects again whose fragments are too large for a link's frames."""
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
-                # How old it was, no clock tells: its lifespan begins anew.
+                # Its age is unknown without a clock: its lifespan starts again.
                 self._expire_at(sending, now + sending.lifespan_ns)
             before = sending.outgoing
             if before.fragments.layout.fragment_bytes <= fragment_bytes:
@@ -292,15 +291,14 @@ class OutgoingObjects:
         else:
             fragment = outgoing.take(timing, window_follows=window_follows)
         self._keep_place(sending)
-        self._on_air = sending
         return sending, fragment
 
     def next_bytes(self, sending: Sending, now: int) -> int:
-        """Return the bytes of data in what is sent next of an object."""
+        """Return the bytes of data in the next record of an object."""
         return CHECK_BYTES if self._turn(sending, now) else sending.outgoing.fragment_bytes
 
     def next_destination(self, sending: Sending, now: int) -> int:
-        """Return the address that what is sent next of an object goes to."""
+        """Return the destination of the next record of an object."""
         return self._turn(sending, now) or sending.outgoing.destination
 
     def _turn(self, sending: Sending, now: int) -> int | None:
@@ -313,11 +311,10 @@ class OutgoingObjects:
         begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
-    def transmitted(self, finished_at: int, timing: Timing) -> None:
-        """The fragment just taken has been on the air."""
-        sending, self._on_air = self._on_air, None
-        if sending is not None:
-            outgoing = sending.outgoing
+    def transmitted(self, sending: Sending, finished_at: int, timing: Timing) -> None:
+        """A fragment that was taken has been on the air."""
+        outgoing = sending.outgoing
+        if self._sendings.get(outgoing.transfer) is sending:
             outgoing.transmitted_until(finished_at, timing)
             if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
                 sending.told_bytes = outgoing.sent_bytes
@@ -335,7 +332,7 @@ class OutgoingObjects:
         )
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
-        """Take a feedback; False when it belongs to no object or says nothing new."""
+        """Take a feedback; False when it belongs to no object or is not new."""
         sending = self._sendings.get(feedback.transfer)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
@@ -354,7 +351,7 @@ class OutgoingObjects:
                 self._conclude(sending)
 
     def _conclude(self, sending: Sending) -> None:
-        """Tell of an object of which a receiver has told, and end it after the last."""
+        """Report an object after a receiver's feedback, and end it after the last one."""
         outgoing = sending.outgoing
         if not outgoing.is_finished:
             self._report(sending, ObjectState.UNDER_WAY, "")
@@ -421,8 +418,6 @@ class OutgoingObjects:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
         self._timers.cancel((Due.OBJECT, transfer))
-        if self._on_air is sending:
-            self._on_air = None
         if sending.keeps:
             self.forget(transfer)
 

@@ -1,6 +1,7 @@
 """The publisher's side: what was published reliably, until it is acknowledged or worth nothing."""
 
 from collections.abc import Callable, Iterable, Mapping, Set
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -9,6 +10,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import LIFE_KEY, JournalPort
 from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import Cause, EngineStats
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
@@ -96,7 +98,6 @@ class ReliableSending:
         """The places of samples that cross as objects."""
         self._settling_ns = 0
         self._paced_until: int | None = None
-        self._on_air: list[tuple[SendLane, Outgoing]] = []
         self._next_delivery_id = 1
         self._order = 0
 
@@ -164,11 +165,6 @@ class ReliableSending:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self._pacing.times = times
         self._settling_ns = self._contradictions.settling_ns = settling_ns
-        # There will be no report of what was under way on the link before.
-        for _, sample in self._on_air:
-            if sample.stage is Stage.ON_AIR:
-                sample.stage, sample.due_at = Stage.SENT, AT_ONCE
-        self._on_air.clear()
         self._changed()
 
     def link_up(self, now: int) -> None:
@@ -182,26 +178,6 @@ class ReliableSending:
                 if sample.expires_at is None and lifespan_s is not None and not is_large:
                     sample.expires_at = now + seconds_to_ns(lifespan_s)
             self._go_on(lane, now)
-
-    def transmitted(self, records: Iterable[Waiting], now: int) -> None:
-        """Note which samples are in the transmission that begins."""
-        for record in records:
-            if isinstance(record, SampleWaiting):
-                self._order += 1
-                record.sample.order, record.sample.stage = self._order, Stage.ON_AIR
-                self._pacing.begins(record.lane, record.sample, now)
-                self._on_air.append((record.lane, record.sample))
-        self._changed()
-
-    def handle_report(self, report: TransmitReport) -> None:
-        """A transmission has ended: from here an ACK is awaited."""
-        on_air, self._on_air = self._on_air, []
-        for lane, sample in on_air:
-            if sample.stage is Stage.ON_AIR:
-                sample.stage = Stage.SENT
-                sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
-                sample.due_at = self._pacing.repeat_at(lane, sample, report)
-        self._changed()
 
     # For the water
 
@@ -375,8 +351,27 @@ class ReliableSending:
         sample.stage = Stage.QUEUED
         lane.address(sample, lacking)
         sample.waiting.cause = Cause.REPEAT if sample.tries else None
+        sample.waiting.part = Part(
+            transmitted=partial(self._transmitted, lane, sample),
+            reported=partial(self._reported, lane, sample),
+        )
         qos = msgspec.structs.replace(stream.qos, depth=_ANY_DEPTH, lifespan_s=None)
         self._queue.push(lane.key, sample.waiting, qos)
+
+    def _transmitted(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+        """A transmission of a sample begins."""
+        self._changed()
+        self._order += 1
+        sample.order, sample.stage = self._order, Stage.ON_AIR
+        self._pacing.begins(lane, sample, now)
+
+    def _reported(self, lane: SendLane, sample: Outgoing, report: TransmitReport, now: int) -> None:
+        """It has ended: from here an ACK is awaited."""
+        self._changed()
+        if sample.stage is Stage.ON_AIR:
+            sample.stage = Stage.SENT
+            sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
+            sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     def _refresh(self, lane: SendLane) -> None:
         """What is known of receivers has changed: so do the records that wait."""

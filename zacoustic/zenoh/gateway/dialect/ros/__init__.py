@@ -1,11 +1,11 @@
-"""ROS 2 on the island: streams in the dialect of rmw_zenoh.
+"""ROS 2 on the local network: streams in the dialect of rmw_zenoh.
 
-To the nodes of the island the gateway is one node more, ``/acoustic_gateway_ADDRESS``, with an
-endpoint for whatever lives beyond the water. What it declares comes from the stream table, and from
-what it hears of other nodes' tokens here; nothing of it ever crosses the water.
+To the local nodes the gateway is one node more, ``/acoustic_gateway_ADDRESS``, with an endpoint for
+each remote endpoint. What it declares comes from the stream table, and from other nodes' tokens
+here; nothing of it ever crosses the channel.
 
-- `graph`: the own node and its endpoints, and what is seen of others;
-- `dialects`: `RosDialects`, which streams are of ROS;
+- `graph`: the own node and its endpoints, and those of others;
+- `dialects`: `RosDialects`, the ROS streams;
 - `topics`, `latched`: samples; `services`: calls; `actions`: goals.
 """
 

@@ -1,9 +1,9 @@
 """Actions of ROS 2: three services and two topics, as rmw_zenoh has them.
 
-On the water a goal is a number of one byte, and what is said of it one record each. On the island
-of the client the gateway makes of that what a server of ROS would say: answers, feedback, and after
-each change the status of all goals, which is a latched topic. On the island of the server it is a
-client: it asks for the result as soon as a goal is accepted, and what comes crosses by itself.
+On the channel a goal is a number of one byte, and each message about it one record. On the client's
+network the gateway makes of that the messages of a ROS server: answers, feedback, and after each
+change the status of all goals, which is a latched topic. On the server's network it is a client: it
+asks for the result as soon as a goal is accepted, and the rest arrives by itself.
 """
 
 from collections.abc import Callable, Sequence
@@ -49,13 +49,13 @@ _SERVICES: Final = (ActionKey.SEND_GOAL, ActionKey.CANCEL_GOAL, ActionKey.GET_RE
 
 
 class RosActionForm(ActionForm):
-    """What is said about the goals of one action.
+    """Messages about the goals of one action.
 
     Args:
         stream: The action.
         action: What it is in ROS.
         graph: Its endpoints.
-        island: Where it is.
+        island: The session.
         wall_clock: What time it is, ns since 1970.
     """
 
@@ -221,7 +221,7 @@ class RosActionForm(ActionForm):
         return Ending(status=status, result=said.get("result", {}) if has_result else None)
 
     def write_refusal(self, which: ActionKey) -> bytes | None:
-        """Write a response that says no: clients of ROS pass over error replies."""
+        """Write a negative response: clients of ROS ignore error replies."""
         if which is ActionKey.GET_RESULT:
             return self.write_ending(Ending(status=GoalStatus.UNKNOWN))
         return self.write_verdict(which, (), Verdict(accepted=False))
@@ -243,7 +243,7 @@ class RosActionForm(ActionForm):
 
 
 def putter(form: ActionForm) -> Callable[[ActionKey, bytes], None]:
-    """Return what puts feedback and status of goals beyond the water."""
+    """Return what puts feedback and status of remote goals."""
     assert isinstance(form, RosActionForm)
     return form.put
 

@@ -25,13 +25,13 @@ from zacoustic.zenoh.session.session import Island
 
 
 class RosDialects(Dialects):
-    """The dialects of an island with nodes of ROS.
+    """The dialects of a local network with ROS nodes.
 
     Args:
         address: Acoustic address of this gateway.
         table: All streams.
         ros: Which of them are of ROS.
-        island: Where they are.
+        island: Their session.
         complaints: Takes what does not fit.
         ring: Wakes the loop, which then calls `settle`.
         wall_clock: What time it is, ns since 1970.
@@ -82,7 +82,7 @@ class RosDialects(Dialects):
         return made
 
     def action(self, stream: Stream) -> ActionForm:
-        """Make the form of what is said about the goals of an action."""
+        """Make the form of the messages about an action's goals."""
         ros = self._ros.get(stream.stream_id)
         if not isinstance(ros, RosAction):
             return super().action(stream)
@@ -94,7 +94,7 @@ class RosDialects(Dialects):
     def put_about_goals(
         self, stream: Stream, form: ActionForm
     ) -> Callable[[ActionKey, bytes], None]:
-        """Make what puts feedback and status of goals beyond the water."""
+        """Make what puts feedback and status of remote goals."""
         if stream.stream_id not in self._actions:
             return super().put_about_goals(stream, form)
         return putter(form)
@@ -128,16 +128,16 @@ class RosDialects(Dialects):
         return stream.spec.server in self._lost or self._graph.serves(ends.key)
 
     def note_peer(self, address: int, *, is_lost: bool) -> bool:
-        """Note that a node is lost, or is back: then nobody shall wait for its servers."""
+        """Note that a node is lost, or is back: clients must not wait for lost servers."""
         (self._lost.add if is_lost else self._lost.discard)(address)
         return bool(self._services or self._actions)
 
     def visible(self, stream: Stream) -> bool:
-        """Tell whether calls from the water are made by something that programs can see."""
+        """Tell whether programs can see the caller of calls from the channel."""
         return stream.stream_id in self._services
 
     def settle(self) -> bool:
-        """Take in what was seen of the island; tells whether jobs may have changed."""
+        """Take observations of the local network; return whether jobs may have changed."""
         return self._graph.take()
 
     def undeclare(self) -> None:

@@ -1,13 +1,13 @@
-"""The graph of ROS on one island: own endpoints, and those of others.
+"""The ROS graph of one local network: own endpoints, and those of others.
 
 The problem: a client waits until it sees a server, a subscription asks a publisher's cache, and
-`ros2 topic list` lists what has tokens. All of that the gateway has to be for what lives beyond the
-water, without asking anybody there. And where a program on the island itself serves a service, the
-gateway must not: both would execute a call, and the client would get two answers.
+`ros2 topic list` lists what has tokens. The gateway must provide all of that for remote endpoints,
+without asking any remote node. And if a local program serves a service, the gateway must not: both
+would execute a call, and the client would get two answers.
 
-So own endpoints have tokens while a job is done, and the tokens of others are watched. Those of
-gateways, who are here for the same reason, are known by their enclave: they serve nobody, and what
-has their gids beside it came off the water.
+So own endpoints have tokens while a job is done, and the gateway watches the tokens of others. It
+recognises other gateways by their enclave: they serve nobody, and messages with their gids came
+from the channel.
 """
 
 import threading
@@ -36,7 +36,7 @@ _CALLED: Final = {
 
 
 class Graph:
-    """What is known of the ROS graph of an island.
+    """The known ROS graph of a local network.
 
     Args:
         domain: ``ROS_DOMAIN_ID``.
@@ -116,7 +116,7 @@ class Graph:
     # Others
 
     def take(self) -> bool:
-        """Take in what was seen, on the loop; tells whether anybody came or went."""
+        """Take observations, on the loop; return whether any endpoint came or went."""
         with self._guard:
             news, self._news = self._news, {}
             has_changed, self._has_changed = self._has_changed, False
@@ -125,7 +125,7 @@ class Graph:
         return has_changed
 
     def serves(self, key: RosKey) -> bool:
-        """Tell whether a program on this island serves a service."""
+        """Tell whether a local program serves a service."""
         with self._guard:
             return bool(self._servers.get(f"/{key.name}"))
 

@@ -1,8 +1,8 @@
 """Services of ROS 2: CDR and attachments, under the keys of rmw_zenoh.
 
 A client of rmw_zenoh asks all servers that are complete, and only logs error replies; so it learns
-of a failure by its own time limit. Several servers on the island of the server are no trouble: the
-gateway asks one of them.
+of a failure by its own time limit. Several local servers are no problem: the gateway asks one of
+them.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from zacoustic.zenoh.gateway.dialect.ros.topics import CDR, Teller
 
 
 class ServiceEnds:
-    """Both ends of one service on the island: what goes beside questions and answers.
+    """Both local ends of one service: the attachments of questions and answers.
 
     Args:
         name: Its name, without a leading slash.
@@ -42,7 +42,7 @@ class ServiceEnds:
         return read is not None and self._graph.is_gateway(read.gid)
 
     def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return what goes beside an answer: number and gid of the question."""
+        """Return the attachment of an answer: number and gid of the question."""
         read = read_attachment(asked) if asked is not None else None
         if read is None:
             return self._server.attachment()
@@ -51,7 +51,7 @@ class ServiceEnds:
         ).encode()
 
     def question_mark(self) -> bytes:
-        """Return what goes beside the next question."""
+        """Return the attachment of the next question."""
         return self._client.attachment()
 
     def offer(self) -> Sequence[Declared]:

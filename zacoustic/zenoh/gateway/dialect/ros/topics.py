@@ -20,7 +20,7 @@ from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
 from zacoustic.zenoh.session.session import Island
 
 CDR: Final = "application/cdr"
-"""Zenoh encoding of what is put; ROS does not read it."""
+"""Zenoh encoding of the messages; ROS does not read it."""
 
 # Beyond that an age is one of a clock that has never been set, or of a simulation.
 _OLDEST_NS: Final = 3600 * 1_000_000_000
@@ -28,7 +28,7 @@ _AHEAD_NS: Final = 1_000_000_000
 
 
 class Teller:
-    """Numbers what one endpoint says.
+    """Numbers the messages of one endpoint.
 
     Args:
         token: Of the endpoint.
@@ -43,7 +43,7 @@ class Teller:
         self._guard = threading.Lock()
 
     def attachment(self, age_s: float | None = None) -> bytes:
-        """Return what goes beside the next message, which was made `age_s` ago."""
+        """Return the attachment of the next message, which was made `age_s` ago."""
         with self._guard:
             self._sequence += 1
             sequence = self._sequence
@@ -59,10 +59,10 @@ class RosTopicDialect(TopicDialect):
 
     Args:
         stream: The topic.
-        island: Where it is.
+        island: The session.
         topic: What it is in ROS.
         graph: Its endpoints.
-        complaints: Takes what is wrong with stamps.
+        complaints: Takes the errors of stamps.
         wall_clock: What time it is, ns since 1970.
     """
 
@@ -90,7 +90,7 @@ class RosTopicDialect(TopicDialect):
         return f"{self._before}{stream_key}{self._behind}"
 
     def stream_key(self, key: str) -> str:
-        """Return what is left without domain, type and hash."""
+        """Return the rest without domain, type and hash."""
         return key.removeprefix(self._before).removesuffix(self._behind)
 
     def ros_key(self, stream_key: str) -> RosKey:
@@ -98,12 +98,12 @@ class RosTopicDialect(TopicDialect):
         return self._topic.key(self._graph.domain, stream_key)
 
     def is_marked(self, attachment: bytes) -> bool:
-        """Tell whether the gid beside it is one of a gateway."""
+        """Tell whether its gid is one of a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
 
     def read(self, parcel: Parcel) -> Reading:
-        """Read CDR; a stamp that is to become an age makes the sample as old as it says."""
+        """Read CDR; a stamp that becomes an age gives the sample its age."""
         value, stamp_ns = self._topic.message.read(parcel.payload)
         age_ns = None
         if stamp_ns is not None:
@@ -124,7 +124,7 @@ class RosTopicDialect(TopicDialect):
         return Written(payload=payload, encoding=CDR, attachment=teller.attachment(age_s))
 
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
-        """Return what went beside it."""
+        """Return its attachment."""
         return last.attachment
 
     def mark_again(self, last: LastValue) -> bytes:
@@ -132,12 +132,12 @@ class RosTopicDialect(TopicDialect):
         return self._teller(self.stream_key(last.key)).attachment(last.age_s)
 
     def delete(self, key: str, source: int) -> None:
-        """Have nothing for who joins late; who is there is not told: ROS has no deletes."""
+        """Drop the samples for late joiners; present ones learn nothing: ROS has no deletes."""
         if self._latched is not None:
             self._latched.forget(key)
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
-        """Declare the publishers of what comes from beyond the water; in the worker."""
+        """Declare the publishers of remote topics; in the worker."""
         names = self._names(sources)
         if self._latched is not None:
             # Late joiners look for the caches of the publishers that they see.
@@ -155,7 +155,7 @@ class RosTopicDialect(TopicDialect):
         return self._graph.announce([self._subscriptions[name]])
 
     def expect(self, addresses: Sequence[int]) -> None:
-        """Have it said where an endpoint of the island does not fit."""
+        """Report local endpoints that do not fit."""
         for name in self._names(addresses):
             self._graph.expect(self.stream.name, self.ros_key(name), self._topic.qos)
 
@@ -168,7 +168,7 @@ class RosTopicDialect(TopicDialect):
         return [keys.key(source, ()) for source in sources if source in keys.node_names]
 
     def _teller(self, name: str) -> Teller:
-        # Made by the loop or by the worker, whoever is first; `setdefault` is one step.
+        # Made by the loop or by the worker, the first of them; `setdefault` is one step.
         known = self._tellers.get(name)
         if known is None:
             token = self._graph.endpoint(Entity.PUBLISHER, self.ros_key(name), self._topic.qos)
