@@ -1,16 +1,15 @@
-"""The timers of one engine: one heap, and one order among those that are due together.
+"""The timers of one engine: one heap, and a fixed order among timers that are due together.
 
-A component arms a timer under a key, and arms it anew or cancels it when what it stands for
-changes; nobody asks a component when it has something to do. What is due at one call is called in
-the order of `Due`, and within one component in the order of arming. So an engine is a function of
-its inputs, however many timers fall on one instant, or are late together.
+A component arms a timer under a key, and arms it again or cancels it when its state changes. The
+engine's time-out is the earliest instant in the heap. Timers that are due at one call fire in the
+order of `Due`, and within one component in the order of arming. So the engine stays a function of
+its inputs when several timers fall on one instant, or are late together.
 
-Where an instant follows from much that changes often, such as the pauses of all repetitions to all
-nodes, arming at each change would be work for nothing. Such a component says that it has `changed`,
-and the instant is found once, when it is needed.
+Some instants follow from much that changes often, such as the pauses of all repetitions to all
+nodes. Their components only say that something has `changed`; the instant is found once, when it is
+needed next.
 
-When a *frame* may start is no timer: it depends on the queue, on the medium access and on the link
-at the moment of asking, and is reckoned in one place, `zacoustic.core.schedule.transmitter`.
+The instant of the next *frame* is no timer: `zacoustic.core.schedule.transmitter` computes it.
 """
 
 import enum
@@ -19,11 +18,11 @@ from heapq import heapify, heappop, heappush
 from typing import Final
 
 _WORTH_A_SWEEP: Final = 64
-"""So many entries that are over may stay in the heap, beside as many as are armed."""
+"""The heap may hold this many stale entries, and as many again as timers are armed."""
 
 
 class Due(enum.IntEnum):
-    """Whose a timer is: first in its key, and the order of what is due together."""
+    """What a timer is for: the first part of its key. Timers due together fire in this order."""
 
     SILENCE = enum.auto()
     """An order to be silent ends."""
@@ -62,9 +61,9 @@ class Due(enum.IntEnum):
 
 
 Key = tuple[Due, *tuple[Hashable, ...]]
-"""Names a timer: whose it is, and which of those."""
+"""Names a timer: what it is for, and which of those it is."""
 _Entry = tuple[int, Due, int, Key, Callable[[int], None]]
-"""Instant, whose, a count of all armings, key, callback: no two entries compare equal."""
+"""Instant, purpose, count of all armings, key, callback. No two have the same first three."""
 
 
 class Timers:
@@ -73,16 +72,16 @@ class Timers:
     def __init__(self) -> None:
         self._armed: dict[Key, _Entry] = {}
         self._heap: list[_Entry] = []
-        """What is armed, and what was and is not any more."""
+        """Armed timers, and stale entries of those that were cancelled or armed again."""
         self._changed: dict[Key, tuple[Callable[[], int | None], Callable[[int], None]]] = {}
         self._armings = 0
 
     def at(self, key: Key, instant: int, callback: Callable[[int], None]) -> None:
-        """Call back once, at an instant, ns, or as soon as it is over; replaces what is armed.
+        """Call back once, at an instant, ns; replaces the armed timer of this key.
 
         Args:
             key: Names the timer.
-            instant: When.
+            instant: When, ns; an instant in the past is due at once.
             callback: Takes the instant at which it is called.
         """
         self._armings += 1
@@ -94,17 +93,17 @@ class Timers:
             heappush(self._heap, entry)
 
     def cancel(self, key: Key) -> None:
-        """Call back no more; not armed is no error."""
+        """Do not call back; a key that is not armed is no error."""
         self._armed.pop(key, None)
 
     def changed(
         self, key: Key, find: Callable[[], int | None], callback: Callable[[int], None]
     ) -> None:
-        """Arm a timer, or cancel it, by what `find` returns when the instant is needed next.
+        """Find the instant of a timer again, when it is needed next.
 
         Args:
             key: Names the timer.
-            find: Returns when to call back, ns, or None.
+            find: Returns when to call back, ns; None cancels the timer.
             callback: Takes the instant at which it is called.
         """
         self._changed[key] = find, callback
@@ -118,10 +117,10 @@ class Timers:
         return heap[0][0] if heap else None
 
     def fire(self, now: int) -> None:
-        """Call back what is due, each timer once.
+        """Fire the timers that are due, each once.
 
-        What a callback arms for an instant that is over is called as well, if it is of a component
-        that is still to come in the order; else at the next call.
+        A timer that a callback arms for an instant in the past fires in this call if its purpose
+        comes later in the order; otherwise in the next call.
         """
         due: list[tuple[Due, int, _Entry]] = []
         later: list[_Entry] = []

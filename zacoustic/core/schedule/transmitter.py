@@ -1,4 +1,9 @@
-"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps."""
+"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps.
+
+The instant of the next frame (`Transmitter.next_at`) is computed on demand and is not a timer: it
+depends on queue, port, medium access, caps and silence at the moment of asking, and any input may
+change each of them.
+"""
 
 from collections.abc import Callable
 from typing import Final, Protocol

@@ -112,10 +112,9 @@ class CopiedSamples:
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
             is_over = each.was_sent and each.ends_at <= now
+            is_over |= expires_at is not None and expires_at <= now
             waits = each.due_at is not None or each.is_on_air
-            if is_over or (expires_at is not None and expires_at <= now):
-                self._end(each)
-            elif not waits and not self._queue.holds(each.key, each.record):
+            if is_over or not (waits or self._queue.holds(each.key, each.record)):
                 self._end(each)
 
     # What others publish
