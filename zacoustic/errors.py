@@ -9,7 +9,7 @@
      │   ├─ PayloadInvalidError (ValueError)    a value that its type does not allow
      │   ├─ UnknownStreamError         a name or id that the stream table does not have
      │   ├─ QueueFullError             a bounded queue whose policy is to refuse
-     │   └─ JournalUnavailableError    what is to survive a restart, and cannot be written down
+     │   └─ JournalUnavailableError    it must survive a restart, and cannot be written down
      ├─ DeliveryError                  it did not get there: link down, rejected, expired
      │   ├─ CallTimeoutError (TimeoutError)     no answer before the deadline of a call or range
      │   └─ OutcomeUnknownError        the server ended without an answer; it may have run
@@ -21,7 +21,7 @@
          ├─ LinkClosedError            used after close, or before open
          └─ RangeUnavailableError      the link measures no ranges, or none to that node
 
-Misbehaviour of a remote node is never an exception: what comes off the water is counted, traced
+Misbehaviour of a remote node is never an exception: bad receptions are counted, traced
 and dropped.
 
 Each error is one line that says what happened, the value, the limit; `hint` says what to do, and
@@ -71,7 +71,7 @@ class QueueFullError(LocalError):
 
 
 class JournalUnavailableError(LocalError):
-    """The journal cannot be written now, so what is to survive a restart is not accepted."""
+    """The journal cannot be written now, so nothing that must survive a restart is accepted."""
 
 
 class DeliveryError(ZacousticError):

@@ -11,7 +11,7 @@ Who steers is the `Mode`::
         ▲                                shore lost            shore heard
         └── arm(false), stop ── any      any but these ─────► SURFACING ─────► HOLD
 
-A stopped vehicle stays stopped until it is armed anew, also when the shore is lost: somebody may be
+A stopped vehicle stays stopped until it is armed again, also without the shore: somebody may be
 at its propeller. One that is armed goes up when the shore is lost, and its goal is given up.
 """
 
@@ -178,7 +178,7 @@ class Craft:
             self.mode = Mode.SURFACING
 
     def shore_found(self) -> None:
-        """The shore is heard again: stay where the way up has led to, and wait for orders."""
+        """The shore is heard again: stay where the way up has led to, and wait for commands."""
         if self.mode is Mode.SURFACING:
             self.mode = Mode.HOLD
             self._course = Course(

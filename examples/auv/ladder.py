@@ -64,7 +64,7 @@ def kind_of(frame: Frame) -> Kind:
 def ladder_of(
     frames: Sequence[Frame], propagation_s: float, unix_s: float, size: Size = LADDER_PX
 ) -> str:
-    """Draw the last half minute of the water.
+    """Draw the last half minute of the channel.
 
     Args:
         frames: Of the shore and of the vehicle.

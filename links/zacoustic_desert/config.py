@@ -1,8 +1,8 @@
 """Settings of the link to DESERT, and what follows from them about the link.
 
-DESERT says nothing about itself on its socket. The settings repeat what its Tcl script says; where
+DESERT does not describe itself on its socket. The settings repeat those of its Tcl script; where
 they differ from it frames are split (`max_read_length` too large) or pile up in DESERT (`period_s`
-or `listen_s` too small), and nothing tells.
+or `listen_s` too small), and nothing reports it.
 
 How long a packet takes is the longer of two things, since both work on different packets at the
 same time: the application module hands out one packet in each `period_`, and the medium access

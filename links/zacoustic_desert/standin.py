@@ -89,7 +89,7 @@ EventName: TypeAlias = Literal[
     "client", "left", "read", "dropped", "sent", "delivered", "lost", "discarded", "crashed"
 ]
 """What happened: a client came or left; a packet was read from the socket, dropped from a full
-queue, sent, delivered to a client, lost in the water, discarded since no client was there; all of
+queue, sent, delivered to a client, lost on the channel, discarded since no client was there; all of
 it was forgotten."""
 
 

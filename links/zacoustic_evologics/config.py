@@ -34,7 +34,7 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     check: bool = False
     """The core adds a check to each frame, a CRC-32 of 4 bytes; equal in all nodes of a fleet.
 
-    What comes through the water is protected by the modem, what comes by TCP by the network. A
+    The modem protects the acoustic channel, the network protects TCP. A
     serial cable protects nothing, and the modem's grammar has no check: a received message with a
     wrong bit, or one that ends early and borrows the rest from the next, is a message like any
     other. So: off by TCP and on a short cable indoors, where what is lost or added *between*

@@ -1,17 +1,17 @@
 """Messages between a simulated modem and the medium, in one process or over TCP.
 
-A conversation: the modem says `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
-Then the modem says `Transmit`, and the medium `Finished` for each of those, `Heard` for what
-arrives, `Carrier` when somebody else becomes audible or falls silent, and `Answered` for each
+A conversation: the modem sends `Hello`; the medium answers `Welcome`, or `Refused` and hangs up.
+Then the modem sends `Transmit`, and the medium `Finished` for each of those, `Heard` for what
+arrives, `Carrier` when another node becomes audible or falls silent, and `Answered` for each
 acknowledgement, behind its `Finished`.
 
 Over TCP each message is a mark of two bytes, two bytes of length, big-endian, and a tagged msgpack
 map. The mark is there so that nonsense is noticed at once, and not when as many bytes have come as
-its first ones seem to announce. Nobody's clock crosses the line: a message says how long ago
+its first ones seem to announce. No clock crosses the line: a message carries how long ago
 something was, and the reader subtracts that from the instant at which it reads.
 
 All durations are those of the node's clock. At a time scale of 100 this is a modem a hundred times
-as fast, in water in which sound is a hundred times as fast.
+as fast, on a channel with sound a hundred times as fast.
 """
 
 from typing import Final, Generic, TypeAlias, TypeVar

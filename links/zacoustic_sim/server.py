@@ -1,8 +1,8 @@
 """A medium for modems in other processes: TCP, one connection for each modem.
 
-What a client says is not trusted: a message that cannot be read, or another one than `Hello` at
+Clients are not trusted: a message that cannot be read, or another one than `Hello` at
 first, ends its connection and nothing else. A client that does not read is dropped when it has
-`BACKLOG_LIMIT_BYTES` to read. Connections without a place in the water are limited in number and in
+`BACKLOG_LIMIT_BYTES` to read. Connections without a place there are limited in number and in
 time.
 """
 

@@ -3,8 +3,8 @@
 Positions are x east, y north, z down, in metres, in one flat frame; at the ranges of acoustic
 modems the earth is flat. A track is a list of way-points with times, and the node moves on straight
 lines between them; before the first and after the last it stands still. The times of a track count
-from instant 0 of the scenario. A track may also come about while it is needed: whoever steers a
-node tells where it is now and then (`Motion.move`), and sound goes where it was told last.
+from instant 0 of the scenario. A track may also grow during the run: a caller that steers a
+node sets its position now and then (`Motion.move`), and sound goes to the last one.
 
 Between nodes that move, the delay is not distance / c: the receiver moves on while the sound is
 under way. The delay solves ``|receiver(t + τ) − sender(t)| = c τ``, here by fixed-point steps, each

@@ -14,9 +14,9 @@ nothing about streams. Rules, all proven by the conformance battery
 - A link reconnects by itself and says so (`LinkState`); it queues no frames of its own.
 - After `close` has returned no callback is made; `close` may be called again.
 - `received_at` is stamped where the bytes are read, and never decreases.
-- What the device measures is told by `measured` when it is known. Where `measures_range`, that
+- `measured` reports what the device measures, once it is known. With `measures_range`, that
   includes the propagation delay of each transmission that ended DELIVERED, measured in this very
-  exchange and not in an earlier one; a delay that the device does not know is not told.
+  exchange and not in an earlier one; an unknown delay is not reported.
 - Bytes from the device never raise; what cannot be understood is ignored and counted in
   `diagnostics`.
 """
@@ -161,7 +161,7 @@ class Link(ABC):
     async def examine(self, patience_s: float) -> list[Finding]:
         """Look for faults of the device; for `zacoustic doctor`, in place of `open`.
 
-        Nothing is transmitted into the water, and nobody else has the device. The default opens the
+        Nothing is transmitted, and no other program has the device. The default opens the
         link, waits until it is UP, and closes it.
 
         Args:

@@ -34,7 +34,7 @@ class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     values: tuple[str, ...] = ()
     """The texts that a string can be: it becomes an enum."""
     max_length: int | None = None
-    """Most elements of a sequence, or bytes of a string."""
+    """Largest number of elements of a sequence, or of bytes of a string."""
     constant: Constant | None = None
     """The only value: it does not cross, others are refused."""
     omit: bool = False

@@ -25,7 +25,7 @@ from zacoustic_evologics.driver.measuring import measured_delay, modem_read
 from zacoustic_evologics.driver.session import ModemSession
 
 CHECK_PAUSE_S: Final = 10.0
-"""Between two checks, s: data from the water may look like a restart for as long as it comes."""
+"""Between two checks, s: received data may look like a restart while it comes."""
 
 BATTERY_PAUSE_S: Final = 300.0
 """Between two readings of the supply, s."""

@@ -215,7 +215,7 @@ def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
 
 
 def _configure(session: ModemSession) -> Stages:
-    """Set what is to be otherwise, see whether it can serve, then set the options of this port.
+    """Set the changed settings, check that the modem can serve, then set the options of this port.
 
     `[*]OK` may mean that it does not hold yet; it is taken for OK.
     """

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class DemoCommand(Command):
-    """Shows two islands that are joined by sound."""
+    """Shows two networks that are joined by sound."""
 
     name = "demo"
     summary = "show it: two Zenoh islands joined through simulated water, in half a minute"

@@ -25,7 +25,7 @@ examples:
 
 
 class TopicsCommand(Command):
-    """Lists what crosses the water, once."""
+    """Lists what crosses the channel, once."""
 
     name = "topics"
     summary = "list what crosses the water: how often, how old, what waits"

@@ -1,10 +1,10 @@
-"""The age of a sample in one byte: how old it was when its frame was composed.
+"""The age of a sample in one byte: its waiting time when its frame was composed.
 
-Two ends under water have no common clock, and need none to know how old a value is: the sender
-writes how long the payload has waited. Codes 0…100 are steps of 0.1 s, so the first ten seconds
-are exact to 0.05 s; codes 101…254 grow by a constant factor to one hour, 3.9 % a step; 255 says
-"older than an hour". The same table is made on both sides from the two constants, in floats that
-are only rounded to milliseconds once.
+Two ends of a channel have no common clock, and need none for the age of a value: the sender writes
+how long the payload has waited. Codes 0…100 are steps of 0.1 s, so the first ten seconds are exact
+to 0.05 s; codes 101…254 grow by a constant factor to one hour, 3.9 % a step; 255 means "older than
+an hour". Both sides make the same table from the two constants, in floats that are rounded to
+milliseconds only once.
 """
 
 import bisect

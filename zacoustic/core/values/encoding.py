@@ -34,9 +34,9 @@ from zacoustic.core.values.types.scalars import shown
 from zacoustic.errors import PayloadInvalidError
 
 OPAQUE: Final = "zenoh/bytes"
-"""Encoding of opaque streams, unless they say another: Zenoh's own default."""
+"""Default encoding of opaque streams: Zenoh's own default."""
 CBOR: Final = "application/cbor"
-"""Encoding of typed streams, unless they say another."""
+"""Default encoding of typed streams."""
 JSON: Final = "application/json"
 
 TYPED_ENCODINGS: Final = (CBOR, JSON, "text/json")
@@ -74,7 +74,7 @@ ENCODINGS: Final = (
     "video/h265",
     "video/mp4",
 )
-"""Encodings by their number on the water; append only."""
+"""Encodings by their number on the wire; append only."""
 
 SPELLED_OUT: Final = 255
 """The first byte of an encoding that has no number."""
@@ -91,7 +91,7 @@ _SCHEMA_MARK: Final = ";"
 
 
 def encode_prefix(encoding: str) -> bytes:
-    """Return what stands for an encoding on the water: one byte, or 255, the length and the text.
+    """Return the wire form of an encoding: one byte, or 255, the length and the text.
 
     Raises:
         PayloadInvalidError: The text is empty or longer than `LONGEST_ENCODING_BYTES`.

@@ -53,7 +53,7 @@ def tell(
 
     Args:
         story: The scenario.
-        witnesses: Make who watches.
+        witnesses: Make the checkers.
         digest: Make the digest of the trace as well.
         build: Makes the engines.
     """
@@ -67,7 +67,7 @@ class Telling:
 
     Args:
         story: The scenario.
-        witnesses: Who watches.
+        witnesses: The checkers.
         trace: Takes each trace record.
         digest: Make the digest of the trace.
         build: Makes the engines.
@@ -133,7 +133,7 @@ class Telling:
             witness.ends(self)
 
     def complaints(self) -> list[str]:
-        """Return what must not have happened, of all witnesses."""
+        """Return the complaints of all checkers."""
         return self.misread + [line for each in self.witnesses for line in each.complaints]
 
     @property

@@ -1,7 +1,7 @@
-"""`Delivery`: what becomes of one reliable sample, for its publisher.
+"""`Delivery`: the progress and the outcome of one reliable sample, for its publisher.
 
-It may be made in any thread, before the engine has seen the sample; it is told what happens, and
-awaited, on the loop.
+It may be made in any thread, before the engine has seen the sample; it is updated and awaited on
+the loop.
 """
 
 import asyncio
@@ -13,14 +13,14 @@ from zacoustic.errors import DeliveryError, LocalError
 
 
 class Delivery:
-    """What becomes of one reliable sample.
+    """The progress and the outcome of one reliable sample.
 
     ::
 
         delivery = publisher.publish(order)
         outcome = await delivery          # DELIVERED, SUPERSEDED, EXPIRED, …
 
-    Nobody has to wait for it, and nothing is lost with it.
+    To wait for it is optional, and nothing is lost with it.
 
     Args:
         key: What the sample was published under.
@@ -34,7 +34,7 @@ class Delivery:
         self.key = key
         """What the sample was published under."""
         self.outcome: DeliveryOutcome | None = None
-        """How it ended; None: it has not."""
+        """Its outcome; None: it has none yet."""
         self.missing: tuple[int, ...] = ()
         """Addresses of the subscribers that have not acknowledged it, when it has ended."""
         self.detail = ""
@@ -56,8 +56,8 @@ class Delivery:
 
         Raises:
             LocalError: It was refused, after `publish` had returned in another thread.
-            LinkClosedError: The node was closed, or has failed; a journalled sample goes on in the
-                next life.
+            LinkClosedError: The node was closed, or has failed; a journalled sample goes on after a
+                restart.
         """
         return self._wait().__await__()
 
@@ -92,7 +92,7 @@ class Delivery:
     # For the carrier
 
     def note_progress(self, event: ObjectProgress) -> None:
-        """It has come further."""
+        """It has progressed."""
         self.progress = event
 
     def note_stored(self) -> None:
@@ -106,7 +106,7 @@ class Delivery:
         self._wake()
 
     def fail(self, error: Exception) -> None:
-        """Its end will not be known here."""
+        """Its outcome will not be known here."""
         if self.outcome is None and self._error is None:
             self._error = error
             self._wake()
@@ -151,13 +151,13 @@ class Deliveries:
         return next(known, None)
 
     def progressed(self, event: ObjectProgress) -> None:
-        """Tell the delivery of a large sample how far it is."""
+        """Update the progress of a large sample's delivery."""
         delivery = self._deliveries.get(event.object_id or 0)
         if delivery is not None:
             delivery.note_progress(event)
 
     def stored(self, event: DeliveryStored) -> None:
-        """Tell the delivery that it is in the journal."""
+        """Note that the delivery is in the journal."""
         delivery = self._deliveries.get(event.delivery_id)
         if delivery is not None:
             delivery.note_stored()
@@ -170,7 +170,7 @@ class Deliveries:
         return delivery is not None
 
     def fail(self, error: Exception) -> None:
-        """Tell all that their end will not be known here."""
+        """End all without an outcome."""
         for delivery in self._deliveries.values():
             delivery.fail(error)
         self._deliveries.clear()

@@ -95,7 +95,7 @@ class Banner:
         self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
     def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
-        """Say that the server lives; at least every second.
+        """Show that the server runs; at least every second.
 
         Args:
             alarm: What it knows to be dead; None: nothing.

@@ -19,11 +19,11 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     jobs: tuple[str, ...]
     """What the gateway does for it."""
     published: int
-    """What programs of the island gave, and the gateway took."""
+    """Local inputs that the gateway accepted."""
     sent: int
     """Records transmitted."""
     heard: int
-    """Records that came off the water."""
+    """Received records."""
     sent_ago_s: float | None
     """When the last one was transmitted, s ago."""
     heard_ago_s: float | None
@@ -35,7 +35,7 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     age_s: float | None
     """How old the newest sample is that has come, s; None: none has, or it tells no age."""
     waiting: int
-    """Samples, calls and goals that wait for the water."""
+    """Samples, calls and goals that wait for transmission."""
     delivering: int | None
     """Reliable samples that have not arrived; None: it is not reliable."""
     outcomes: dict[str, int]
@@ -185,7 +185,7 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     mtu_bytes: int | None
     """Largest frame, bytes."""
     bit_rate_bps: float | None
-    """Bit rate on the water, bit/s."""
+    """Acoustic bit rate, bit/s."""
     battery_v: float | None
     """Supply of the modem, V."""
     firmware: str
@@ -225,6 +225,6 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     frames: tuple[FrameView, ...]
     """The last ones that were sent or heard, the newest first."""
     dropped: dict[str, int]
-    """What came off the water and was of no use, by reason."""
+    """Dropped receptions, by reason."""
     events: tuple[EventView, ...]
     """The newest first."""

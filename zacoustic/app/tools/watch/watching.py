@@ -30,7 +30,7 @@ _TOKEN: Final = re.compile(rf"{PREFIX}/([0-9]{{1,3}})/gateway")
 
 
 class Watch:
-    """Watches all gateways of an island; an asynchronous context manager, for the loop.
+    """Watches all gateways of a local network; an asynchronous context manager, for the loop.
 
     Args:
         config: Tells where the router is, or None.
@@ -44,7 +44,7 @@ class Watch:
         self.board = Board()
         """What is known."""
         self.changed = asyncio.Event()
-        """Set when something was heard; cleared by whoever waits for it."""
+        """Set when something was heard; cleared by the waiting caller."""
         self.island: Island
         """The session."""
         self._settings = session_config(config, connect)
@@ -132,7 +132,7 @@ class Watch:
                 await self.ask()
 
     async def _feel_pulses(self) -> None:
-        """See who lives: a process that hangs keeps its session, and puts nothing any more."""
+        """See which gateways run: a hanging process keeps its session, and puts nothing."""
         while True:
             await asyncio.sleep(PULSE_S)
             known = self.board.addresses()

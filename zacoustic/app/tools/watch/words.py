@@ -83,7 +83,7 @@ def title_words(view: GatewayView) -> str:
 
 
 def state_words(view: GatewayView) -> str:
-    """Return how it is, in a few words: what keeps frames from the water comes first."""
+    """Return the state in a few words: what prevents transmission comes first."""
     if not view.is_alive:
         return "gone: it does not answer on this network"
     words = [f"link {view.link_state}"]
@@ -127,7 +127,7 @@ def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
 
 
 def is_well(view: GatewayView) -> bool:
-    """Tell whether nothing keeps frames from the water."""
+    """Tell whether nothing prevents transmission."""
     is_up = view.is_alive and view.link_state == "up"
     return is_up and not view.is_silent and view.journal in ("kept", "none")
 

@@ -1,7 +1,8 @@
-"""Dense frames: typed samples of several streams as one arithmetic-coded string.
+"""Dense blocks: typed samples of several streams as one arithmetic-coded block.
 
-A `Speaker` writes the frames of a source and knows what may be referred to; a `Listener` reads them
-and says what to acknowledge. Both use a `DenseCodec`, which remembers nothing. In reading order:
+A `Speaker` writes the blocks of a source and knows what they may refer to; a `Listener` reads them
+and returns what to acknowledge. Both use a `DenseCodec`, which remembers nothing. In this package a
+block is called a frame. In reading order:
 
 - `stream`: `references`, `frame`, `streamcodec`, `restcodec`; `packedbytes` uses the texts alone.
 - `model`: `snapshot`, `rowmodel`, `leastsquares`, `layout`, `attitude`, `course`, `adaptation`,
@@ -9,9 +10,9 @@ and says what to acknowledge. Both use a `DenseCodec`, which remembers nothing. 
 - `text`: `text`, `spelling`, `examples`, `lines`.
 - `coder`: `arithmetic` with `shares`, `writer` and `reader`; `curve` and `offcurve`.
 
-A nav message of nine fields takes some 0.15 ms at both ends together in pure Python, of which its
-airtime is five hundred times as long. Where that matters (many nodes in one process), `mypyc` makes
-it less, without a change. How is in docs/design.md.
+A nav message of nine fields takes some 0.15 ms at both ends together in pure Python; its airtime is
+five hundred times as long. For many nodes in one process, `mypyc` makes it faster without a change
+(docs/design.md).
 
 Invariant: everything that both ends compute alike is integers. Floats are in `fitting`, which one
 end does beforehand, and in `attitude`, before rounding and after decoding.

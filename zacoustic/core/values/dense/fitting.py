@@ -1,10 +1,10 @@
-"""A model out of a recording: where samples start from when nothing else is known.
+"""A model from recordings: where samples start from when nothing else is known.
 
-What online learning finds out by itself in the first minutes of every mission, a fit knows at once:
-the mean of what was learnt along the recording, at each distance from the reference; where the
-first sample of a frame lies, and which other column tells; which texts there are; what the frames
-hold. A fit never replaces learning: it says where learning starts, since models that were only
-fitted lose to plain coders on half of all real logs.
+A fit knows at once what online learning finds out in the first minutes of every mission: the mean
+of what was learnt along the recording, at each distance from the reference; where the first sample
+of a frame lies, and which other column predicts it; the usual texts; the usual contents of frames.
+A fit never replaces learning: it sets where learning starts, since models that were only fitted
+lose to plain coders on half of all real logs.
 
 Means, not last values: the weights at the end of a recording are those of its last minutes.
 """

@@ -1,4 +1,4 @@
-"""Codecs of the payloads that cross the water.
+"""Codecs of the payloads that cross the channel.
 
 A stream has one codec, made once from what both ends know of the stream. `OpaqueCodec` carries
 bytes as they are; `CborCodec` carries the values of a type as CBOR by position, `PackedCodec` as

@@ -75,7 +75,7 @@ class BitReader(BitSource):
 
     @property
     def next_byte(self) -> int:
-        """Offset in the buffer of the first byte of which nothing was read."""
+        """Offset in the buffer of the first unread byte."""
         return (self._position + 7) >> 3
 
     def read(self, width: int) -> int:

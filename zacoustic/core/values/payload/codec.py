@@ -9,17 +9,17 @@ from zacoustic.errors import PayloadInvalidError
 
 
 class PayloadError(Exception):
-    """A payload off the water that its codec does not accept; never leaves the core."""
+    """A received payload that its codec does not accept; never leaves the core."""
 
 
 class PayloadCodec(ABC):
-    """Values of one stream as the bytes that cross the water, and back.
+    """Values of one stream as the bytes that cross the channel, and back.
 
     A codec has no state that changes, but for what it counts: one serves all sources of a stream.
     """
 
     delimits_itself: bool
-    """Whether `measure` finds the end of a payload without being told."""
+    """Whether `measure` finds the end of a payload by itself."""
     smallest_bytes: int
     """Size of the smallest payload, bytes, ≥ 0."""
     largest_bytes: int | None
@@ -43,7 +43,7 @@ class PayloadCodec(ABC):
 
     @abstractmethod
     def measure(self, buffer: bytes, offset: int) -> int | None:
-        """Return the offset behind the payload that starts at `offset`; None if it does not say.
+        """Return the offset behind the payload that starts at `offset`; None if it shows no end.
 
         None is also the answer when no payload of this codec starts there. Only the structure is
         looked at: what is measured may still be refused by `decode`. Never raises.
@@ -90,5 +90,5 @@ class OpaqueCodec(PayloadCodec):
         return bytes(payload)
 
     def measure(self, buffer: bytes, offset: int) -> None:
-        """Return None: bytes do not say where they end."""
+        """Return None: bytes show no end."""
         return

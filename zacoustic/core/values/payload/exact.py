@@ -1,4 +1,4 @@
-"""Numbers as the bits of their own type: what has no step, and what escapes its range.
+"""Numbers as the bits of their own type: those without a step, or outside of their range.
 
 A float is its IEEE 754 bits, with one form only for "not a number"; an integer is its distance from
 the least value of its type.
@@ -49,7 +49,7 @@ class ExactNumber:
         return bits
 
     def number(self, bits: int) -> float:
-        """The number of bits off the water, 0…2**width-1.
+        """The number of received bits, 0…2**width-1.
 
         Raises:
             PayloadError: Another form of "not a number" than the one that is written.

@@ -192,7 +192,7 @@ class _Length:
         writer.write(count, 8)
 
     def read(self, reader: BitSource, element_bits: int) -> int:
-        """Take the count; what is left must hold that many elements."""
+        """Take the count; the rest must hold that many elements."""
         count = reader.read(self.bits)
         if self._longest is None:
             count = self._read_sevens(reader, count)
@@ -293,7 +293,7 @@ class _Elements(Packing):
 
 
 class _Optional(Packing):
-    """One bit says whether there is a value."""
+    """One bit: whether there is a value."""
 
     def __init__(self, present: Packing) -> None:
         self._present = present

@@ -1,4 +1,4 @@
-"""Closures that read CBOR items off the water, one per field, made once per type.
+"""Closures that read received CBOR items, one per field, made once per type.
 
 A reader takes a buffer and an offset and returns the value and the offset behind it. It trusts
 nothing: a kind, form, bound or count that the type does not allow is a `PayloadError`. Beyond the

@@ -37,7 +37,7 @@ class TypedCodec(PayloadCodec):
         self._builders: dict[type[msgspec.Struct], BuildStruct] = {}
 
     def normalised(self, value: object) -> dict[str, Any]:
-        """Return a value of the application as it is to be encoded: checked, clamped, counted.
+        """Return a value of the application ready for encoding: checked, clamped, counted.
 
         Raises:
             PayloadInvalidError: It is not of the type.

@@ -28,7 +28,7 @@ MakeScalar = Callable[[FieldSpec], Write]
 
 _SINGLE: Final = struct.Struct(">f")
 
-# Most counts on the water are of two bytes or less; the table spares them the arithmetic.
+# Most counts have two bytes or less; the table spares them the arithmetic.
 _SMALL: Final = {number: integer_item(number) for number in range(-256, 256)}
 
 

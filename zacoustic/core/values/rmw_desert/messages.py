@@ -44,7 +44,7 @@ _KINDS: Final = {kind.value: kind for kind in Kind}
 
 
 class Message(msgspec.Struct, frozen=True):
-    """A message off the water, its fields still in their items."""
+    """A received message, its fields still in their items."""
 
     kind: Kind
     stream_id: int

@@ -27,7 +27,7 @@ Source:
 from typing import Final
 
 PAYLOAD_LIMIT_BYTES: Final = 255
-"""Longest payload that LEN can tell, bytes."""
+"""Longest payload of LEN, bytes."""
 RECEIVED_LIMIT_BYTES: Final = 512
 """Longest payload that rmw_desert sends, bytes."""
 OVERHEAD_BYTES: Final = 4
@@ -68,7 +68,7 @@ class PacketDecoder:
         return self._take(is_over=False)
 
     def flush(self) -> list[bytes]:
-        """Give up what is incomplete, and return the payloads that it hid."""
+        """Give up an incomplete packet, and return the payloads that it hid."""
         return self._take(is_over=True)
 
     def _take(self, *, is_over: bool) -> list[bytes]:

@@ -1,6 +1,6 @@
 """Types of the values on typed streams: fields with kinds, bounds and steps.
 
-The problem: on the water a field name is eight bytes and a useless digit is half a second of
+The problem: on the channel a field name is eight bytes and a useless digit is half a second of
 airtime. So a type is written down once, on both sides, and what crosses is nothing but the fields'
 values in the order of the type. That only works when both ends hold the *same* description;
 `TypeSpec.canonical` is the text of it that goes into the digest which the ends compare.
@@ -24,7 +24,7 @@ Nouns, one module each:
 
 Invariants. A `FieldSpec` or `TypeSpec` that exists is consistent: a contradiction is a
 `ConfigError` at construction, whose message starts with the key (``range: [90, -90]; allowed: low <
-high``), so that whoever knows where the type was written can put the path before it. Nesting is at
+high``), so that the reader of the file can put the path before it. Nesting is at
 most `MAX_DEPTH` deep and a nested type has at least one field: every leaf costs at least a byte on
 the wire, hence a payload bounds the work of its decoder.
 """

@@ -11,7 +11,7 @@ from zacoustic.errors import ConfigError
 
 
 class Bounds(msgspec.Struct, frozen=True):
-    """What a Python annotation cannot say about a field; the keys mean what `FieldSpec` says."""
+    """Properties of a field that a Python annotation lacks; the keys are those of `FieldSpec`."""
 
     low: Number | None = None
     """Least value, allowed itself, in `unit`; together with `high`."""
@@ -26,13 +26,13 @@ class Bounds(msgspec.Struct, frozen=True):
     max_length: int | None = None
     """Most elements of a list; of a text or bytes, most bytes."""
     outside: str = ""
-    """What becomes of a number outside: ``clamp`` or ``escape``; refused unless said."""
+    """Treatment of a number outside: ``clamp`` or ``escape``; default: refused."""
     type: str | None = None
     """A narrower number: ``uint8``, ``float32`` and the like."""
 
 
 class Parts:
-    """An annotation taken apart: the element, what is said about it, and what is around it."""
+    """An annotation taken apart: the element, its bounds, and the containers around it."""
 
     def __init__(self, annotation: object) -> None:
         self.optional = False
@@ -71,7 +71,7 @@ class Parts:
 
 
 def _said(metadata: object) -> dict[str, Any]:
-    """What `Bounds` or `msgspec.Meta` say, under the names of `Bounds`."""
+    """The values of `Bounds` or `msgspec.Meta`, under the names of `Bounds`."""
     if isinstance(metadata, Bounds):
         pairs = {name: getattr(metadata, name) for name in metadata.__struct_fields__}
     elif isinstance(metadata, msgspec.Meta):

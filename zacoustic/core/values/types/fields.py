@@ -61,25 +61,25 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     type: str
     """One of `SCALAR_TYPES`, or the name of another type."""
     range: tuple[Number, Number] | None = None
-    """Least and greatest value, both allowed, in `unit`; numeric types only."""
+    """Least and greatest value, both included, in `unit`; numeric types only."""
     step: Number | None = None
-    """Values travel to the nearest multiple of this, in `unit`; numeric types only."""
+    """Values cross as the nearest multiple of this, in `unit`; numeric types only."""
     unit: str = ""
-    """Unit, for people: in messages, never on the wire."""
+    """Unit for people: in messages, never on the wire."""
     wraps: bool = False
     """The ends of `range` are the same value, as for a heading: values outside are folded in."""
     values: tuple[str, ...] = ()
-    """The names of an enum; the position is what travels, so append, never reorder."""
+    """The names of an enum; the position crosses, so append, never reorder."""
     length: int | None = None
-    """Number of elements of a fixed array; none: not a fixed array."""
+    """Number of elements of a fixed array; default: not a fixed array."""
     max_length: int | None = None
-    """Most elements of a bounded array; of a string or bytes, most bytes."""
+    """Largest number of elements of a bounded array; of a string or bytes, of bytes."""
     optional: bool = False
-    """Nothing is allowed, and a missing field is nothing."""
+    """The value may be missing or null."""
     default: Default | None = None
-    """What a missing field is; scalars only. Not part of the wire: the value travels."""
+    """Value of a missing field; scalars only. Not part of the wire: the value crosses."""
     outside: str = "reject"
-    """What becomes of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to
+    """Treatment of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to
     the nearer end, or carried in the full width of its type; the last two are counted."""
 
     def __post_init__(self) -> None:

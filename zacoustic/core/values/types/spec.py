@@ -36,7 +36,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     name: str
     """Letters, digits, underscores, in parts joined by ``/`` or ``.``; not the name of a scalar."""
     fields: tuple[FieldSpec, ...] = ()
-    """The fields in the order in which they travel; none: a type with one value, of no bytes."""
+    """The fields in their order on the wire; none: a type with one value, of no bytes."""
     nested: "tuple[TypeSpec, ...]" = ()
     """The resolved types that `fields` names."""
     is_hidden: bool = False
@@ -108,7 +108,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         Takes a Mapping or a `msgspec.Struct` with the fields as keys; returns a dict with every
         field in order: floats for integers in float fields, names for enum members, lists for
         arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that names type,
-        field path, value and what is allowed.
+        field path, value and allowed values.
         """
         nested = {spec.name: spec.check_fields for spec in self._used_types()}
         return compile_validator(self.name, self.fields, nested)

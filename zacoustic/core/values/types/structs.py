@@ -125,7 +125,7 @@ def _field_of(name: str, parts: Parts, default: object) -> FieldSpec:
 
 
 def _number_keys(written_type: str, said: dict[str, Any]) -> dict[str, Any]:
-    """Take what is said about a number out of `said`, as keys of `FieldSpec`."""
+    """Take the bounds of a number out of `said`, as keys of `FieldSpec`."""
     chosen = said.pop("type", written_type)
     family = INTEGER_LIMITS if written_type == "int64" else ("float32", "float64")
     if chosen not in family:

@@ -81,7 +81,7 @@ class TypeTable:
                 raise ConfigError(f"{key}: nested too deep; allowed: {MAX_DEPTH} types")
             nested[field.type] = self._resolve(field.type, (*outer, name))
         try:
-            # Made anew, since `structs.replace` of older versions does not check what it makes.
+            # Constructed, since `structs.replace` of older versions does not check its result.
             resolved = TypeSpec(
                 name=name,
                 fields=spec.fields,

@@ -57,7 +57,7 @@ def compile_fields(fields: tuple[FieldSpec, ...], nested: Mapping[str, Check]) -
             try:
                 return {name: check_field(given[name]) for name, check_field in checks}
             except (KeyError, RefusedError):
-                pass  # what is wrong is found below
+                pass  # the fault is found below
         result: dict[str, Any] = {}
         found = len(given)
         for name, check_field, field in plan:

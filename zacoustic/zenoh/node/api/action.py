@@ -30,7 +30,7 @@ ResultType = TypeVar("ResultType", covariant=True)
 
 
 class ActionType(Protocol[GoalType, FeedbackType, ResultType]):
-    """What names the three types of an action, as in ROS: a class with three classes inside.
+    """Names the three types of an action, as in ROS: a class with three classes inside.
 
     ``class Goto:``, and in it ``class Goal(msgspec.Struct)``, ``class Feedback(msgspec.Struct)``
     and ``class Result(msgspec.Struct)``.
@@ -91,7 +91,7 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
 
     @property
     def tag(self) -> bytes:
-        """What was given with it to `ActionClient.send_goal`."""
+        """The bytes that `ActionClient.send_goal` got with it."""
         return self._sent.tag
 
     async def cancel(self) -> bool:
@@ -116,7 +116,7 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
         Raises:
             TimeoutError: It has not ended in time; it goes on.
             CallTimeoutError: Nothing was heard of it for the action's `result_timeout_s`.
-            DeliveryError: It was rejected, or the two ends do not understand each other.
+            DeliveryError: It was rejected, or the two ends do not agree on its stream.
             LinkClosedError: The node was closed, or has failed.
         """
         async with asyncio.timeout(timeout_s):
@@ -180,7 +180,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
 
         Raises:
             CallTimeoutError: No answer in time; whether the goal runs is unknown.
-            DeliveryError: Nobody serves it, or the two ends do not understand each other.
+            DeliveryError: It has no server, or the two ends do not agree on its stream.
             PayloadInvalidError: The type does not allow the goal.
             PayloadTooLargeError: The goal fits no frame of this link.
             QueueFullError: Too many goals are under way.
@@ -270,7 +270,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         await self._cancelled.wait()
 
     def publish_feedback(self, feedback: Feedback) -> bool:
-        """Tell how far it is; of what waits only the newest is sent. False: it is over.
+        """Send feedback; of waiting feedback only the newest is sent. False: the goal is over.
 
         Raises:
             PayloadInvalidError: The type does not allow it.
@@ -279,15 +279,15 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
         return not self._is_over and self._taken.feed(feedback)
 
     def succeed(self, result: Result | None = None) -> None:
-        """Say that it was reached; with a result that ends it, else what the callback returns."""
+        """Set that it was reached; a result ends it at once, else the callback's return does."""
         self._say(GoalStatus.SUCCEEDED, result)
 
     def abort(self, result: Result | None = None) -> None:
-        """Say that it was given up."""
+        """Set that it was given up."""
         self._say(GoalStatus.ABORTED, result)
 
     def canceled(self, result: Result | None = None) -> None:
-        """Say that it was given up because its client wanted so."""
+        """Set that it was given up because its client wanted so."""
         self._say(GoalStatus.CANCELED, result)
 
     def wish_to_cancel(self) -> None:
@@ -314,7 +314,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
 
 
 Execute = Callable[[ServerGoalHandle[Goal, Feedback, Result]], Awaitable[Result | None]]
-"""Pursues a goal: a coroutine function. It says `succeed`, `abort` or `canceled`, and returns the
+"""Pursues a goal: a coroutine function. It calls `succeed`, `abort` or `canceled`, and returns the
 result, or gives it there."""
 Decide = Callable[[Goal], bool | Awaitable[bool]]
 """Tells whether a goal is accepted; soon, since its client waits."""
@@ -325,7 +325,7 @@ DecideCancel = Callable[[ServerGoalHandle[Goal, Feedback, Result]], bool | Await
 class ActionServer(Generic[Goal, Feedback, Result]):
     """Serves one action. Made by `Node.create_action_server`.
 
-    Each goal runs in a task of its own. What `execute` raises is logged here, and the goal is
+    Each goal runs in its own task. An exception of `execute` is logged here, and the goal is
     aborted.
 
     Args:
@@ -373,7 +373,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         self._begin(self._decide(goal), f"goal of {self.name}")
 
     def cancel(self, goal: TakenGoal) -> None:
-        """A goal that was accepted is to end."""
+        """An accepted goal was cancelled."""
         self._begin(self._decide_cancel(goal), f"cancel of {self.name}")
 
     # Below the methods above

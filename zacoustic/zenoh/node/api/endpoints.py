@@ -75,11 +75,11 @@ class EndpointMaker:
             sample_type: A `msgspec.Struct` class; the name of a type of the configuration, or of a
                 ROS message, then values are dicts; or `bytes`.
             name: The topic, as the configuration or as a key; `{node}` is this node.
-            qos: How samples wait here; None: as the configuration says.
+            qos: How samples wait here; None: as configured.
             stream_id: Direct mode: adds the topic under this id, 1…175, the same on all nodes.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such topic, this node may not publish it, or the node is not open.
         """
         carrier, catalogue = self._maker()
@@ -126,7 +126,7 @@ class EndpointMaker:
             stream_id: As for `create_publisher`.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such topic, this node may not listen to it, or the node is not open.
         """
         carrier, catalogue = self._maker()
@@ -198,12 +198,12 @@ class EndpointMaker:
             service_type: A class with the classes `Request` and `Response` in it, or the pair of
                 them, each as the `sample_type` of a publisher; or the name of a ROS service.
             name: The service.
-            qos: Priority and linger of its requests; None: as the configuration says.
+            qos: Priority and linger of its requests; None: as configured.
             stream_id: Direct mode: adds the service under this id, 1…175, the same on all nodes.
             server: With `stream_id`: address of the node that serves.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such service, this node is the server, or the node is not open.
         """
         carrier, catalogue = self._maker()
@@ -247,11 +247,11 @@ class EndpointMaker:
             handler: Answers a request, on the loop; a function or a coroutine function, with one
                 argument, the request, or two, the request and a `CallContext`. What it raises
                 reaches the caller with its text.
-            qos: Priority and linger of its answers; None: as the configuration says.
+            qos: Priority and linger of its answers; None: as configured.
             stream_id: As for `create_client`.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such service, another node is the server, or the node is not open.
         """
         carrier, catalogue = self._maker()
@@ -297,12 +297,12 @@ class EndpointMaker:
                 three of them, each as the `sample_type` of a publisher; or the name of a ROS
                 action.
             name: The action.
-            qos: Priority and linger of its goals; None: as the configuration says.
+            qos: Priority and linger of its goals; None: as configured.
             stream_id: Direct mode: adds the action under this id, 1…175, the same on all nodes.
             server: With `stream_id`: address of the node that serves.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such action, this node is the server, or the node is not open.
         """
         carrier, catalogue = self._maker()
@@ -351,8 +351,8 @@ class EndpointMaker:
             action_type: As for `create_action_client`.
             name: The action.
             execute_callback: Pursues a goal, in a task of its own: a coroutine function that takes
-                a `ServerGoalHandle`, says there how the goal ended, and returns the result.
-            qos: Priority and linger of feedback and results; None: as the configuration says.
+                a `ServerGoalHandle`, sets there how the goal ended, and returns the result.
+            qos: Priority and linger of feedback and results; None: as configured.
             goal_callback: Takes the goal and tells whether it is accepted, at once; None: all are.
                 What it raises rejects the goal, with its text.
             cancel_callback: Takes the `ServerGoalHandle` and tells whether the goal may be
@@ -361,7 +361,7 @@ class EndpointMaker:
             stream_id: As for `create_action_client`.
 
         Raises:
-            ConfigError: What the code says and the configuration do not agree.
+            ConfigError: The code and the configuration do not agree.
             LocalError: No such action, another node is the server, it is served here already, or
                 the node is not open.
         """

@@ -38,13 +38,13 @@ class Node(EndpointMaker):
 
     Args:
         name_or_address: A name, which the configuration may list, or an acoustic address.
-        config: The file with the section `plugins.acoustic`, or what `read_config` made of it.
+        config: The file with the section `plugins.acoustic`, or the result of `read_config`.
         link: *Direct mode*: a locator (``evologics/serial:/dev/ttyUSB0``), or a link that is not
             open yet; then there is no Zenoh. None: a Zenoh session.
         connect: Zenoh endpoints to connect to; None: the router that `config` describes, or
-            whoever is found.
+            any that is found.
         address: Acoustic address, if neither name nor config gives it.
-        journal: Direct mode: what the node remembers across restarts, a store or the folder of its
+        journal: Direct mode: keeps what must survive a restart, a store or the folder of its
             file; None: the folder that `config` names, or nothing.
         record: Direct mode: file into which everything is recorded (MCAP); None: nothing is. Needs
             the extra `recording`.
@@ -106,8 +106,8 @@ class Node(EndpointMaker):
     async def close(self) -> None:
         """Close all endpoints, then the link or the session. May be called again.
 
-        What has come is still acknowledged, for 5 s at most, while nothing more is heard. What else
-        is queued for the water is lost: `flush` before, where that matters.
+        It still acknowledges what has come, for 5 s at most, and hears nothing more. What else
+        is queued is lost: `flush` before, if that matters.
         """
         self._is_closed = True
         carrier, self._carrier = self._carrier, None
@@ -128,8 +128,8 @@ class Node(EndpointMaker):
     async def flush(self, *, timeout_s: float | None = None) -> None:
         """Wait until everything that was published has left this node.
 
-        On a link: nothing is queued, and the last transmission has ended. That says nothing about
-        whether it arrived.
+        On a link: nothing is queued, and the last transmission has ended. Whether it arrived is
+        unknown.
 
         Args:
             timeout_s: How long to wait, s; None: for ever, as on a link that stays down.
@@ -142,11 +142,11 @@ class Node(EndpointMaker):
             await self._opened().flush()
 
     async def range(self, peer: int | str, *, timeout_s: float = 30.0) -> Range:
-        """Measure how far away another node is; direct mode only.
+        """Measure the range of another node; direct mode only.
 
         The modem is asked to acknowledge a frame to that node, one that goes anyway or one of a
-        single byte, and measures how long the answer takes. An exchange that brings nothing is
-        tried again.
+        single byte, and measures how long the answer takes. An exchange without a range is
+        repeated.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
@@ -170,7 +170,7 @@ class Node(EndpointMaker):
 
         It is executed on arrival, at most once, and answered when it is in that node's journal,
         if it has one. The answer to the command that begins a silence is the last frame of that
-        node: without an answer it may be silent all the same.
+        node: without an answer it may still be silent.
 
         Args:
             peer: Acoustic address of the node, or its name in the configuration.
@@ -178,7 +178,7 @@ class Node(EndpointMaker):
             timeout_s: How long to try, s, at most 600.
 
         Returns:
-            What holds there then.
+            The state there then.
 
         Raises:
             LocalError: No such node, or the command makes no sense here.
@@ -193,7 +193,7 @@ class Node(EndpointMaker):
         return await carrier.order(peer, order, timeout_s)
 
     def refuse(self, progress: ObjectProgress) -> bool:
-        """Refuse the rest of a large sample that is on its way to here.
+        """Refuse the rest of an incoming large sample.
 
         Its publisher gets the outcome `refused`; it may be published again.
 
@@ -201,7 +201,7 @@ class Node(EndpointMaker):
             progress: Its progress from `events`.
 
         Returns:
-            Whether it was still on its way; False on Zenoh, where nothing is in parts.
+            Whether it was still under way; False on Zenoh, where nothing is in parts.
 
         Raises:
             LocalError: It is an own one (cancel its `Delivery`), or the node is not open.
@@ -216,21 +216,21 @@ class Node(EndpointMaker):
     def events(self) -> AsyncIterator[NodeEvent]:
         """Iterate over events besides samples and calls, the last ones first.
 
-        The link goes up or down; the journal cannot be written, or can be again; silence was
-        ordered, or has ended; it was ordered how a topic is sent (`StreamTuned`); a peer is seen,
+        The link goes up or down; the journal cannot be written, or can be again; silence has
+        begun by command, or has ended; a command overrides a topic (`StreamTuned`); a peer is seen,
         or restarts; it is lost (`PeerLost`), or found again (`PeerFound`), where the configuration
-        has `lost_after_s`; others subscribe to an on-demand topic of this node, or do no longer
+        has `lost_after_s`; others subscribe to an on-demand topic of this node, or unsubscribe
         (`SubscribersChanged`); of a topic with `deadline_s` no sample came in time, here or from
         elsewhere (`DeadlineMissed`); a peer defines a stream in another way; the modem has measured
-        something of a peer (`PeerMeasured`), or says something of itself (`ModemRead`); a sample
-        that this node has published in a former life has ended (`DeliveryEnded`); a large sample,
-        from here or to here, has come further or has ended (`ObjectProgress`). On Zenoh only the
+        a peer (`PeerMeasured`), or reports values of itself (`ModemRead`); a sample
+        of a former boot epoch of this node has ended (`DeliveryEnded`); a large sample, outgoing
+        or incoming, has progressed or ended (`ObjectProgress`). On Zenoh only the
         first: the connection to the router. Ends with the node.
         """
         return self._events.read()
 
     def topics(self) -> list[str]:
-        """Return the names of the topics that this node may listen to; none without streams."""
+        """Return the names of the topics that this node may subscribe to; none without streams."""
         return self._known().topics()
 
     def find_stream(self, name: str) -> Stream | None:
@@ -243,11 +243,11 @@ class Node(EndpointMaker):
 
     @property
     def stats(self) -> EngineStats:
-        """What was counted; on Zenoh no frames, they are the gateway's."""
+        """The counters; on Zenoh no frames, they are the gateway's."""
         return self._opened().stats
 
     def expired(self) -> dict[int, int]:
-        """Return what became too old before it could be sent, by stream id; on Zenoh nothing."""
+        """Return the samples that expired before their transmission, by stream id; not on Zenoh."""
         return self._opened().expired()
 
     def ledger(self) -> list[LedgerEntry]:

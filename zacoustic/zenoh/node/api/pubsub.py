@@ -41,7 +41,7 @@ class Sample(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
     received_at: int
     """Instant of its arrival, ns on `time.monotonic_ns`."""
     metrics: LinkMetrics = LinkMetrics()
-    """What the modem measured on its frame; nothing on Zenoh."""
+    """The modem's measurements on its frame; nothing on Zenoh."""
 
     @property
     def value(self) -> T:
@@ -70,7 +70,7 @@ class Publisher(Generic[T]):
     def __init__(self, route: TopicRoute[T], outlet: Outlet) -> None:
         assert route.key is not None
         self.key = route.key
-        """What it publishes under, placeholders filled in."""
+        """Its key, placeholders filled in."""
         self._outlet = outlet
         self._is_closed = False
 
@@ -86,8 +86,8 @@ class Publisher(Generic[T]):
             encoding: Zenoh encoding, where it is not the stream's.
 
         Returns:
-            On a link, for a reliable topic: what becomes of it. None for a best-effort topic, of
-            which nobody learns that; and on Zenoh, where the gateway does (`@acoustic/…/streams`).
+            On a link, for a reliable topic: its delivery. None for a best-effort topic, which has
+                none; and on Zenoh, where the gateway has it (`@acoustic/…/streams`).
 
         Raises:
             PayloadInvalidError: The type does not allow the value.
@@ -118,13 +118,13 @@ class Subscription(Generic[T]):
     """Receives the samples of a topic. Made by `Node.create_subscription` and `Node.subscribe`.
 
     Without a callback it is an asynchronous iterator that ends when the subscription or its node
-    is closed. Samples that nobody takes wait, as many of each key as the QoS's depth; then the
+    is closed. Samples that are not taken wait, as many of each key as the QoS's depth; then the
     latest win. A node does not hear itself.
 
     Args:
         route: Where samples come from.
         carrier: What brings them.
-        forget: Told when it is closed.
+        forget: Called when it is closed.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class Subscription(Generic[T]):
         self._forget(self)
 
     async def feed(self, callback: SampleCallback[T]) -> None:
-        """Give each sample to the callback, for the node; what it raises is logged."""
+        """Give each sample to the callback, for the node; log its exceptions."""
         async for sample in self:
             try:
                 result = callback(sample)

@@ -26,7 +26,7 @@ Spawn = Callable[[Coroutine[Any, Any, None], str], "asyncio.Task[None]"]
 
 
 class ServiceType(Protocol[RequestType, ResponseType]):
-    """What names the two types of a service, as in ROS: a class with two classes inside.
+    """Names the two types of a service, as in ROS: a class with two classes inside.
 
     ``class Arm:``, and in it ``class Request(msgspec.Struct)``, ``class Response(msgspec.Struct)``.
     """
@@ -42,7 +42,7 @@ class ServiceType(Protocol[RequestType, ResponseType]):
 
 
 class CallContext(msgspec.Struct, frozen=True, kw_only=True):
-    """Who calls, which call it is, and how long an answer is worth anything."""
+    """The caller, the call's id, and how long an answer is useful."""
 
     service: str
     """Name of the service."""
@@ -89,7 +89,7 @@ class Client(Generic[Request, Response]):
             ServiceError: The handler failed; the text is its own.
             CallTimeoutError: No answer in time; whether the service ran is unknown.
             OutcomeUnknownError: The server ended without an answer, perhaps after its work.
-            DeliveryError: Nobody serves it, or the two ends do not understand each other.
+            DeliveryError: It has no server, or the two ends do not agree on its stream.
             PayloadInvalidError: The type does not allow the request.
             PayloadTooLargeError: The request fits no frame of this link.
             QueueFullError: Too many calls are under way.

@@ -46,7 +46,7 @@ _CDR_HEAD: Final = b"\x00\x01\x00\x00"
 
 
 class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be written for one topic."""
+    """The entry of one topic."""
 
     seen: SeenTopic
     """What was heard."""

@@ -1,7 +1,7 @@
 """One node of the model: what waits, which of it shares a frame, and who knows the node.
 
-It follows docs/wire.md in sizes: HELLO or TAG until the hearers have confirmed, LEN before what
-does not show its end, a dense string for what is dense. Whether a frame may start is asked of
+It follows docs/wire.md in sizes: HELLO or TAG until the receivers have confirmed, LEN before what
+does not show its end, a dense block for dense samples. Whether a frame may start is asked of
 the medium access that the node would really have.
 """
 

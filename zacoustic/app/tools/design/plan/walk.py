@@ -2,12 +2,12 @@
 
 The problem: what a stream takes of the channel is not its bytes. A frame has a preamble, several
 records share one when they come together, acknowledgements and repetitions come on top, and who
-may speak when decides how many frames there are. No formula has all of that.
+may transmit when decides how many frames there are. No formula has all of that.
 
 The idea: walk along the time with sizes in place of contents. Records wait in lanes, a frame is
 made when the node's medium access lets it begin (the real policies, which are pure), the channel
 model of the scenario says who hears it, and what follows from that is in `reliable`, `calls` and
-`transfers`. What it has no part of: contents, tables that differ, journals, orders, actions. So it
+`transfers`. Not modelled: contents, tables that differ, journals, remote commands, actions. So it
 is an estimate of what the engines would do, independent of them; `zacoustic sim` runs the engines
 themselves, and tests/benchmarks/bench_plan.py holds the two against each other.
 """

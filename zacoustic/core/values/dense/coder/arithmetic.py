@@ -2,27 +2,26 @@
 
 The problem: a field whose next value is almost known is worth a tenth of a bit, and whole bits per
 field cost ten times that. The idea: the string is a number between 0 and 1; every symbol narrows
-the interval in which it must lie to the symbol's share of it. Whoever knows the shares finds the
-symbols again by looking in which share the number lies.
+the interval of that number to the symbol's share of it. With the same shares, a reader finds the
+symbols again: it looks in which share the number lies.
 
-`Writer` and `Reader` have the same methods, and each *returns the value*: the writer the one that
-it is given, the reader the one that it found. So a model is one piece of code that both ends run
-(``depth = coder.uniform(size, depth)``), and cannot say one thing to the writer and another to the
-reader.
+`Writer` and `Reader` have the same methods, and each *returns the value*: the writer the given one,
+the reader the decoded one. So a model is one piece of code that both ends run
+(``depth = coder.uniform(size, depth)``), and the two cannot disagree.
 
 All arithmetic is on integers. The writer keeps the lower end as one integer of any length, so a
 carry needs no care; the width is kept at 48 bits, 28 of which a symbol's share may divide. Numbers
-on a curve divide it by as much as all their shares are together.
+on a curve divide it by the sum of all their shares.
 
-The end. A string of n bytes stands for the number that it is followed by zeros. Of the strings of
-the shortest sufficient length, several may lie in the interval: which of them is sent is a choice
-that costs nothing, and is used as a check (`Writer.finish`, `Reader.check`): a number of at least
-`ways` values and as many as there happen to be, mod a hash of both ends' knowledge.
+The end. A string of n bytes stands for the number that is followed by zeros. Of the strings of the
+shortest sufficient length, several may lie in the interval: the choice among them costs nothing,
+and is used as a check (`Writer.finish`, `Reader.check`): a number of at least `ways` values and as
+many as there happen to be, mod a hash of both ends' knowledge.
 
-The first byte's two highest bits are the marker of a dense frame, and no part of the number.
+The first byte's two highest bits are the marker of a dense block, and no part of the number.
 
-Flags, picks and numbers are what every message is made of, and a call costs as much as all that
-`narrow` does: so these do it themselves.
+Every message consists of flags, picks and numbers, and a call costs as much as all of `narrow`: so
+these do it themselves.
 """
 
 from zacoustic.core.values.dense.coder.reader import Reader

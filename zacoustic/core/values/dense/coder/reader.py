@@ -39,7 +39,7 @@ class Reader:
     """Reads what a `Writer` wrote.
 
     Args:
-        string: Off the water, at least one byte; what lies behind its end is zeros.
+        string: Received, at least one byte; zeros follow its end.
     """
 
     is_reader = True

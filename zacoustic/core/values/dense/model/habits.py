@@ -147,7 +147,7 @@ def new_habits(model: Model | None, streams: Mapping[int, object]) -> tuple[Pres
     """Make the habits of a source of which nothing was heard: of its frames, and of each stream.
 
     Args:
-        model: What a fit says.
+        model: The fitted model.
         streams: The codec's, by stream id.
     """
     single = _EVEN if model is None or not model.single else model.single

@@ -1,7 +1,7 @@
-"""What both ends know of a stream before its first sample: the model that a fit has made, or none.
+"""What both ends know of a stream before its first sample: the fitted model, or none.
 
 The model is part of what both ends must agree on: `Model.digest` goes into the check of every
-frame. It holds integers only, and is written as JSON by whoever keeps it in a file.
+frame. It holds integers only; a file has it as JSON.
 """
 
 import hashlib

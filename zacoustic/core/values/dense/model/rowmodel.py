@@ -163,7 +163,7 @@ class RowModel:
         on_course = 2 + len(positions) if self._course is not None else 0
         self.shape = Shape(known + len(self.numbers) + on_course)
         self.priors: dict[int, Adaptation] = {}
-        """What a fit says, by `step_class`."""
+        """The fitted values, by `step_class`."""
 
     def start(self) -> Adaptation:
         """Make the adaptation of who knows nothing."""

@@ -1,31 +1,29 @@
 """Dense frames: the samples of several streams as one arithmetic-coded string.
 
-The problem: on the water a byte costs as much as a thousand on land, and a vehicle's telemetry says
-again and again what is known already. The idea: samples that share a frame need no feedback to be
-coded against each other, so that comes first; a frame that the receiver has acknowledged is the
-reference of the first sample of each stream. Where there is no such frame, a frame stands for
-itself. All prediction, and all learning, runs along these references only.
+The problem: under water a byte costs as much as a thousand on land, and a vehicle's telemetry
+repeats what is known already. The idea: samples that share a frame are coded against each other
+without any feedback, so that comes first; a frame that the receiver has acknowledged is the
+reference of the first sample of each stream. Without such a frame, a frame is independent. All
+prediction, and all learning, runs along these references only.
 
 A frame is, in this order (shares in `_KINDS`; the first two bits are the marker):
 
-1. kind: with a reference; for itself; or a single sample for itself;
+1. kind: with a reference; independent; or a single independent sample;
 2. the name of the reference;
-3. which streams there are; of each stream, by id, the samples: each with the steps from the one
-   that it is coded against and, behind it, whether another one follows. A single sample has neither
-   steps nor a successor, and its stream is any with the same chance: the frame that costs least
-   more than the sample itself, whatever the habits are;
-4. how the frame comes to its own name (see `snapshot` and `references`);
+3. the streams; of each stream, by id, the samples: each with the steps from the one that it is
+   coded against and, behind it, whether another one follows. A single sample has neither steps nor
+   a successor, and all streams have the same share: the frame that costs least more than the sample
+   itself, with any habits;
+4. how the frame gets its own name (see `snapshot` and `references`);
 5. the check of `arithmetic`: of the stream table, the model and the reference, in what the rounding
    to bytes leaves over.
 
-The order of samples of one stream is kept; that of different streams is not.
+The samples of one stream keep their order; those of different streams do not.
 
-What comes off the water is a `PayloadError` or samples within their bounds, in bounded time: a
-string is read no further than 64 bits behind its end, and there are at most 255 samples of each
-stream.
+A received frame gives a `PayloadError` or samples within their bounds, in bounded time: a string is
+read at most 64 bits beyond its end, and there are at most 255 samples of each stream.
 
-Nothing here remembers: which snapshots there are, and who has acknowledged which, is the affair of
-`references`.
+Nothing here remembers: `references` knows the snapshots, and who has acknowledged which.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -80,11 +78,11 @@ def _opening(name: int) -> tuple[int, int, int]:
 _OPENINGS: Final = [_opening(name) for name in range(NAMES)]
 
 _Piece = tuple[int, int | None, tuple[Row, list[Any]]]
-"""A sample to be written: the place of its stream, when it was taken, and its parts."""
+"""A sample to write: the place of its stream, when it was taken, and its parts."""
 
 
 class DenseSample(msgspec.Struct, frozen=True):
-    """A sample to be sent."""
+    """A sample to send."""
 
     stream_id: int
     """Of a stream of the codec."""
@@ -96,7 +94,7 @@ class DenseSample(msgspec.Struct, frozen=True):
 
 
 class Encoded(msgspec.Struct, frozen=True):
-    """A frame to be sent."""
+    """A frame to send."""
 
     frame: bytes
     """From the marker on."""
@@ -127,7 +125,7 @@ class DenseCodec:
 
     Args:
         types: Type of each dense stream, by stream id; the same at both ends.
-        model: What a fit says of them.
+        model: Their fitted model.
         digest: Of everything else that both ends must agree on: four bytes of the stream table.
 
     Raises:
@@ -196,7 +194,7 @@ class DenseCodec:
         return fits
 
     def decode(self, frame: bytes, held: Mapping[int, Snapshot] = _NOTHING) -> Decoded:
-        """Read a frame off the water.
+        """Read a received frame.
 
         Args:
             frame: From the marker on, all of it.

@@ -1,20 +1,20 @@
-"""Bytes without a type, shrunk where they can be: `codec: "packed"` for opaque streams.
+"""Bytes without a type, shrunk where possible: `codec: "packed"` for opaque streams.
 
-The problem: a log line, a payload in JSON or CBOR, costs three times what it says, and its stream
-has no type from which anybody could know what it says. The idea: the model of texts that the
-package ships (`text`: English, the sea, names of fields) tells what the next octet is likely to be,
-and an arithmetic coder makes a string of that. What does not shrink goes as it is.
+The problem: a log line, or a payload in JSON or CBOR, takes three times its information, and its
+stream has no type. The idea: the model of texts that the package ships (`text`: English, the sea,
+names of fields) predicts the next octet, and an arithmetic coder makes a string of that. What does
+not shrink goes unchanged.
 
-Each payload stands for itself: nothing is learnt from one for the next, so it may be lost, late or
+Each payload is independent: nothing is learnt from one for the next, so it may be lost, late or
 repeated, and streams of every kind can use it.
 
 =========================  =======================================================================
-first byte                 what it is
+first byte                 contents
 =========================  =======================================================================
 none                       no octets
-`C0`…`FF`                  a string of `arithmetic`, whose marker this is: the octets, as `text`
-                           has them
-`00`                       the octets follow; only where their first one is one of the above
+`C0`…`FF`                  a string of `arithmetic` with this marker: the octets, in the form of
+                           `text`
+`00`                       the octets follow; only if their first one is one of the above
 other                      the octets themselves
 =========================  =======================================================================
 

@@ -1,28 +1,27 @@
 """Which frames may be referred to: a source remembers what it sent, a receiver what it got.
 
-A source may refer to a frame that every listener holds: one that it has acknowledged, or that one
-that it has acknowledged refers to (nobody reads a frame without holding its reference). A listener
-acknowledges the newest frame that it has read, by its `mark`, whenever there is room for a byte in
-what goes anyway; nothing has to be answered at once, and a lost acknowledgement is made up for by
-the next.
+A source may refer to a frame that every listener holds: one that it has acknowledged, or that an
+acknowledged one refers to (a frame can only be read with its reference). A listener acknowledges
+the newest frame that it has read, by its `mark`, whenever a frame that goes anyway has room for a
+byte; nothing needs an immediate answer, and the next acknowledgement makes up for a lost one.
 
-Frames may be lost, doubled and late, and nothing is numbered. A receiver holds, of each name, the
-frame that came with it last, unless that `is_outdated_by` the one that it holds. The source makes
-sure that this is the one that is meant, as long as not more than `REACH` of its frames come between
-a frame and a copy of it that is late:
+Frames may be lost, doubled and late, and have no numbers. A receiver holds, of each name, the last
+frame that came with it, unless that `is_outdated_by` the one that it holds. The source makes sure
+that this is the intended one, as long as at most `REACH` of its frames come between a frame and a
+late copy of it:
 
 1. a name by which a frame was referred to is given to no other one while the last `REACH` frames
-   include one that says it;
+   include one with that reference;
 2. a frame is referred to only if no other one of its name was sent since, or among the `REACH`
-   frames before it, but such as it outdates.
+   frames before it, except those that it outdates.
 
-To have names for that, it gives a new frame one that is free, if it has a choice. Names that are
-given in turn are more than `REACH`, so as long as frames and samples go on in step, all is free.
+To have names for that, it gives a new frame a free one, if it has a choice. Names are given in
+turn, and there are more than `REACH`, so as long as frames and samples go on in step, all are free.
 
 An acknowledgement may be late too: within `REMEMBERED` frames, no two have the same mark.
 
-Where more than `REACH` frames are sent within the time that a late one may need, those beyond
-stand `apart`: each for itself and without a name. Such a frame cannot be taken for another one, nor
+If more than `REACH` frames are sent within the time that a late one may need, those beyond stand
+`apart`: each independent and without a name. Such a frame cannot be taken for another one, nor
 another one because of it, so it does not count.
 
 A stream that stands still may have the same bytes again, against the same reference. That is the
@@ -87,7 +86,7 @@ class Speaker:
         self._named: dict[int, list[_Sent]] = {}  # those of each name
         self._forgotten = -REACH  # when a frame was sent last that is no longer among them
         self._referred: dict[int, tuple[int, bytes]] = {}  # by name: when last, and to what
-        self._answered = -ANSWERS  # when somebody acknowledged something
+        self._answered = -ANSWERS  # the last acknowledgement
         self._said = -REACH  # when a name was said last
         self._marks: dict[int, bytes] = {}  # of more frames than are kept: their digests
 
@@ -110,7 +109,7 @@ class Speaker:
         if apart:
             return self._codec.encode(samples, room, refuses=lambda _: True)
         reference = self._reference(set(listeners))
-        # As long as nobody acknowledges anything, no name is ever said: all are as good.
+        # Without acknowledgements no name is ever used: all are as good.
         matters_until = max(self._answered + ANSWERS, self._said + REACH)
         is_choosy = reference is not None or matters_until > self._count
         refuses = self._refuses if is_choosy else None
@@ -238,7 +237,7 @@ class Listener:
         """What to acknowledge: the mark of the newest frame; None: none was read."""
 
     def decode(self, frame: bytes, *, alone: bool = False) -> Decoded:
-        """Read a frame off the water.
+        """Read a received frame.
 
         Args:
             frame: From the marker on, all of it.

@@ -1,10 +1,10 @@
-"""The rest of a sample: what is no integer, as symbols.
+"""The rest of a sample, all parts that are no integers, as symbols.
 
 Most of it is the same as in the sample before (a name, a list that seldom changes), which costs a
-fraction of a bit to say. New texts and bytes are coded by `text`, given the lines that both ends
-know and what payloads in JSON and CBOR look like. That is a guess: octets that are neither cost
-more that way than plainly, and so does a text in another language; `StreamCodec` then says the
-whole sample plainly. What is long is plain at once, since modelling costs time for every letter.
+fraction of a bit. `text` codes new texts and bytes, with the lines that both ends know and typical
+payloads in JSON and CBOR. That is a guess: other octets cost more that way than plainly, and so
+does a text in another language; `StreamCodec` then codes the whole sample plainly. Long ones are
+plain at once, since modelling takes time for every letter.
 """
 
 from collections.abc import Sequence

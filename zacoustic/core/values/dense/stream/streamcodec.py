@@ -1,9 +1,9 @@
 """The samples of one stream as symbols: against a reference, by the model alone, or plainly.
 
-A sample is usually coded as what its reference does not tell. Where there is no reference, the
-model says what is likely; where neither helps (a jump, a value never seen) every value is as likely
-as any other, which bounds what a sample can cost to that of `packed` and a few bits. Which of the
-three it is costs a fraction of a bit; the writer tries the next one when one has been dear.
+A sample is usually coded against its reference. Without one, the model predicts it; if neither
+helps (a jump, a value never seen), all values have equal shares, which bounds the cost of a sample
+to that of `packed` and a few bits. Which of the three it is costs a fraction of a bit; the writer
+tries the next one when one was expensive.
 """
 
 import math
@@ -37,7 +37,7 @@ class StreamCodec:
     Args:
         stream_id: Of the stream.
         type_spec: Its type, resolved.
-        prior: What a fit says of it.
+        prior: Its fitted model.
 
     Raises:
         ConfigError: The prior is for another type.
