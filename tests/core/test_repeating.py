@@ -8,6 +8,7 @@ from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.transport.repeating import Repeater, Repetition
@@ -25,7 +26,7 @@ class Sea:
         self.queue = TransmitQueue()
         self.timers = Timers()
         self.queue.limit(61)
-        self.repeater = Repeater(self.queue, self.timers, random.Random(1))
+        self.repeater = Repeater(self.queue, Peers(), self.timers, random.Random(1))
         self.repeater.use_link(TIMES)
         self.now = 0
         self.sent: list[bytes] = []

@@ -26,6 +26,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
@@ -132,10 +133,10 @@ def test_notice_about_a_range_is_one_line() -> None:
 
 def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> None:
     now, unix_s = 100 * NS_PER_S, 1000.0
-    known = Measurements()
+    known, peers = Measurements(Peers()), Peers()
     rules = ContactRules(lost_after_s={3: 50})
     timers = Timers()
-    contact = Contact(1, StreamTable(), rules, timers, random.Random(1), lambda event: None)
+    contact = Contact(1, StreamTable(), rules, peers, timers, random.Random(1), lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
     soundings = Soundings(
         known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s

@@ -18,6 +18,7 @@ import msgspec
 import pytest
 
 import tests.virtual.orderstory
+from tests.hostile import foreign
 from tests.hostile.drive import Drive
 from tests.hostile.scenario import hostile
 from tests.virtual.callstory import CallStory
@@ -114,6 +115,9 @@ def _story(seed: int, witness: Witness) -> None:
 
 
 def _hostile(seed: int, witness: Witness) -> None:
+    # What foreign fleets say is part of the run, whatever ran before in this process.
+    foreign.frames.cache_clear()
+    foreign.wishes.cache_clear()
     Drive(hostile(seed)).run()
 
 

@@ -16,6 +16,7 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import Event, GoalFailure, GoalKey, GoalStatus
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.peer import Peer
+from zacoustic.core.peers.states import Change
 from zacoustic.core.streams.specs import ActionSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.news import (
@@ -158,7 +159,7 @@ def test_no_goal_runs_twice_and_each_ends_once_whatever_goes_wrong(
 
 def test_story_finds_it_when_a_vouch_holds_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     def believe(self: Handshake, peer: Peer, now: int) -> None:
-        peer.confirmed_us = peer.knows_us = True
+        peer.take(Change.CONFIRM)
 
     monkeypatch.setattr(Handshake, "_heard_vouch", believe)
     assert any(GoalStory(seed).run() for seed in (302,))

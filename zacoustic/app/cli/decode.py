@@ -21,7 +21,7 @@ _MOST_FRAMES: Final = 256
 
 
 class DecodeCommand(Command):
-    """Says what is in frames."""
+    """Explains frames."""
 
     name = "decode"
     summary = "say in words what is in a frame"

@@ -11,7 +11,7 @@ from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
 
 
 class FitCommand(Command):
-    """Fits a model, and says whether it helps."""
+    """Fits a model, and tests whether it helps."""
 
     name = "fit"
     summary = "fit a model of the dense topics to recordings, and say whether it helps"

@@ -1,4 +1,4 @@
-"""The verb `zacoustic journal`: copies a journal, or says whether one is in order."""
+"""The verb `zacoustic journal`: copies a journal, or verifies one."""
 
 import argparse
 from pathlib import Path

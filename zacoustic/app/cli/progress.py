@@ -15,7 +15,7 @@ _EVERY_PERCENT: Final = 10
 class ProgressLine:
     """Shows steps of one transfer; a context manager.
 
-    On a terminal it draws two bars on standard error, what was sent and what is there (rich, the
+    On a terminal it draws two bars on standard error, for sent and arrived bytes (rich, the
     extra `terminal`); elsewhere a line there for each tenth, and with `--json` one on standard
     output for each step.
 

@@ -36,7 +36,7 @@ _BEYOND_S: Final = 60.0
 
 
 class SilenceCommand(Command):
-    """Orders silence, ends it, or tells what holds."""
+    """Commands transmit silence, ends it, or prints the state."""
 
     name = "silence"
     summary = "transmit nothing for a while: divers, other sonars"

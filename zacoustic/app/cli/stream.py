@@ -21,7 +21,7 @@ examples:
 
 
 class StreamCommand(Command):
-    """Tunes a topic of a node, or tells how it is sent."""
+    """Overrides how a node sends a topic, or prints it."""
 
     name = "stream"
     summary = "switch a topic of a node off or on, set its rate and priority"

@@ -28,7 +28,7 @@ def prepare_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest one that is free, which is this
         if getattr(sys, name) is None:
             mode = "r" if name == "stdin" else "w"
-            # Of the process: nobody closes it.
+            # Of the process: it is never closed.
             setattr(sys, name, open(descriptor, mode, encoding="utf-8", closefd=False))  # noqa: SIM115
         stream = getattr(sys, name)
         if isinstance(stream, io.TextIOWrapper):

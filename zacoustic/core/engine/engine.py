@@ -51,6 +51,7 @@ from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateCh
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
 from zacoustic.core.profiles.rules import TransmitRules
@@ -103,7 +104,8 @@ class Engine:
         self.journal_failure = ""
         """Why the journal cannot be written now; empty: it can. To be read only."""
         self.stats = EngineStats()
-        self.measurements = Measurements()
+        self._peers = peers = Peers()
+        self.measurements = Measurements(peers)
         """What was measured of peers and modem; to be read only."""
         self._trace = Tracer(address, trace)
         self._now = 0
@@ -118,6 +120,7 @@ class Engine:
             address,
             table,
             epoch,
+            peers=peers,
             rules=rules,
             doubt=self.doubt,
             journal=journal,
@@ -144,6 +147,8 @@ class Engine:
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
         """Orders to be silent: `begin` and `resume`."""
+        ledger = Ledger(stored, journal)
+        peers.on_forget(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
@@ -157,7 +162,7 @@ class Engine:
                 stored=stored,
                 journal=journal,
             ),
-            Ledger(stored, journal),
+            ledger,
             self.silence,
             rules.orders_from,
             emit,
@@ -185,6 +190,7 @@ class Engine:
             make_port,
             emit,
         )
+        peers.on_forget(self._transmitter.peer_forgotten)
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -481,6 +487,20 @@ class Engine:
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
         return self._protocols.pending(stream_id)
+
+    def forget(self, address: int, now: int) -> None:
+        """Free everything that is kept of another node, in the journal too.
+
+        It is for a node that has left the fleet: what ran of its calls and goals, and what was
+        handed on of its samples, is not known any more, so that it must not come again. Calls to it
+        end as cancelled; what waits for it in the queue waits on.
+
+        Args:
+            address: The node.
+            now: The instant, ns.
+        """
+        self._now = now
+        self._peers.forget(address, now)
 
     def expire(self, now: int) -> int | None:
         """Forget what waits and is too old; returns when something else will be, ns, or None."""

@@ -28,7 +28,7 @@ CALLS: Final = (
     "handle_journal_state",
     "poll_transmit", "poll_journal", "poll_event", "poll_timeout",
     "declare", "publish", "cancel_delivery", "refuse_object",
-    "call", "cancel", "reply", "reply_error", "expire",
+    "call", "cancel", "reply", "reply_error", "expire", "forget",
     "actions.send_goal", "actions.cancel_goal", "actions.accept", "actions.reject",
     "actions.publish_feedback", "actions.finish", "actions.answer_cancel",
     "ranging.request", "ranging.cancel", "ranging.repeat",

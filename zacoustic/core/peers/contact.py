@@ -23,7 +23,11 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
+from zacoustic.core.peers.peers import Peers
+from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 from zacoustic.core.streams.table import StreamTable
 
 LEAST_HEARTBEAT_S: Final = 1.0
@@ -48,12 +52,17 @@ class ContactRules(msgspec.Struct, frozen=True, kw_only=True):
 class Sighting(msgspec.Struct, frozen=True, kw_only=True):
     """Whether a node is lost."""
 
-    is_lost: bool
-    """Nothing was heard of it for as long as the config says."""
+    state: Reachability
+    """Whether it is heard."""
     since: int
     """Instant since when that is so, ns."""
     heard_at: int | None
     """Instant at which it was heard last, ns; None: not in this life."""
+
+    @property
+    def is_lost(self) -> bool:
+        """Nothing was heard of it for as long as the config says."""
+        return self.state is Reachability.LOST
 
 
 class PeerLost(msgspec.Struct, frozen=True, kw_only=True):
@@ -83,6 +92,7 @@ class Contact:
         address: Address of the node.
         table: Its table; what it lists are the nodes there are.
         rules: What the config says.
+        peers: The other nodes.
         timers: Tell who has become lost.
         rng: Draws the pauses.
         emit: Takes events.
@@ -93,6 +103,7 @@ class Contact:
         address: int,
         table: StreamTable,
         rules: ContactRules,
+        peers: Peers,
         timers: Timers,
         rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
@@ -106,6 +117,7 @@ class Contact:
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
         self._sightings: dict[int, Sighting] = {}
+        peers.on_forget(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
@@ -116,18 +128,24 @@ class Contact:
         for address in self._rules.lost_after_s:
             if address != self._address:
                 self._sightings.setdefault(
-                    address, Sighting(is_lost=False, since=now, heard_at=None)
+                    address, Sighting(state=REACHABILITY.first, since=now, heard_at=None)
                 )
                 self._arm(address)
 
     # Heartbeats
 
-    @property
-    def due_at(self) -> int | None:
-        """Instant at which a heartbeat is due, ns; None: never."""
+    def due_at(self, now: int) -> int | None:
+        """Return the instant at which a heartbeat is due, ns; None: never."""
         if self._rules.heartbeat_s is None or not self._said_at:
             return None
         return min(self._said_at.values()) + self._pause_ns
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer a heartbeat that is due."""
+        due_at = self.due_at(now)
+        if due_at is None or due_at > now:
+            return None
+        return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, must_go=Cause.HEARTBEAT)
 
     def transmitted(self, destination: int, now: int) -> None:
         """A frame goes to a node, or to all."""
@@ -143,7 +161,9 @@ class Contact:
         """A frame of a node arrived, for whomever it was."""
         known = self._sightings.get(source)
         since = now if known is None or known.is_lost else known.since
-        self._sightings[source] = Sighting(is_lost=False, since=since, heard_at=now)
+        before = REACHABILITY.first if known is None else known.state
+        state = REACHABILITY.after(before, Change.FRAME)
+        self._sightings[source] = Sighting(state=state, since=since, heard_at=now)
         self._arm(source)
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
@@ -158,6 +178,10 @@ class Contact:
 
     # Below the methods above
 
+    def _forget(self, address: int, now: int) -> None:
+        self._sightings.pop(address, None)
+        self._timers.cancel((Due.CONTACT, address))
+
     def _lost_after_s(self, address: int) -> float | None:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
 
@@ -170,8 +194,9 @@ class Contact:
             self._timers.at((Due.CONTACT, address), lost_at, partial(self._lose, address))
 
     def _lose(self, address: int, now: int) -> None:
-        heard_at = self._sightings[address].heard_at
-        self._sightings[address] = Sighting(is_lost=True, since=now, heard_at=heard_at)
+        known = self._sightings[address]
+        heard_at, state = known.heard_at, REACHABILITY.after(known.state, Change.SILENCE)
+        self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
         self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
 
     def _draw_pause(self) -> None:

@@ -55,9 +55,12 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
+from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.introducing import Introductions
-from zacoustic.core.peers.peer import Peer, Peers
+from zacoustic.core.peers.peer import Peer
+from zacoustic.core.peers.peers import Peers
+from zacoustic.core.peers.states import Agreement, Change, Life
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.frame import (
     ABSENT_DIGEST,
@@ -109,15 +112,18 @@ class Handshake:
         address: Address of this node.
         epoch: Its boot epoch, 0…65535.
         table: Its stream table.
+        peers: The other nodes.
         rng: Draws the pauses before frames of its own.
     """
 
-    def __init__(self, address: int, epoch: int, table: StreamTable, rng: random.Random) -> None:
+    def __init__(
+        self, address: int, epoch: int, table: StreamTable, peers: Peers, rng: random.Random
+    ) -> None:
         self._address = address
         self._table = table
         self._rng = rng
-        self._peers = Peers()
-        self.introductions = Introductions(address, epoch, table, self._peers)
+        self._peers = peers
+        self.introductions = Introductions(address, epoch, table, peers)
         self._unit_ns = seconds_to_ns(1)
         self.patience_ns = PATIENCE_UNITS * self._unit_ns
         """How long the next frame of a peer is awaited, ns."""
@@ -150,7 +156,7 @@ class Handshake:
         self._began_at = now
         self.introductions.table_changed()
         for peer in self._peers.values():
-            peer.doubt()
+            peer.doubt(Change.TABLE_CHANGED)
 
     # What this node says
 
@@ -181,7 +187,19 @@ class Handshake:
                     peer.speak_at = None
         return taken
 
-    def speak_next(self) -> tuple[int, int] | None:
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame goes that only says what is owed, ns, or None."""
+        speak = self._speak_next()
+        return speak and speak[0]
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer what found no room in time: it goes before what else waits."""
+        speak = self._speak_next()
+        if speak is None or speak[0] > now:
+            return None
+        return Offer(destination=speak[1], owed_first=True, rides=True)
+
+    def _speak_next(self) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next frame that only says what is owed, or None."""
         waiting = [
             (peer.speak_at, address)
@@ -221,8 +239,8 @@ class Handshake:
         peer.is_vouching = False
         peer.ripen(now)
 
-    def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> bool:
-        """A HELLO arrived: remember it, and answer if it is new; tells whether the epoch is."""
+    def heard_hello(self, source: int, hello: Hello, now: int, *, unicast: bool = False) -> None:
+        """A HELLO arrived: remember it, and answer if it is new."""
         peer = self._peers[source]
         peer.is_assured &= not unicast
         # What another version calls a digest means nothing to us.
@@ -232,7 +250,7 @@ class Handshake:
             peer.speak_at = None
         is_new_epoch = peer.epoch != hello.epoch
         if (peer.epoch, peer.digest) != (hello.epoch, digest):
-            peer.forget()
+            peer.begin_life(Change.NEW_LIFE)
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
             same = digest == self._digest
@@ -245,7 +263,8 @@ class Handshake:
                 )
             )
             self._answer_introduction(peer, now)
-        return is_new_epoch
+        if is_new_epoch:
+            self._peers.restarted(source, hello.epoch, now)
 
     def heard_tag(self, source: int, epoch: int, now: int, *, unicast: bool = False) -> None:
         """A TAG arrived: its sender does not know that we know it."""
@@ -253,7 +272,7 @@ class Handshake:
         peer.is_assured &= not unicast
         if peer.epoch != epoch:
             # What is known of it may be of a life that is over: better to know nothing.
-            peer.forget()
+            peer.begin_life(Change.STRAY_TAG)
             peer.epoch, peer.digest = None, b""
             self._ask(peer, _ASK_HELLO, now)
 
@@ -294,15 +313,14 @@ class Handshake:
         peer = self._peers[source]
         if not self._is_present(confirm):
             # It takes us for a former life, perhaps by a late duplicate of that one's HELLO.
-            peer.unconfirm()
+            peer.take(Change.DOUBT)
             self._introduce_soon(peer, now)
             return
         peer.is_vouching = unicast
         if confirm.address == VOUCHED:
             self._heard_vouch(peer, now)
             return
-        peer.confirmed_us = peer.knows_us = True
-        peer.will_hold_at = None
+        peer.take(Change.CONFIRM)
         if unicast and confirm.address == ASSURED:
             if now >= peer.settled_at:
                 peer.is_assured, peer.owes_confirm = True, False
@@ -315,7 +333,7 @@ class Handshake:
         if ask.address != self._address:
             return False
         peer = self._peers[source]
-        peer.unconfirm()
+        peer.take(Change.DOUBT)
         if ask.stream_id == _ASK_HELLO:
             peer.owes_hello = True
         else:
@@ -359,7 +377,7 @@ class Handshake:
         if peer.shares(self._digest):
             if epoch == peer.epoch:
                 return None
-            if epoch is None and now >= peer.settled_at:
+            if epoch is None and peer.life(now) is Life.SETTLED:
                 peer.is_assured = True
                 return None
         elif peer.epoch is not None and epoch == peer.epoch:
@@ -422,12 +440,13 @@ class Handshake:
     def _heard_vouch(self, peer: Peer, now: int) -> None:
         """A peer has vouched for us: if this life is older than what was late then, that holds."""
         is_old = self._began_at is not None and now >= self._began_at + 2 * self.settling_ns
-        if is_old and not peer.confirmed_us and peer.will_hold_at is None:
-            peer.will_hold_at = now + self.settling_ns
+        if is_old and peer.agreement is Agreement.UNCONFIRMED:
+            peer.take(Change.EARLY_CONFIRM)
+            peer.holds_at = now + self.settling_ns
             if peer.shares(self._digest):
                 # It introduces itself in every frame until it is told.
                 peer.owes_confirm = True
-                self._speak_soon(peer, max(peer.will_hold_at, peer.confirm_at))
+                self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
 
     def _row(self, stream_id: int) -> bytes:
         stream = self._table.get(stream_id)

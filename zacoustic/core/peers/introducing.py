@@ -19,7 +19,9 @@ from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.peers.peer import Peer, Peers
+from zacoustic.core.peers.peer import Peer
+from zacoustic.core.peers.peers import Peers, PerPeer
+from zacoustic.core.peers.states import Agreement
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.frame import (
     ASSURED,
@@ -50,7 +52,7 @@ class Introductions:
         self._address = address
         self._table = table
         self._peers = peers
-        self._since_hello: dict[int, int] = {}
+        self._since_hello = PerPeer(peers, int)
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -94,14 +96,15 @@ class Introductions:
         if asked:
             wanted = fits or not urgent
         elif is_known and all(
-            peer.differs_from(self.digest) or peer.will_hold_at is not None for peer in silent
+            peer.differs_from(self.digest) or peer.agreement is Agreement.PROVISIONAL
+            for peer in silent
         ):
             wanted = False
         else:
-            turn = self._since_hello.get(destination, 0) % HELLO_EVERY == 0
+            turn = self._since_hello[destination] % HELLO_EVERY == 0
             wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
         if not wanted:
-            self._since_hello[destination] = self._since_hello.get(destination, 0) + 1
+            self._since_hello[destination] += 1
             return tag
         self._since_hello[destination] = 1
         self.is_told = True
@@ -123,9 +126,7 @@ class Introductions:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
         audience = self._audience(destination, now)
         return not audience or any(
-            not peer.confirmed_us
-            and peer.will_hold_at is None
-            and not peer.differs_from(self.digest)
+            peer.agreement is Agreement.UNCONFIRMED and not peer.differs_from(self.digest)
             for peer in audience
         )
 

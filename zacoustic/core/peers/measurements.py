@@ -11,6 +11,7 @@ import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import LinkMetrics, Measurement, ModemRead, PeerMeasured
+from zacoustic.core.peers.peers import Peers, PerPeer
 
 
 class Range(msgspec.Struct, frozen=True, kw_only=True):
@@ -67,16 +68,29 @@ class Direction(msgspec.Struct, frozen=True, kw_only=True):
 Found = TypeVar("Found", Range, Position, Direction)
 
 
-class Measurements:
-    """The newest of everything."""
+class _Measured:
+    """The newest of everything that was measured of one peer."""
+
+    __slots__ = ("direction", "metrics", "position", "range")
 
     def __init__(self) -> None:
+        self.metrics = LinkMetrics()
+        self.range: Range | None = None
+        self.position: Position | None = None
+        self.direction: Direction | None = None
+
+
+class Measurements:
+    """The newest of everything.
+
+    Args:
+        peers: The other nodes.
+    """
+
+    def __init__(self, peers: Peers) -> None:
         self.modem: ModemRead | None = None
         """What the modem last said of itself."""
-        self._metrics: dict[int, LinkMetrics] = {}
-        self._ranges: dict[int, Range] = {}
-        self._positions: dict[int, Position] = {}
-        self._directions: dict[int, Direction] = {}
+        self._measured = PerPeer(peers, _Measured)
 
     def handle(self, measurement: Measurement) -> None:
         """Keep what the link tells."""
@@ -96,11 +110,9 @@ class Measurements:
         told = {name: each for name in _FIELDS if (each := getattr(metrics, name)) is not None}
         if not told:
             return
-        known = self._metrics.get(address, LinkMetrics())
-        self._metrics[address] = msgspec.structs.replace(known, **told)
-        found = range_in(address, metrics, at)
-        if found is not None:
-            _keep_newest(self._ranges, found)
+        measured = self._measured[address]
+        measured.metrics = msgspec.structs.replace(measured.metrics, **told)
+        measured.range = _newest(measured.range, range_in(address, metrics, at))
         if metrics.east_m is not None and metrics.north_m is not None and metrics.up_m is not None:
             position = Position(
                 address=address,
@@ -110,7 +122,7 @@ class Measurements:
                 accuracy_m=metrics.accuracy_m,
                 measured_at=at,
             )
-            _keep_newest(self._positions, position)
+            measured.position = _newest(measured.position, position)
         if metrics.bearing_rad is not None and metrics.elevation_rad is not None:
             direction = Direction(
                 address=address,
@@ -119,27 +131,31 @@ class Measurements:
                 accuracy_rad=metrics.accuracy_rad,
                 measured_at=at,
             )
-            _keep_newest(self._directions, direction)
+            measured.direction = _newest(measured.direction, direction)
 
     def addresses(self) -> list[int]:
         """Return the peers of which anything was measured, in order."""
-        return sorted(self._metrics)
+        return sorted(self._measured)
 
     def metrics(self, address: int) -> LinkMetrics | None:
         """Return the newest value of each field; None: nothing was measured yet."""
-        return self._metrics.get(address)
+        measured = self._measured.get(address)
+        return measured.metrics if measured else None
 
     def range(self, address: int) -> Range | None:
         """Return the newest range."""
-        return self._ranges.get(address)
+        measured = self._measured.get(address)
+        return measured.range if measured else None
 
     def position(self, address: int) -> Position | None:
         """Return the newest position."""
-        return self._positions.get(address)
+        measured = self._measured.get(address)
+        return measured.position if measured else None
 
     def direction(self, address: int) -> Direction | None:
         """Return the newest direction."""
-        return self._directions.get(address)
+        measured = self._measured.get(address)
+        return measured.direction if measured else None
 
 
 def range_in(address: int, metrics: LinkMetrics, at: int) -> Range | None:
@@ -158,7 +174,7 @@ def range_in(address: int, metrics: LinkMetrics, at: int) -> Range | None:
 _FIELDS: Final = LinkMetrics.__struct_fields__
 
 
-def _keep_newest(kept: dict[int, Found], found: Found) -> None:
-    known = kept.get(found.address)
-    if known is None or found.measured_at >= known.measured_at:
-        kept[found.address] = found
+def _newest(known: Found | None, found: Found | None) -> Found | None:
+    if found is None or (known is not None and found.measured_at < known.measured_at):
+        return known
+    return found

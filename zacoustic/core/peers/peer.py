@@ -3,6 +3,7 @@
 from typing import Final
 
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
 
 _FIRST_PAUSE_UNITS: Final = 2
 _LONGEST_ANSWER_PAUSE_UNITS: Final = 256
@@ -49,13 +50,13 @@ class Peer:
         self.digest = b""
         self.settled_at = 0
         self.rows: dict[int, bytes] = {}
-        self.confirmed_us = False
-        """It needs no HELLO and no TAG."""
+        self.agreement = AGREEMENT.first
+        """Whether it has confirmed us; changed by `take` only."""
         self.knows_us = False
         """In the life that is known of it, it has confirmed the present epoch of this node once.
-        Unlike `confirmed_us` a question does not revoke that: an epoch that was known is known."""
-        self.will_hold_at: int | None = None
-        """Instant from which it has confirmed us, since it has vouched, ns; or None."""
+        Unlike its agreement a question does not revoke that: an epoch that was known is known."""
+        self.holds_at = 0
+        """Instant from which a provisional agreement holds, ns."""
         self.is_assured = False
         """It knows that we have confirmed it."""
         self.is_vouching = False
@@ -85,16 +86,26 @@ class Peer:
         """Tell whether it is known to hold the table of a digest."""
         return self.epoch is not None and self.digest == digest
 
+    @property
+    def confirmed_us(self) -> bool:
+        """It needs no HELLO and no TAG."""
+        return self.agreement is Agreement.CONFIRMED
+
+    def life(self, now: int) -> Life:
+        """Return what is known of its present life."""
+        if self.epoch is None:
+            return Life.UNKNOWN
+        return Life.SETTLED if now >= self.settled_at else Life.SETTLING
+
+    def take(self, event: Change) -> None:
+        """Change its agreement as an event says."""
+        self.agreement = AGREEMENT.after(self.agreement, event)
+        self.knows_us |= self.confirmed_us
+
     def ripen(self, now: int) -> None:
         """Count it as having confirmed us, if the time for that has come."""
-        if self.will_hold_at is not None and self.will_hold_at <= now:
-            self.confirmed_us = self.knows_us = True
-            self.will_hold_at = None
-
-    def unconfirm(self) -> None:
-        """It does not know our present epoch, whatever it has said."""
-        self.confirmed_us = False
-        self.will_hold_at = None
+        if self.agreement is Agreement.PROVISIONAL and self.holds_at <= now:
+            self.take(Change.HELD)
 
     def differs_from(self, digest: bytes) -> bool:
         """Tell whether it is known to hold another table than that of a digest."""
@@ -131,27 +142,19 @@ class Peer:
             if not self.questions:
                 self.ask_pause.use(now, unit_ns)
 
-    def doubt(self) -> None:
-        """Of its table and ours nothing is agreed any more."""
-        self.unconfirm()
+    def doubt(self, event: Change) -> None:
+        """Of its table and ours nothing is agreed any more, because of an event."""
+        self.take(event)
         self.knows_us = self.is_assured = self.is_vouching = False
         self.owes_confirm = False
         self.answered_at = 0
         self.rows.clear()
         self.told_differing.clear()
 
-    def forget(self) -> None:
+    def begin_life(self, event: Change) -> None:
         """It has begun a new life: it knows nothing of us, and we nothing of its table."""
-        self.doubt()
+        self.doubt(event)
         self.owed_rows.clear()
         self.questions.clear()
         self.ask_pause.reset()
         self.answer_pause.reset()
-
-
-class Peers(dict[int, Peer]):
-    """The other nodes, by address; of one that is not in it nothing is known yet."""
-
-    def __missing__(self, address: int) -> Peer:
-        peer = self[address] = Peer()
-        return peer

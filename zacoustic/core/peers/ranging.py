@@ -39,7 +39,8 @@ from zacoustic.core.base.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.parts import Offer, Part
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.measurements import Range, range_in
 from zacoustic.core.peers.peer import Pause
@@ -151,6 +152,12 @@ class Ranging:
             if quest.requests.pop(range_id, None) is not None:
                 self._forget_if_idle(address)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node; its range is not measured any more."""
+        quest = self._quests.pop(address, None)
+        for range_id in quest.requests if quest is not None else ():
+            self._timers.cancel((Due.RANGE, range_id))
+
     def repeat(self, address: int, every_s: float, now: int) -> None:
         """Measure the range of a peer again and again; replaces an earlier schedule for it.
 
@@ -212,14 +219,17 @@ class Ranging:
 
     # Time
 
-    def due(self, now: int) -> tuple[int, int] | None:
-        """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
-        wanted = [
-            (at, address)
-            for address, quest in self._quests.items()
-            if not self._objection(address) and (at := quest.due_at(now)) is not None
-        ]
-        return min(wanted, default=None)
+    def due_at(self, now: int) -> int | None:
+        """Return the instant of the next exchange that is wanted, ns, or None."""
+        due = self._due(now)
+        return due and due[0]
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer a frame to a node whose range is wanted."""
+        due = self._due(now)
+        if due is None or due[0] > now:
+            return None
+        return Offer(destination=due[1], must_go=Cause.RANGE)
 
     def exchange(self, address: int, now: int, *, gives_way: bool = False) -> Part | None:
         """Return a part of a frame that its modem is to acknowledge for a range; None: not wanted.
@@ -253,6 +263,15 @@ class Ranging:
         text = f"no range within {timeout_s:g} s: {quest.words}"
         self._fail(quest, range_id, address, RangeFailure.TIMED_OUT, text)
         self._forget_if_idle(address)
+
+    def _due(self, now: int) -> tuple[int, int] | None:
+        """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
+        wanted = [
+            (at, address)
+            for address, quest in self._quests.items()
+            if not self._objection(address) and (at := quest.due_at(now)) is not None
+        ]
+        return min(wanted, default=None)
 
     def _reported(self, address: int, quest: "_Quest", report: TransmitReport, now: int) -> None:
         """An exchange has ended; the measurement comes a little later, if at all."""

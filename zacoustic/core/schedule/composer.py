@@ -1,11 +1,11 @@
-"""Composes a frame at the moment when it can go: the most valuable payload, then what fits.
+"""Composes a frame at the moment when it can go: the best offer of all sources, then what fits.
 
 Order of decisions:
 
-1. The most valuable payload decides the destination. It is in the frame, unless a HELLO, or what is
-   owed for too long, has to go first and fills it; nothing goes before REAL_TIME.
-   A range that is due (`zacoustic.core.peers.ranging`) decides it in its place, but not before
-   REAL_TIME: its frame goes to one node, with what that needs or with nothing.
+1. The best offer decides the destination. A REAL_TIME payload goes before all, then a heartbeat,
+   then objects and payloads by their rank. What is owed to a node for too long, and a range that is
+   due, go just before the best payload. While feedback about an object is awaited, only objects and
+   REAL_TIME payloads go. What medium access has to say by itself goes when nothing else may.
 2. The introduction that the hearers need (`zacoustic.core.peers.handshake`).
 3. What is owed to the hearers: confirmations, answers, questions.
 4. Further payloads by value, as long as they fit and concern the hearers: in a broadcast frame
@@ -22,7 +22,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.parts import BESIDE_PAYLOAD, FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.peers.contact import Contact
@@ -33,7 +33,7 @@ from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
-from zacoustic.core.schedule.sources import DenseSource, ObjectSource, Offer
+from zacoustic.core.schedule.sources import DenseSource, ObjectSource, Source
 from zacoustic.core.wire.frame import HELLO_BYTES, PADDING, TAG_BYTES
 
 _GIVE_WAY_PERIODS: Final = 2
@@ -104,6 +104,8 @@ class Composer:
         self._ranging = ranging
         self._objects = objects
         self._contact = contact
+        self._sources: tuple[Source, ...] = (contact, objects, handshake, ranging, queue)
+        """Of equal offers the first one is taken; the last is that of the best payload."""
         self._stats = stats
         self._since_introduction = 0
 
@@ -116,9 +118,8 @@ class Composer:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
-        payload_at = self._queue.due_at(now)
-        others = (self._handshake.speak_next(), self._ranging.due(now))
-        instants = [payload_at, self._contact.due_at, *(each and each[0] for each in others)]
+        others = (each for each in self._sources if each is not self._objects)
+        instants = (source.due_at(now) for source in others)
         earliest = min((at for at in instants if at is not None), default=None)
         held_until = self._objects.hold_until(now)
         if earliest is not None and held_until > now and not self._queue.is_urgent:
@@ -131,56 +132,39 @@ class Composer:
         first = next(self._queue.candidates(now, lane), None)
         if first is None:
             return None
-        return self._fill(port, first[1].destination, now, owed_first=False, only=lane)
+        return self._fill(port, Offer(destination=first[1].destination, lane=lane), now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None when nothing is to be said."""
-        first = next(
-            ((lane, item) for lane, item in self._queue.candidates(now) if lane.due_at <= now), None
-        )
-        destination = first[1].destination if first else None
-        urgent = first is not None and first[0].qos.priority is Priority.REAL_TIME
-        if not urgent and self._is_heartbeat_due(now):
-            return self._fill(port, BROADCAST, now, owed_first=False, must_go=Cause.HEARTBEAT)
-        if not urgent:
-            offer = self._objects.offer(now)
-            # While an answer about an object is awaited, only objects go.
-            held = self._objects.hold_until(now) > now
-            rank = first[0].rank if first and not held else None
-            if offer is not None and (rank is None or offer.rank <= rank):
-                composed = self._fill_object(port, offer, now)
-                if composed is not None:
-                    return composed
-            if held:
-                return None
-        # What is owed found no room in time: it goes before what else waits.
-        while (overdue := self._overdue(now)) is not None and not urgent:
-            if destination == BROADCAST:
-                return self._fill(port, BROADCAST, now, owed_first=True)
-            composed = self._fill(port, overdue, now, owed_first=True)
+        in_vain: list[Offer] = []
+        while (offer := self._best(now, in_vain)) is not None:
+            fill = self._fill_fragment if offer.is_fragment else self._fill
+            composed = fill(port, offer, now)
             if composed is not None:
                 return composed
-        if not urgent and (wanted := self._ranging.due(now)) is not None and wanted[0] <= now:
-            return self._fill(port, wanted[1], now, owed_first=False, must_go=Cause.RANGE)
-        if destination is None:
-            return None
-        return self._fill(port, destination, now, owed_first=False)
+            in_vain.append(offer)
+        return None
 
-    def _is_heartbeat_due(self, now: int) -> bool:
-        """Tell whether this node has to be heard; not while an answer is awaited."""
-        due_at = self._contact.due_at
-        return due_at is not None and due_at <= now and self._objects.hold_until(now) <= now
+    def _best(self, now: int, in_vain: list[Offer]) -> Offer | None:
+        """Return the best of what is offered, but for what made no frame."""
+        *others, payload = (source.offer(now) for source in self._sources)
+        rank = BESIDE_PAYLOAD if payload is None else max(payload.rank, FIRST_BUT_URGENT)
+        to_all = payload is not None and payload.destination == BROADCAST
+        is_held = self._objects.hold_until(now) > now
+        best: Offer | None = None
+        for offer in (*others, payload):
+            if offer is None or (is_held and not offer.ignores_hold):
+                continue
+            if offer.rank == BESIDE_PAYLOAD:
+                destination = BROADCAST if offer.rides and to_all else offer.destination
+                offer = msgspec.structs.replace(offer, rank=rank, destination=destination)
+            if offer not in in_vain and (best is None or offer.rank < best.rank):
+                best = offer
+        return best
 
-    def _overdue(self, now: int) -> int | None:
-        """Return the peer for which a frame of its own is due, or None."""
-        speak = self._handshake.speak_next()
-        return speak[1] if speak is not None and speak[0] <= now else None
-
-    def _fill_object(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
-        """Make the frame of a fragment, or of what is to be said of an object."""
+    def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
+        """Make the frame of a fragment, or the introduction that has to go before it."""
         destination = offer.destination
-        if not offer.is_fragment:
-            return self._fill(port, destination, now, owed_first=True, answer=True)
         if self._introductions.is_unconfirmed(destination, now):
             # A fragment fills its frame: whoever does not know us is told in another one.
             self._since_introduction += 1
@@ -266,17 +250,9 @@ class Composer:
             parts=tuple(part for part in told if part is not None),
         )
 
-    def _fill(
-        self,
-        port: LinkPort,
-        destination: int,
-        now: int,
-        *,
-        owed_first: bool,
-        must_go: Cause | None = None,
-        answer: bool = False,
-        only: LaneKey = (),
-    ) -> Composed | None:
+    def _fill(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
+        """Make a frame of what is owed to its hearers and of payloads; None: nothing is said."""
+        destination, must_go = offer.destination, offer.must_go
         room_bytes = port.envelope.room_bytes
         self._introductions.begin_frame(destination)
         answers: list[tuple[Cause, bytes]] = []
@@ -288,12 +264,12 @@ class Composer:
                 answer_parts = [said_of_objects.part]
                 room_bytes -= _size(answers)
         # Who waits for an answer listens for as long as a short frame takes.
-        first = None if answer else next(self._concerning(destination, now, only), None)
+        first = None if offer.is_answer else next(self._concerning(offer, now), None)
         first_bytes = first[1].size_bytes if first else 0
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         introduction = b""
         owed: list[tuple[Cause, bytes]] = []
-        if owed_first and not self._introductions.introduces(destination):
+        if offer.owed_first and not self._introductions.introduces(destination):
             owed = self._handshake.owed(destination, room_bytes, now)
             room_bytes -= _size(owed)
             if room_bytes < TAG_BYTES + first_bytes:
@@ -304,7 +280,7 @@ class Composer:
                 destination, room_bytes - first_bytes, now, urgent=urgent
             )
             room_bytes -= len(introduction)
-            reserved_bytes = 0 if owed_first or first_bytes > room_bytes else first_bytes
+            reserved_bytes = 0 if offer.owed_first or first_bytes > room_bytes else first_bytes
             late = self._handshake.owed(destination, room_bytes - reserved_bytes, now)
             room_bytes -= _size(late)
             owed += late
@@ -333,7 +309,7 @@ class Composer:
                 room_bytes = min(room_bytes, max(first_bytes, comfort_bytes - spent_bytes))
         if first:
             introduced = bool(introduction)
-            filling = self._choose(destination, room_bytes, now, only, introduced=introduced)
+            filling = self._choose(offer, room_bytes, now, introduced=introduced)
         if destination != BROADCAST:
             self._handshake.spoken(destination, now)
         items = filling.items if filling is not None else ()
@@ -358,22 +334,17 @@ class Composer:
             is_pressing=first is not None and first[0].qos.priority in MOST_COPIES,
         )
 
-    def _concerning(
-        self, destination: int, now: int, only: LaneKey
-    ) -> Iterator[tuple[Lane, Waiting]]:
-        """Yield the candidates that a frame to `destination` may carry."""
-        for lane, item in self._queue.candidates(now, only):
-            if item.destination == destination or (
-                destination == BROADCAST and not item.for_one_node
-            ):
+    def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
+        """Yield the candidates that its frame may carry."""
+        to_all = offer.destination == BROADCAST
+        for lane, item in self._queue.candidates(now, offer.lane):
+            if item.destination == offer.destination or (to_all and not item.for_one_node):
                 yield lane, item
 
-    def _choose(
-        self, destination: int, room_bytes: int, now: int, only: LaneKey, *, introduced: bool
-    ) -> Filling:
+    def _choose(self, offer: Offer, room_bytes: int, now: int, *, introduced: bool) -> Filling:
         """Take payloads until no more fits."""
-        filling = Filling(destination, room_bytes, now, self._dense, introduced=introduced)
-        for lane, item in self._concerning(destination, now, only):
+        filling = Filling(offer.destination, room_bytes, now, self._dense, introduced=introduced)
+        for lane, item in self._concerning(offer, now):
             if filling.add(item):
                 self._queue.take(lane, now)
             elif filling.is_full:

@@ -30,6 +30,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.parts import Part
 from zacoustic.core.peers.measurements import Measurements
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
@@ -54,7 +55,7 @@ class LinkPort:
         rng: For the back-off of the medium access.
         access: What the config says of medium access, or None.
         envelope: What goes around a frame; None: what the link lacks.
-        measurements: What was measured of the others; only read.
+        measurements: What was measured of the others; None: nothing. Only read.
 
     Raises:
         ConfigError: That choice cannot work on this link.
@@ -78,10 +79,15 @@ class LinkPort:
         # Who hears while it sends is reached at any time, and so is whose airtime is waiting.
         self._listens = capabilities.half_duplex and not self.access.is_scheduled
         self._address = address
-        self._measurements = measurements or Measurements()
+        self._measurements = measurements or Measurements(Peers())
         self._outstanding: dict[int, tuple[Part, ...]] = {}
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
+
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self._last_frame.pop(address, None)
+        self.listening.forget(address)
 
     @property
     def is_busy(self) -> bool:

@@ -20,7 +20,8 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, UNTUNED, Priority, Qos, Tuning
 from zacoustic.core.base.stats import Cause
 from zacoustic.errors import PayloadTooLargeError
@@ -154,6 +155,7 @@ class Lane:
     __slots__ = (
         "_min_interval_ns",
         "_untuned",
+        "destination",
         "held_until",
         "is_on",
         "items",
@@ -167,6 +169,8 @@ class Lane:
     def __init__(self, key: LaneKey, qos: Qos, tuning: Tuning) -> None:
         self.key = key
         self.items: deque[Waiting] = deque()
+        self.destination = BROADCAST
+        """Whom its last payload was for."""
         self.held_until = 0
         """Nothing goes before, ns."""
         self.taken_at: int | None = None
@@ -280,6 +284,7 @@ class TransmitQueue:
             lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.items.append(item)
+        lane.destination = item.destination
         if len(lane.items) > qos.depth:
             lane.items.popleft()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
@@ -358,6 +363,12 @@ class TransmitQueue:
         for key in [key for key in self._busy if key[: len(kind)] == kind]:
             self.drop_lane(key)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Keep no lane of what was for one node; what waits in one does so."""
+        for key, lane in list(self._lanes.items()):
+            if lane.destination == address and not lane.items:
+                del self._lanes[key]
+
     def readdress(self, stream_id: int, destination: int) -> None:
         """Send what waits of a stream to another node, or to all."""
         for lane in self._busy.values():
@@ -427,6 +438,14 @@ class TransmitQueue:
                 if earliest is None or due_at < earliest:
                     earliest = due_at
         return earliest
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer the most valuable payload that is a reason to send."""
+        for lane, item in self.candidates(now):
+            if lane.due_at <= now:
+                is_urgent = lane.qos.priority is Priority.REAL_TIME
+                return Offer(destination=item.destination, rank=lane.rank, ignores_hold=is_urgent)
+        return None
 
     def drop_expired(self, now: int) -> int | None:
         """Forget what is too old; returns when the next payload will be, ns, or None."""

@@ -9,24 +9,20 @@ from typing import Protocol
 
 import msgspec
 
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.values.dense import Encoded
 
 
-class Offer(msgspec.Struct, frozen=True, kw_only=True):
-    """What would go into a frame now."""
+class Source(Protocol):
+    """Something that frames are made for; of all that is offered the composer takes the best."""
 
-    destination: int
-    """Address, or `BROADCAST`."""
-    size_bytes: int
-    """Room that it needs, bytes."""
-    is_fragment: bool
-    """It shows no end, and needs the frame for itself."""
-    rank: int
-    """Beside what else waits: instant of the last fragment and patience, ns; the smaller, the
-    sooner. An answer goes before all."""
+    def due_at(self, now: int) -> int | None:
+        """Return the instant from which a frame is to go for it, ns; None: it has nothing."""
+
+    def offer(self, now: int) -> Offer | None:
+        """Return what it would put into a frame now; None: nothing is due."""
 
 
 class Taken(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,21 +44,15 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True):
     """Who is told what becomes of it."""
 
 
-class ObjectSource(Protocol):
+class ObjectSource(Source, Protocol):
     """Payloads that are larger than a frame, and what is to be said of those that arrive."""
 
     @property
     def is_exclusive(self) -> bool:
         """The object that is under way needs the channel for itself."""
 
-    def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame with an object's record is to go, or None."""
-
     def hold_until(self, now: int) -> int:
         """Return until when nothing else should start, ns: an answer is awaited."""
-
-    def offer(self, now: int) -> Offer | None:
-        """Return what is due now: an answer before a fragment."""
 
     def has_fragment(self, now: int) -> bool:
         """Whether a fragment is due."""

@@ -122,6 +122,11 @@ class Transmitter:
         self._tell_access(port, now)
         self._source.use_link(port, now)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        if self.port is not None:
+            self.port.peer_forgotten(address, now)
+
     def handle_clock(self, offset_ns: int, error_ns: int | None, now: int) -> None:
         """The host tells what its clock says; see `Engine.handle_clock`."""
         self._offset_ns = offset_ns

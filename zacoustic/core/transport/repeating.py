@@ -21,6 +21,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due, Timers
+from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.copies import aimed_pause, follow
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
@@ -100,6 +101,7 @@ class Repeater:
 
     Args:
         queue: Takes them.
+        peers: The other nodes.
         timers: Repeat and end them.
         rng: Draws the pauses.
         introduce: Makes the next frame to a node readable there: address, stream id.
@@ -108,6 +110,7 @@ class Repeater:
     def __init__(
         self,
         queue: TransmitQueue,
+        peers: Peers,
         timers: Timers,
         rng: random.Random,
         introduce: Callable[[int, int], None] = lambda address, stream_id: None,
@@ -117,8 +120,9 @@ class Repeater:
         self._introduce = introduce
         self._rng = rng
         self._times: LinkTimes | None = None
-        self._timings: dict[int, PeerTiming] = {}
+        self._timings = PerPeer(peers, PeerTiming)
         self._repetitions: dict[Repetition, None] = {}
+        peers.on_forget(lambda address, now: self._changed())
 
     def use_link(self, times: LinkTimes) -> None:
         """Take the airtimes of a link."""
@@ -148,7 +152,7 @@ class Repeater:
         peer = record.destination
         if not any(each.record.destination == peer for each in self._repetitions):
             # Repetitions may have become rare long ago, and the node be back since.
-            self._timing(peer).begin_anew()
+            self._timings[peer].begin_anew()
         repetition = Repetition(key, record, qos, until, reminder, introduces=introduces)
         part = Part(
             transmitted=partial(self._transmitted, repetition),
@@ -172,7 +176,7 @@ class Repeater:
             answered: The node has just said that it has the record.
             prompt: It says so as soon as it can; otherwise it may have worked on it meanwhile.
         """
-        timing = self._timing(repetition.record.destination)
+        timing = self._timings[repetition.record.destination]
         if answered:
             if repetition.tries == 1 and repetition.stage is _Stage.SENT:
                 assert self._times is not None
@@ -244,7 +248,7 @@ class Repeater:
             left_bytes = room.get(peer, self._times.batch_bytes)
             if left_bytes > 0:
                 room[peer] = left_bytes - repetition.record.size_bytes
-                timing = self._timing(peer)
+                timing = self._timings[peer]
                 timing.unanswered(now, self._times)
                 pause_ns = timing.pause_ns(self._times, 0, self._rng, repetition.qos.priority)
                 timing.await_answer(now, now + pause_ns)
@@ -284,23 +288,17 @@ class Repeater:
         if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
             self._push_again(repetition)
             return
-        timing = self._timing(repetition.record.destination)
+        timing = self._timings[repetition.record.destination]
         pause_ns = timing.pause_ns(times, 0, self._rng, priority)
         if not timing.is_doubtful(times):
             pause_ns = aimed_pause(pause_ns, priority, repetition.tries, times, at, self._rng)
         repetition.due_at = at + pause_ns
         timing.await_answer(at, repetition.due_at)
 
-    def _timing(self, address: int) -> PeerTiming:
-        timing = self._timings.get(address)
-        if timing is None:
-            timing = self._timings[address] = PeerTiming()
-        return timing
-
     def _ready_at(self, repetition: Repetition) -> int:
         if self._times is None:
             return repetition.due_at
-        timing = self._timing(repetition.record.destination)
+        timing = self._timings[repetition.record.destination]
         return max(repetition.due_at, timing.ready_at(self._times, repetition.qos.priority))
 
     def _push_again(self, repetition: Repetition) -> None:

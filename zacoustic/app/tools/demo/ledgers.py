@@ -4,8 +4,8 @@ This is a plain Zenoh client of each router, as any tool of a user can be one. Z
 back on its own threads; everything is handed to the loop.
 
 A gateway answers for its documents when its link is up and all that is to cross is declared; its
-liveliness token is there before, and says only that its address is taken. What is put in between
-nobody has subscribed to: it would be lost, on a modem that takes a second to start in particular.
+liveliness token is there before, and shows only that its address is taken. A put in between
+has no subscriber: it would be lost, in particular on a modem that takes a second to start.
 """
 
 import asyncio

@@ -1,6 +1,6 @@
 """Following a reliable sample from the command line: how far it is, and how it ended.
 
-On a link its `Delivery` tells. On Zenoh the gateway that forwards the topic does, in its health
+On a link its `Delivery` reports it. On Zenoh the forwarding gateway does, in its health
 report: what it counts as published rises by one, and later that none is being delivered any more;
 whichever outcome has been counted since is that of the sample.
 """

@@ -78,7 +78,7 @@ class Gatekeeper:
 
 
 class Visitors:
-    """Around an application of ASGI: those who leave before they are answered are let go.
+    """Around an application of ASGI: ignores visitors that leave before their answer.
 
     Args:
         application: Answers.
@@ -90,7 +90,7 @@ class Visitors:
     async def __call__(self, scope: Message, receive: Receive, send: Send) -> None:
         """Answer one request.
 
-        What goes wrong in the answer shows itself with those who stay for it.
+        An error of the answer shows with the visitors that stay for it.
         """
         has_left = has_begun = False
 

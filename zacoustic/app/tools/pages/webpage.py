@@ -47,8 +47,8 @@ def serve_page(
         root: Builds the page, for each browser that comes.
         host: Where it listens.
         port: Where it listens.
-        start: Is awaited on the loop before anybody is served.
-        stop: Is awaited on the loop when nobody is any more.
+        start: Awaited on the loop before the first visitor is served.
+        stop: Awaited on the loop after the last one.
         names: Names under which browsers find it, besides this computer's own (`visitors`).
         look: What else `ui.run` takes.
     """
@@ -78,7 +78,7 @@ def serve_page(
 
 
 class Banner:
-    """The banner of one page, in which it says what is dead (`truth`); made with the page.
+    """The banner of one page with its failures (`truth`); made with the page.
 
     Args:
         what: Begins it when the page's server is gone.
@@ -107,7 +107,7 @@ class Banner:
         self._element.set_content(beat_html(self._number, alarm, what=self._what, taken=taken))
 
     def is_current(self) -> bool:
-        """Tell whether what the browser says now was meant for now.
+        """Tell whether the browser's input is recent.
 
         What was pressed while the connection hung comes when it is back, perhaps minutes later.
         The browser echoes each beat, so what comes behind an old echo is old.

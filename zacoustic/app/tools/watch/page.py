@@ -96,7 +96,7 @@ class Page:
         self.refresh()
 
     def refresh(self) -> None:
-        """Show what is known now."""
+        """Show the present state."""
         lookout = self._lookout
         addresses = lookout.addresses()
         number = f"{len(addresses)} gateway{'' if len(addresses) == 1 else 's'}"

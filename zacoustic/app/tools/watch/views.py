@@ -33,7 +33,7 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     heard_rate_hz: float | None
     """How often now, 1/s; None: once at most."""
     age_s: float | None
-    """How old the newest sample is that has come, s; None: none has, or it tells no age."""
+    """Age of the newest received sample, s; None: none, or without an age."""
     waiting: int
     """Samples, calls and goals that wait for transmission."""
     delivering: int | None
@@ -41,7 +41,7 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     outcomes: dict[str, int]
     """Reliable samples by how they ended; empty: it is not reliable."""
     useless: int
-    """Samples that became too old, were superseded, or that nobody wanted."""
+    """Samples that expired, were superseded, or had no subscribers."""
     expired: int
     """Those of them that became too old before they could go, or that did not arrive in time."""
     refused: int
@@ -66,11 +66,11 @@ class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     heard_ago_s: float | None
     """When it was heard last, s ago."""
     is_lost: bool
-    """Not heard for as long as the file says."""
+    """Not heard for the file's `lost_after_s`."""
     same_table: bool | None
-    """It has our stream table; None: it has not said."""
+    """It has our stream table; None: unknown."""
     snr_db: float | None
-    """Signal-to-noise ratio of what was heard last, dB."""
+    """Signal-to-noise ratio of the last reception, dB."""
     received_level_db: float | None
     """Received level, dB, by the modem's own reference."""
     integrity: float | None
@@ -129,7 +129,7 @@ class FrameView(msgspec.Struct, frozen=True, kw_only=True):
     way: str
     """``out`` or ``in``."""
     peer: int | None
-    """The other node; None: everybody, or nobody knows."""
+    """The other node; None: everybody, or unknown."""
     size_bytes: int
     """Its size."""
     airtime_s: float
@@ -137,7 +137,7 @@ class FrameView(msgspec.Struct, frozen=True, kw_only=True):
     streams: tuple[str, ...]
     """Names of those with a record in it; none: the link's own business."""
     outcome: str
-    """Of one that was sent: what the modem said; empty: nothing yet, or it was heard."""
+    """Of a sent one: the modem's report; empty: none yet, or it was heard."""
 
 
 class EventView(msgspec.Struct, frozen=True, kw_only=True):
@@ -193,7 +193,7 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
     journal_doubt: str
-    """Why it may be less than what was written last; empty: it is not."""
+    """Why it may lack the last writes; empty: it does not."""
     digest: str
     """Of the stream table."""
     frames_sent: int

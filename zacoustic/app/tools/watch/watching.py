@@ -18,7 +18,7 @@ from zacoustic.zenoh.session.doorbell import Doorbell, tell_loop
 from zacoustic.zenoh.session.session import Island
 
 PULSE_S: Final = 0.5
-"""Time between two questions whether the gateways live, s: who hangs leaves no other trace."""
+"""Time between two checks of the gateways, s: a hanging one leaves no other trace."""
 PULSE_LIMIT_S: Final = 1.2
 """A gateway that has not answered that within this time is gone until it does, s."""
 ASK_S: Final = 30.0
@@ -93,7 +93,7 @@ class Watch:
         await self._get("**", _ANSWER_LIMIT_S)
 
     async def _get(self, what: str, limit_s: float) -> set[int]:
-        """Ask for documents, and wait for the answers; returns the addresses of who gave one."""
+        """Ask for documents, and wait for the answers; return the answering addresses."""
         ended = asyncio.Event()
         answered: set[int] = set()
 

@@ -13,11 +13,11 @@ from zacoustic.app.tools.watch.views import (
 )
 
 NOTHING: Final = "–"
-"""Stands for what is not known, or has not happened."""
+"""Stands for unknown values."""
 LOSING: Final = 0.2
 """A packet error rate above this is worth a colour."""
 LOST_OUTCOMES: Final = ("not_delivered", "rejected", "aborted")
-"""What a modem says of a frame that nobody has."""
+"""A modem's outcomes of undelivered frames."""
 OLD_S: Final = 120.0
 """A node that was not heard for longer than this is worth a colour, s."""
 
@@ -78,7 +78,7 @@ def number_words(value: float | None, unit: str, digits: int = 1) -> str:
 
 
 def title_words(view: GatewayView) -> str:
-    """Return who it is."""
+    """Return its name and address."""
     return f"{view.address} {view.name}".rstrip()
 
 
@@ -99,7 +99,7 @@ def state_words(view: GatewayView) -> str:
 
 
 def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
-    """Return what is dead of all that is shown; None: nothing.
+    """Return what has failed of all that is shown; None: nothing.
 
     Args:
         views: The gateways.
@@ -168,7 +168,7 @@ def error_words(peer: PeerView) -> str:
 
 
 def trouble_words(peer: PeerView) -> str:
-    """Return what is wrong with a node; empty: nothing is."""
+    """Return the fault of a node; empty: none."""
     words = ["LOST"] if peer.is_lost else []
     words += ["another table"] if peer.same_table is False else []
     words += [f"late: {', '.join(peer.late)}"] if peer.late else []
@@ -176,7 +176,7 @@ def trouble_words(peer: PeerView) -> str:
 
 
 def stream_words(stream: StreamView) -> str:
-    """Return what is wrong with a stream; empty: nothing is."""
+    """Return the fault of a stream; empty: none."""
     words = []
     if stream.differs_at:
         words.append(f"differs at {', '.join(map(str, stream.differs_at))}: stopped")
@@ -186,14 +186,14 @@ def stream_words(stream: StreamView) -> str:
 
 
 def frame_words(frame: FrameView) -> str:
-    """Return where a frame goes, or whence it comes, and what is in it."""
+    """Return direction, other node and contents of a frame."""
     peer = "all" if frame.peer is None else str(frame.peer)
     where = f"→ {peer}" if frame.way == "out" else f"← {'?' if frame.peer is None else peer}"
     return f"{where}: {', '.join(frame.streams) or 'acknowledgements and the like'}"
 
 
 def now_words(view: GatewayView) -> str:
-    """Return what is being sent now; empty: nothing is."""
+    """Return the frame being sent now; empty: none."""
     frame = view.transmitting
     return "" if frame is None else f"sending {frame.size_bytes} B {frame_words(frame)}"
 

@@ -17,6 +17,7 @@ from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
@@ -71,6 +72,7 @@ class Protocols:
         address: Address of the node.
         table: Its streams.
         epoch: Its boot epoch.
+        peers: The other nodes.
         rules: What the config says.
         doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
@@ -86,6 +88,7 @@ class Protocols:
         table: StreamTable,
         epoch: int,
         *,
+        peers: Peers,
         rules: TransmitRules,
         doubt: Doubt,
         journal: JournalPort,
@@ -101,12 +104,16 @@ class Protocols:
         self._doubt = doubt
         self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(address, epoch, table, generators.of("handshake"))
+        self.handshake = handshake = Handshake(
+            address, epoch, table, peers, generators.of("handshake")
+        )
         self.contact = Contact(
-            address, table, rules.contact, timers, generators.of("contact"), emit
+            address, table, rules.contact, peers, timers, generators.of("contact"), emit
         )
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
-        self.repeater = Repeater(queue, timers, generators.of("repeater"), handshake.introduce)
+        self.repeater = Repeater(
+            queue, peers, timers, generators.of("repeater"), handshake.introduce
+        )
         self.demand = Demand(
             address,
             table,
@@ -124,6 +131,7 @@ class Protocols:
             address,
             table,
             queue=queue,
+            peers=peers,
             handshake=handshake,
             demand=self.demand,
             journal=journal,
@@ -166,10 +174,10 @@ class Protocols:
             stats=stats,
             sending=self.sending,
             receiving=self.receiving,
+            large=self.large,
             demand=self.demand,
             emit=self._hand_on,
         )
-        self.topics.large = self.large
         self.services = Services(
             address,
             table,
@@ -217,6 +225,13 @@ class Protocols:
             self.contact,
             stats,
         )
+        for each in (self.services, self.actions, self.sending, self.demand, self.dense):
+            peers.on_restart(each.peer_restarted)
+        for one in (
+            self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
+            self.objects, self.copied, self.deadlines, self.ranging, self.queue,
+        ):  # fmt: skip
+            peers.on_forget(one.peer_forgotten)
         self._write_epoch()
 
     @property

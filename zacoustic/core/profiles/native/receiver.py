@@ -143,7 +143,7 @@ class Receiver:
             elif isinstance(item, Stray):
                 self._stats.drop(item.reason)
             elif isinstance(item, Hello):
-                self._handle_hello(source, item, now, unicast=unicast)
+                self._handshake.heard_hello(source, item, now, unicast=unicast)
                 if item.version != WIRE_VERSION:
                     self._stats.drop("version")
                     break
@@ -171,7 +171,7 @@ class Receiver:
                 if is_ours and tagged is not None:
                     # A TAG, and that its sender shares our table: as good as a HELLO.
                     hello = Hello(WIRE_VERSION, tagged, self._table.digest)
-                    self._handle_hello(source, hello, now, unicast=unicast)
+                    self._handshake.heard_hello(source, hello, now, unicast=unicast)
                     if unicast:
                         self._handshake.heard_introduction(source)
                 self._handle_table_talk(opened, item, now)
@@ -192,15 +192,6 @@ class Receiver:
                     self.handle_call(opened.source, item.call, received, now)
             elif isinstance(item, Turn) and item.node == ANYBODY and self.handle_access is not None:
                 self.handle_access(opened.source, item, received, now)
-
-    def _handle_hello(self, source: int, hello: Hello, now: int, *, unicast: bool) -> None:
-        """A node has said which life it is in: if that is new, tell everybody."""
-        if self._handshake.heard_hello(source, hello, now, unicast=unicast):
-            self._services.client_restarted(source, hello.epoch, now)
-            self._actions.peer_restarted(source, now)
-            self._sending.lost_sync(source, now)
-            self._demand.publisher_restarted(source, now)
-            self._dense.peer_restarted(source)
 
     def _handle_dense(
         self, source: int, epoch: int | None, item: DenseString, received: ReceivedFrame, now: int

@@ -34,6 +34,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.doubt import Doubt
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.profiles.native.protocols import ProtocolEvent, Protocols
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
@@ -64,6 +65,7 @@ class RmwDesertProtocols(Protocols):
         table: StreamTable,
         epoch: int,
         *,
+        peers: Peers,
         rules: TransmitRules,
         doubt: Doubt,
         journal: JournalPort,
@@ -76,6 +78,7 @@ class RmwDesertProtocols(Protocols):
             address,
             table,
             epoch,
+            peers=peers,
             rules=rules,
             doubt=doubt,
             journal=journal,

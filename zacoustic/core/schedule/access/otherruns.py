@@ -155,6 +155,10 @@ class OtherRuns:
                 now + (self._unit_ns if is_sound else self.period_ns) + self.pause_ns, now
             )
 
+    def forget(self, source: int) -> None:
+        """Nothing is known of the rhythm of a node."""
+        self._rhythms.pop(source, None)
+
     # Below the methods above
 
     def _heard_run(self, until: int, now: int) -> None:

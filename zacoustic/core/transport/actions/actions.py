@@ -222,10 +222,14 @@ class Actions:
         """A node defines a stream in another way."""
         self._client.stream_differs(server, stream_id, now)
 
-    def peer_restarted(self, peer: int, now: int) -> None:
+    def peer_restarted(self, peer: int, epoch: int, now: int) -> None:
         """A node has begun a new epoch."""
         self._server.client_restarted(peer, now)
         self._client.server_restarted(peer, now)
+
+    def peer_forgotten(self, peer: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its goals ran."""
+        self._server.client_forgotten(peer, now)
 
     # Below the methods above
 

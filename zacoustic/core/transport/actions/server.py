@@ -224,6 +224,11 @@ class GoalServer:
                     goal.key, client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
                 )
 
+    def client_forgotten(self, client: int, now: int) -> None:
+        """Forget all goals of a client; those that run go on, and nobody is told of their end."""
+        for goal in [goal for goal in self._goals.values() if goal.key.client == client]:
+            self._forget(goal, now)
+
     # Below the methods above
 
     def _forget_at(self, goal: ServedGoal, instant: int | None) -> None:

@@ -211,7 +211,7 @@ class Answering:
         self._stop_answer(served, now, answered=True)
         served.is_closed = True
 
-    def client_restarted(self, client: int, epoch: int, now: int) -> None:
+    def peer_restarted(self, client: int, epoch: int, now: int) -> None:
         """Answer the calls of this life of a client only.
 
         Those of the others stay known: the frame that told of this life may be a late duplicate.
@@ -224,6 +224,11 @@ class Answering:
                 served.abandoned_at = None
                 if served.is_answerable:
                     self._send_answer(key, served, now)
+
+    def peer_forgotten(self, client: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its calls ran."""
+        for key, _ in self._calls.of(client):
+            self._forget(key, now)
 
     # Below the methods above
 

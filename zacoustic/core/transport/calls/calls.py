@@ -228,6 +228,15 @@ class ClientCalls:
             if (call.server, call.stream_id) == (server, stream_id)
         ]
 
+    def to_node(self, server: int) -> list[int]:
+        """Return the ids of the unanswered calls to one node."""
+        return [call_id for call_id, call in self._calls.items() if call.server == server]
+
+    def forget(self, server: int) -> None:
+        """Forget the numbers of a node to which no call is under way."""
+        for place in [place for place in self._lanes if place[0] == server]:
+            del self._lanes[place]
+
     def __len__(self) -> int:
         return len(self._calls)
 

@@ -107,7 +107,7 @@ class Services:
         """Answers a request with an error; see `Engine.reply_error`."""
         self.serve_here = self._answering.serve_here
         """Gives a service to a handler in the engine."""
-        self.client_restarted = self._answering.client_restarted
+        self.peer_restarted = self._answering.peer_restarted
         """To be told when a node has told a new epoch."""
         self._linger_s = 0.0
 
@@ -226,6 +226,13 @@ class Services:
         if stream.is_built_in and not introduced:
             return "unconfirmed"  # it may be of a former life of its sender
         return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
+
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node; calls to it are given up."""
+        for call_id in self._clients.to_node(address):
+            self.cancel(call_id, now)
+        self._clients.forget(address)
+        self._answering.peer_forgotten(address, now)
 
     def epoch_changed(self) -> None:
         """This node has begun a new epoch.

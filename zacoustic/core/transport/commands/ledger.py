@@ -74,6 +74,12 @@ class Ledger:
             return Standing.SAME
         return Standing.NEW if ahead < SERIALS // 2 else Standing.OVERTAKEN
 
+    def peer_forgotten(self, client: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its orders were obeyed."""
+        for place in [place for place in self._last if place[0] == client]:
+            del self._last[place]
+            self._journal.write(_name(*place), None)
+
     def enter(
         self, client: int, subject: int, epoch: int, serial: int, then: Callable[[int], None]
     ) -> None:
@@ -85,5 +91,8 @@ class Ledger:
             if last.epoch != epoch:
                 former = (last.epoch, *former)[:_FORMER_LIVES]
         entered = self._last[client, subject] = _Last(epoch, serial, former)
-        name = f"{_JOURNAL}/{client}/{subject}"
-        self._journal.write(name, msgspec.msgpack.encode(entered), then)
+        self._journal.write(_name(client, subject), msgspec.msgpack.encode(entered), then)
+
+
+def _name(client: int, subject: int) -> str:
+    return f"{_JOURNAL}/{client}/{subject}"

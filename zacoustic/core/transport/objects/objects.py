@@ -18,10 +18,10 @@ from functools import partial
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
-from zacoustic.core.base.parts import Part
+from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.timers import Timers
-from zacoustic.core.schedule.sources import Offer, Taken
+from zacoustic.core.schedule.sources import Taken
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.gate import Gate
 from zacoustic.core.transport.objects.limits import ObjectLimits
@@ -247,6 +247,11 @@ class Objects:
         """Keep nothing of a stream of these sources: this node has unsubscribed."""
         self._incoming.drop_unwanted(stream_id, sources)
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self._incoming.peer_forgotten(address, now)
+        self._outgoing.peer_forgotten(address, now)
+
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
         self._incoming.look_again(source)
@@ -272,9 +277,10 @@ class Objects:
         if destination is not None:
             return Offer(
                 destination=destination,
-                size_bytes=FEEDBACK_BYTES,
-                is_fragment=False,
                 rank=0,
+                owed_first=True,
+                is_answer=True,
+                ignores_hold=True,
             )
         sending = self._sending(now)
         if sending is None:
@@ -282,8 +288,8 @@ class Objects:
         patience_ns = PATIENCE_NS.get(sending.priority, 0)
         return Offer(
             destination=self._outgoing.next_destination(sending, now),
-            size_bytes=FRAGMENT_HEADER_BYTES + self._outgoing.next_bytes(sending, now),
             is_fragment=True,
+            ignores_hold=True,
             rank=max(sending.outgoing.due_at, self._last_fragment_at) + patience_ns,
         )
 

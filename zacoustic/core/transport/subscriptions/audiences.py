@@ -109,6 +109,16 @@ class Audiences:
         self._settle(source, letter, readable, now)
         return None
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor what it has subscribed to."""
+        for place in [place for place in self._held if place[0] == source]:
+            del self._held[place]
+            self._journal.write(_name(*place), None)
+        for stream_id, audience in self._audiences.items():
+            if source in audience:
+                audience.discard(source)
+                self._changed(self._table.by_id(stream_id), set(), now)
+
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the entries of a former boot epoch."""
         for key, kept in stored.items():
@@ -138,7 +148,7 @@ class Audiences:
                 self._answer(source, letter, at)
 
         value = held.epoch.to_bytes(2, "big") + bytes((held.version, held.streams))
-        self._journal.write(f"{_KEY}/{source}/{letter.page}", value + self._table.digest, kept)
+        self._journal.write(_name(source, letter.page), value + self._table.digest, kept)
 
     def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
         """Tell whether a message was sent before the held one."""
@@ -183,3 +193,7 @@ class Audiences:
             elif stream_id not in wanted and source in audience:
                 audience.discard(source)
                 self._changed(stream, set(), now)
+
+
+def _name(source: int, page: int) -> str:
+    return f"{_KEY}/{source}/{page}"

@@ -188,7 +188,12 @@ class Demand:
         if stream.is_on_demand and source in self.publishers(stream):
             self._wishes.sample_received(source, stream.stream_id, now, is_alone=is_alone)
 
-    def publisher_restarted(self, source: int, now: int) -> None:
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self._wishes.peer_forgotten(source, now)
+        self._audiences.peer_forgotten(source, now)
+
+    def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new epoch."""
         self._wishes.publisher_restarted(source, now)
 

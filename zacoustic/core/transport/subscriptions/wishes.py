@@ -108,6 +108,13 @@ class Wishes:
                     assert letter.said_version is not None
                     self._say(key, letter, letter.said_version, now)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor what it was told."""
+        for place in [place for place in self._letters if place[0] == source]:
+            letter = self._letters.pop(place)
+            if letter.repetition is not None:
+                self._stop(letter, letter.repetition, now)
+
     # Below the methods above
 
     def _write(self, source: int, page: int, now: int) -> None:

@@ -102,6 +102,11 @@ class CopiedSamples:
             )
         self._queue.push(key, record, qos)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which copies of it came."""
+        for key in [key for key in self._came if key[0] == source]:
+            del self._came[key]
+
     def drop_stream(self, stream_id: int) -> None:
         """Send nothing more of a stream: it has no subscribers, or new ones."""
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:

@@ -120,6 +120,12 @@ class Deadlines:
         key = (sample.source, sample.stream_id, sample.instance)
         self._note(key, now, deleted=sample.deleted)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing of a node is awaited before it is heard again."""
+        for key in [key for key in self._awaited if key[0] == source]:
+            self._timers.cancel((Due.DEADLINE, key))
+            del self._awaited[key]
+
     def awaited(self) -> list[Awaited]:
         """Return the awaited samples of this node and of others; read only."""
         return list(self._awaited.values())

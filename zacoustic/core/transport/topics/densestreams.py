@@ -178,10 +178,14 @@ class DenseStreams:
 
     # What changes
 
-    def peer_restarted(self, address: int) -> None:
+    def peer_restarted(self, address: int, epoch: int, now: int) -> None:
         """A peer begins a new boot epoch: it holds nothing of ours, and we nothing of its."""
         self._heard.pop(address, None)
         self.peer_forgot(address)
+
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self.peer_restarted(address, 0, now)
 
     def peer_forgot(self, address: int) -> None:
         """A peer does not know us any more."""

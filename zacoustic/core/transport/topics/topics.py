@@ -46,6 +46,7 @@ class Topics:
         stats: Counts.
         sending: Takes reliable samples on their way out.
         receiving: Takes reliable samples on their way in.
+        large: Takes what fits no frame.
         demand: Knows the subscribers of on-demand topics.
         emit: Takes the samples, and the instant.
     """
@@ -60,6 +61,7 @@ class Topics:
         stats: EngineStats,
         sending: ReliableSending,
         receiving: ReliableReceiving,
+        large: LargeSamples,
         demand: Demand,
         emit: Callable[[SampleReceived, int], None],
     ) -> None:
@@ -70,10 +72,9 @@ class Topics:
         self._stats = stats
         self._sending = sending
         self._receiving = receiving
+        self._large = large
         self._demand = demand
         self._emit = emit
-        self.large: LargeSamples | None = None
-        """Takes what fits no frame."""
 
     def publish(
         self,
@@ -115,10 +116,10 @@ class Topics:
             return self._demand.refuse(stream, self._sending.next_delivery_id(), now)
         largest_bytes = self._queue.largest_bytes
         is_large = reliable and largest_bytes is not None and needed_bytes > largest_bytes
-        if reliable and self.large is not None:
-            self.large.check(stream, len(payload))
+        if reliable:
+            self._large.check(stream, len(payload))
             if is_large and not delete:
-                delivery_id = self.large.publish(
+                delivery_id = self._large.publish(
                     stream,
                     payload,
                     now,
@@ -207,8 +208,7 @@ class Topics:
                 spare_bytes=-len(received.frame_bytes) - len(record.content) - 1,
             )
             reason = self._receiving.receive(stream, arrival, now)
-            if self.large is not None:
-                self.large.at(now).objects.look_again(source)
+            self._large.at(now).objects.look_again(source)
             return reason
         sync = prefixes.sync
         if sync and self._copied.is_repeated(source, stream.stream_id, instance, sync):
@@ -259,8 +259,7 @@ class Topics:
         audience = self._demand.audience(stream)
         if stream.qos.reliability is Reliability.RELIABLE:
             self._sending.audience_changed(stream, newcomers, now)
-            if self.large is not None:
-                self.large.audience_changed(stream, now)
+            self._large.audience_changed(stream, now)
             return
         self._copied.drop_stream(stream.stream_id)
         if audience:

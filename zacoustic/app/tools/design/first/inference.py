@@ -34,7 +34,7 @@ _KNOWN: Final[dict[str, tuple[float, float, float, str, bool]]] = {
 
 
 class NoTypeError(Exception):
-    """The values fit no type; the text says why."""
+    """The values fit no type; the text has the reason."""
 
 
 class InferredField(msgspec.Struct, frozen=True, kw_only=True):

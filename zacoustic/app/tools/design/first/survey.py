@@ -1,7 +1,7 @@
 """What a Zenoh network carries: topics that are published, services that are offered.
 
 One session, one subscriber. Its callback only stores, in bounded memory: the first payloads of each
-key, and counts. Services are no samples; a router tells them in its admin space if that is switched
+key, and counts. Services are no samples; a router lists them in its admin space if that is switched
 on (``adminspace: { enabled: true }``).
 """
 
@@ -166,7 +166,7 @@ def _open(endpoint: str) -> zenoh.Session:
 
 
 def _services(session: zenoh.Session) -> tuple[tuple[str, ...], bool]:
-    """The queryables that the routers tell, and whether any router tells anything."""
+    """The queryables that the routers list, and whether any router lists anything."""
     keys: set[str] = set()
     replies = list(session.get("@/*/*/queryable/**", timeout=_ASK_LIMIT_S))
     for reply in replies:

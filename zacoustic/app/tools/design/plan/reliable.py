@@ -1,6 +1,6 @@
 """Reliable samples in the model: what is repeated, and what is asked for.
 
-The lane is told which of its frames have arrived, and lets the next thing wait at a node; so what a
+The lane learns which of its frames have arrived, and queues the next item at a node; so what a
 loss costs, and what rides in frames that go anyway, comes of itself. When something is repeated,
 and what a rhythm spares, is decided by the engine's own parts (`PeerTiming`, `SendRhythm`,
 `Watch`), which are pure.
@@ -67,11 +67,11 @@ class _Reception:
 
 
 class ReliableLane:
-    """The samples of one key of a reliable topic, and who acknowledges them.
+    """The samples of one key of a reliable topic, and the acknowledging receivers.
 
     Args:
         offer: Who publishes what.
-        receivers: Addresses of those who acknowledge.
+        receivers: Addresses of the acknowledging nodes.
         walk: Clock and nodes.
         times: Of the link.
         rng: Draws pauses.

@@ -1,4 +1,4 @@
-"""One node of the model: what waits, which of it shares a frame, and who knows the node.
+"""One node of the model: its queue, its frames, and the nodes that know it.
 
 It follows docs/wire.md in sizes: HELLO or TAG until the receivers have confirmed, LEN before what
 does not show its end, a dense block for dense samples. Whether a frame may start is asked of
@@ -268,7 +268,7 @@ class Speaker:
             if until is not None and key[0] in _CAPPED:
                 lane.held_until = until
 
-    # Who knows whom
+    # Introductions
 
     def heard(self, source: int, said: Said, now: int) -> None:
         """Take the controls of a frame."""

@@ -31,7 +31,7 @@ class TransferLane:
 
     Args:
         offer: Who publishes what.
-        receivers: Addresses of those who are to have it.
+        receivers: Addresses of its receivers.
         walk: Clock and nodes.
         capabilities: Of the link.
         room_bytes: What a frame has for a fragment.

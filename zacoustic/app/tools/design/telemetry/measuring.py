@@ -79,7 +79,7 @@ class BenchReport(msgspec.Struct, frozen=True, kw_only=True):
     window_s: float
     """Time whose samples share a frame, s."""
     window: Row
-    """Everything of such a time."""
+    """All samples of such a window."""
     decoded: int
     """How many frames were decoded."""
     different: int

@@ -66,7 +66,7 @@ class FitReport(msgspec.Struct, frozen=True, kw_only=True):
     window_s: float
     """Time whose samples share a frame, s."""
     alone_bytes: Cost
-    """All samples of such a time in a frame that stands for itself, mean, bytes."""
+    """All samples of such a window in an independent frame, mean, bytes."""
     acknowledged_bytes: Cost
     """The same with references to frames that were acknowledged."""
     helps: bool

@@ -1,5 +1,5 @@
 """`zacoustic decode`: frames in words.
 
 `decoder` takes frames apart, `overheard` follows the dense strings among them, `desert` knows those
-of rmw_desert, `decoded` is one thing that a frame says.
+of rmw_desert, `decoded` is one item of a frame.
 """

@@ -134,7 +134,7 @@ class FrameReader:
             )
 
     def _open(self, record: FrameRecord) -> Iterator[tuple[int, int, bytes, str]]:
-        """Take off what was put around for the link; gives source, destination, records, fault."""
+        """Remove the envelope; return source, destination, records, fault."""
         capabilities = self._capabilities.get(record.node)
         if capabilities is None or self._wire is WireProfile.RMW_DESERT:
             yield record.source, record.destination, record.frame, ""

@@ -153,7 +153,7 @@ class _Gatherer:
         metrics = LinkMetrics(range_m=found.range_m, propagation_s=found.propagation_s)
         measured = PeerMeasured(address=peer, measured_at=0, metrics=metrics)
         at_ns = round((found.measured_at_unix_s or message.utc_ns / 1e9) * 1e9)
-        # The document is put again for those who come late.
+        # The document is put again for late subscribers.
         if self._ranges.get((node, peer)) != at_ns:
             self._ranges[node, peer] = at_ns
             self._facts.measured.append((at_ns, node, measured))

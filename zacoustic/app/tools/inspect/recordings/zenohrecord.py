@@ -72,7 +72,7 @@ class IslandRecorder:
 
     Args:
         file: Takes it.
-        config: The topics; None: only what `record_network` is told.
+        config: The topics; None: only the keys of `record_network`.
         heard: Told the key of each sample that was recorded, on a thread of Zenoh's; or None.
     """
 
@@ -211,7 +211,7 @@ async def record_network(
     ready: Callable[[Path, Sequence[str]], None],
     heard: Callable[[str], None] | None = None,
 ) -> RecordedKeys:
-    """Record until told to stop.
+    """Record until stopped.
 
     Args:
         path: The file; one that is there is not touched.

@@ -71,6 +71,15 @@ class Endings:
         while len(self._refused) > _MOST_FORMER:
             del self._refused[next(iter(self._refused))]
 
+    def forget(self, source: int) -> None:
+        """Forget what has ended of a source."""
+        for place in [place for place in self._ended if place[0] == source]:
+            del self._ended[place]
+            self._journal.write(done_key(*place), None)
+        for known in (self._former, self._refused):
+            for place in [place for place in known if place[0] == source]:
+                del known[place]
+
     def end(self, place: Place) -> StoredEnd | None:
         """Return how the last object from a source with a number was handed on, or None."""
         return self._ended.get(place)

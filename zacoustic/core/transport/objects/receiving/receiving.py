@@ -158,6 +158,17 @@ class IncomingObjects:
                 self._report(place, state, ObjectState.CANCELLED, "not subscribed any more")
                 self._ignore(place, stream_id)
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its objects were handed on."""
+        for place in [place for place, state in self._transfers if place[0] == source]:
+            self._drop(place)
+        for place in [place for place in self._told if place[0] == source]:
+            self._told.pop(place)
+        self._alone -= {place for place in self._alone if place[0] == source}
+        self._replies.forget(source)
+        self._endings.forget(source)
+        self._losses.pop(source, None)
+
     def look_again(self, source: int) -> None:
         """A sample of a source was handed on: what waits for its turn may have it now."""
         for place, state in list(self._transfers):

@@ -135,6 +135,11 @@ class Replies:
         """There is no feedback to send."""
         self._replies.pop(place, None)
 
+    def forget(self, source: int) -> None:
+        """Say nothing more to a source."""
+        for place in [place for place in self._replies if place[0] == source]:
+            self.drop(place)
+
     def transmitted(self, place: Place, finished_at: int, timing: Timing) -> None:
         """An answer has been on the air: repeat it, or not."""
         reply = self._replies.get(place)

@@ -117,6 +117,10 @@ class OutgoingObjects:
         """Count the objects of a stream that are not yet delivered."""
         return sum(each.stream_id == stream_id for each in self._sendings.values())
 
+    def peer_forgotten(self, address: int, now: int) -> None:
+        """What was lost on the way to a node is not kept."""
+        self._losses.pop(address, None)
+
     # Commands
 
     def add(

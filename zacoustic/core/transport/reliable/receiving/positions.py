@@ -65,14 +65,16 @@ class Positions:
         then: Callable[[int], None] | None = None,
     ) -> None:
         """Write down that everything before a number is handed on, or pending in the lane."""
-        source, stream_id, instance = key
         position = _Position(lane.lineage, expected, lane.former)
-        stream = self._table.get(stream_id)
+        stream = self._table.get(key[1])
         if lane.pending and stream is not None:
             pending = tuple(_encoded(stream, sample) for sample in lane.pending)
             position = msgspec.structs.replace(position, digest=stream.digest, pending=pending)
-        name = f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-        self._journal.write(name, msgspec.msgpack.encode(position), then)
+        self._journal.write(_name(key), msgspec.msgpack.encode(position), then)
+
+    def forget(self, key: LaneKey) -> None:
+        """Delete the position of a key."""
+        self._journal.write(_name(key), None)
 
     def recover(self, stored: Mapping[str, bytes]) -> Iterator[tuple[LaneKey, ReceiveLane]]:
         """Yield the lanes that a former life has left; what is pending in them is not handed on."""
@@ -95,6 +97,11 @@ class Positions:
                     if (sample := _decoded(stream, key, each)) is not None
                 ]
             yield key, lane
+
+
+def _name(key: LaneKey) -> str:
+    source, stream_id, instance = key
+    return f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
 
 
 def _encoded(stream: Stream, sample: SampleReceived) -> _Sample:

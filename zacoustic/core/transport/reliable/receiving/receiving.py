@@ -228,6 +228,14 @@ class ReliableReceiving:
             self._keep(key, lane, ready, stream, now, self._large_turn)
         return Claim.LATER if number > lane.expected else Claim.NOW
 
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor which of its samples were handed on."""
+        for key in [key for key in self._lanes if key[0] == source]:
+            del self._lanes[key]
+            self._watched.pop(key, None)
+            self._positions.forget(key)
+        self._watch_changed()
+
     def expect(self, source: int, stream_id: int, instance: Instance, place: Place) -> None:
         """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
         lane = self._lanes.get((source, stream_id, instance))

@@ -12,6 +12,7 @@ from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
 from zacoustic.core.schedule.timing import LinkTimes, PeerTiming
 from zacoustic.core.streams.table import StreamTable
@@ -36,7 +37,12 @@ class Pacing:
     """
 
     def __init__(
-        self, table: StreamTable, rng: random.Random, stats: EngineStats, handshake: Handshake
+        self,
+        table: StreamTable,
+        peers: Peers,
+        rng: random.Random,
+        stats: EngineStats,
+        handshake: Handshake,
     ) -> None:
         self.times: LinkTimes | None = None
         """The airtimes of the link; None before it was up."""
@@ -44,15 +50,16 @@ class Pacing:
         self._rng = rng
         self._stats = stats
         self._handshake = handshake
-        self._timings: dict[int, PeerTiming] = {}
-        self._heard_at: dict[int, int] = {}
+        self._timings = PerPeer(peers, PeerTiming)
+        self._heard_at = PerPeer(peers, int)
 
     def timing(self, address: int) -> PeerTiming:
         """Return what is known of one node."""
-        timing = self._timings.get(address)
-        if timing is None:
-            timing = self._timings[address] = PeerTiming()
-        return timing
+        return self._timings[address]
+
+    def forget(self, address: int) -> None:
+        """Tell no round trip of a node any more; the rest goes with the node."""
+        self._stats.round_trips_ns.pop(address, None)
 
     def heard(self, source: int, now: int) -> bool:
         """Anything was heard of a node; True when repetitions to it had become rare."""

@@ -15,6 +15,7 @@ from zacoustic.core.base.stats import Cause, EngineStats
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
@@ -67,6 +68,7 @@ class ReliableSending:
         table: StreamTable,
         *,
         queue: TransmitQueue,
+        peers: Peers,
         handshake: Handshake,
         demand: Demand,
         journal: JournalPort,
@@ -81,7 +83,7 @@ class ReliableSending:
         self._timers = timers
         self._handshake = handshake
         self._keeping = Keeping(journal)
-        self._pacing = Pacing(table, generators.of("pacing"), stats, handshake)
+        self._pacing = Pacing(table, peers, generators.of("pacing"), stats, handshake)
         self._contradictions = Contradictions(
             self._keeping, doubt, generators.of("contradictions"), self._out_of_sync
         )
@@ -188,6 +190,16 @@ class ReliableSending:
                 if source in lane.receptions:
                     lane.due_soon(source)
             self._changed()
+
+    def peer_restarted(self, source: int, epoch: int, now: int) -> None:
+        """A node has begun a new life."""
+        self.lost_sync(source, now)
+
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node; what it lacks goes with SYNC if it is there again."""
+        self._pacing.forget(source)
+        self._changed()
+        self.lost_sync(source, now)
 
     def lost_sync(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""

@@ -1,0 +1,123 @@
+"""The states of another node, and what changes them: three tables that the wire page prints.
+
+Each table says, of a state and an event, which state follows; an event that is not in the row of a
+state changes nothing there. What else an event entails stands where it is handled.
+"""
+
+import enum
+from collections.abc import Mapping
+from typing import Final, Generic, TypeVar
+
+State = TypeVar("State", bound=enum.Enum)
+
+
+class Agreement(enum.Enum):
+    """Whether a node has confirmed the present boot epoch of this one, and so its table."""
+
+    UNCONFIRMED = "unconfirmed"
+    """It has not: frames to it begin with HELLO or TAG."""
+    PROVISIONAL = "provisional"
+    """It has, before its settling time was over; that holds when the time is."""
+    CONFIRMED = "confirmed"
+    """It has: frames to it begin with nothing."""
+
+
+class Life(enum.Enum):
+    """What is known of the present life of a node."""
+
+    UNKNOWN = "unknown"
+    """Nothing: no HELLO of it was heard, or it has begun another life since."""
+    SETTLING = "settling"
+    """Its epoch is known; a frame of the life before may still arrive."""
+    SETTLED = "settled"
+    """No frame of the life before can arrive any more."""
+
+
+class Reachability(enum.Enum):
+    """Whether a node is heard."""
+
+    UNHEARD = "unheard"
+    """Not yet in this life of ours."""
+    HEARD = "heard"
+    """A frame of it came, and none has been missing for long."""
+    LOST = "lost"
+    """None came for as long as the configuration says."""
+
+
+class Change(enum.Enum):
+    """What changes a state."""
+
+    CONFIRM = "CONFIRM of the present epoch"
+    EARLY_CONFIRM = "provisional CONFIRM, this life is old"
+    HELD = "the settling time of that is over"
+    DOUBT = "ASK, or CONFIRM of another epoch"
+    TABLE_CHANGED = "this node begins an epoch"
+    NEW_LIFE = "HELLO of another epoch or digest"
+    STRAY_TAG = "TAG of another epoch"
+    SETTLED = "the settling time is over"
+    FRAME = "a frame of it arrives"
+    SILENCE = "nothing for `lost_after_s`"
+
+
+class Transitions(Generic[State]):
+    """One table.
+
+    Args:
+        first: The state of a node of which nothing is known.
+        table: State and event → the state that follows.
+    """
+
+    def __init__(self, first: State, table: Mapping[tuple[State, Change], State]) -> None:
+        self.first = first
+        self._table = table
+
+    def after(self, state: State, event: Change) -> State:
+        """Return the state that follows."""
+        return self._table.get((state, event), state)
+
+    def rows(self) -> list[tuple[str, str, str]]:
+        """Return state, event and next state of each entry, as they are printed."""
+        return [
+            (str(state.value), event.value, str(following.value))
+            for (state, event), following in self._table.items()
+        ]
+
+
+AGREEMENT: Final = Transitions(
+    Agreement.UNCONFIRMED,
+    {
+        (Agreement.UNCONFIRMED, Change.EARLY_CONFIRM): Agreement.PROVISIONAL,
+        (Agreement.UNCONFIRMED, Change.CONFIRM): Agreement.CONFIRMED,
+        (Agreement.PROVISIONAL, Change.CONFIRM): Agreement.CONFIRMED,
+        (Agreement.PROVISIONAL, Change.HELD): Agreement.CONFIRMED,
+        **{
+            (state, event): Agreement.UNCONFIRMED
+            for state in (Agreement.PROVISIONAL, Agreement.CONFIRMED)
+            for event in (Change.DOUBT, Change.NEW_LIFE, Change.STRAY_TAG, Change.TABLE_CHANGED)
+        },
+    },
+)
+"""Agreement of a node with this one."""
+
+LIFE: Final = Transitions(
+    Life.UNKNOWN,
+    {
+        (Life.UNKNOWN, Change.NEW_LIFE): Life.SETTLING,
+        (Life.SETTLING, Change.SETTLED): Life.SETTLED,
+        (Life.SETTLING, Change.STRAY_TAG): Life.UNKNOWN,
+        (Life.SETTLED, Change.NEW_LIFE): Life.SETTLING,
+        (Life.SETTLED, Change.STRAY_TAG): Life.UNKNOWN,
+    },
+)
+"""Life of a node, as far as it is known here."""
+
+REACHABILITY: Final = Transitions(
+    Reachability.UNHEARD,
+    {
+        (Reachability.UNHEARD, Change.FRAME): Reachability.HEARD,
+        (Reachability.UNHEARD, Change.SILENCE): Reachability.LOST,
+        (Reachability.HEARD, Change.SILENCE): Reachability.LOST,
+        (Reachability.LOST, Change.FRAME): Reachability.HEARD,
+    },
+)
+"""Whether a node is heard, where the configuration says after how long it is lost."""
