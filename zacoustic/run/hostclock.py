@@ -1,9 +1,9 @@
-"""The clock of this computer: what it shows, how wrong it may be, and which run of it this is.
+"""The clock of this computer: its time, its possible error, and which run of it this is.
 
-The kernel knows whether anything (an NTP client, a GPS receiver) keeps its clock right, and how
-wrong it may be at most: `adjtimex` tells, on Linux, and `ntp_adjtime` on BSD and macOS. After a
-start, and when somebody has set the clock by hand, it is unknown, until a client has set it right.
-Some clients tell the kernel only if they are asked to (chrony: `rtcsync`).
+The kernel knows whether anything (an NTP client, a GPS receiver) synchronises its clock, and its
+largest error: `adjtimex` reports them on Linux, `ntp_adjtime` on BSD and macOS. After a start, and
+after a change by hand, they are unknown until a client has synchronised the clock. Some clients
+inform the kernel only on request (chrony: `rtcsync`).
 
 For a system without such a report the configuration's error holds.
 """

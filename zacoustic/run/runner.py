@@ -8,12 +8,12 @@ One thread owns the engine, that of the loop. Two things come from elsewhere:
 
 - Commands of foreign threads (Zenoh's callbacks), by `submit` (`zacoustic.run.inbox`).
 - Commits of the journal, by a future of its one worker thread (`JournalThread`). While one is under
-  way, further writes collect and are committed together; one that fails is told to the engine and
+  way, further writes collect and are committed together; the engine learns of a failure, and it is
   tried again.
 
-An exception that nobody expects, in the link or in the journal, is logged with its traceback, stops
+An unexpected exception, in the link or in the journal, is logged with its traceback, stops
 the runner and comes out of `wait_failed`. One out of the engine, or out of the receiver of events,
-may have been caused by anybody who can make a sound, so it does not: it is counted, logged with the
+may have been caused by anyone with a modem, so it does not: it is counted, logged with the
 frame that caused it, and a new engine goes on from the journal, without those entries of it that
 make that one raise as well (`zacoustic.run.replacement`).
 """

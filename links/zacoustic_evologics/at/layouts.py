@@ -1,12 +1,12 @@
 """Fields of a modem's messages in their order: the tables, and their one reader.
 
 A payload has exactly the length that its record announces, then CR LF; nothing in it is escaped. A
-firmware 1.6 has other fields in two records. The two layouts are told apart at the field that is
-the velocity in the later one: velocities have a decimal point in every source, and the delay that
-firmware 1.6 puts there has none; then the next field must be the velocity.
+firmware 1.6 has other fields in two records. The field that is the velocity in the later layout
+distinguishes the two: velocities have a decimal point in every source, and the delay that firmware
+1.6 puts there has none; then the next field must be the velocity.
 
-A line with more fields than its table has is read all the same, and what is surplus is lost:
-one firmware adds a velocity to RECVEND, and no later one may silence a whole kind of record.
+A line with more fields than its table is read all the same, without the surplus ones: one firmware
+adds a velocity to RECVEND, and no later one may silence a whole kind of record.
 """
 
 import re

@@ -1,9 +1,9 @@
 """What the decoder of a modem's bytes gives to the dialogue.
 
-The decoder knows no pending command, so it does not say what a reply means: it gives `Reply` with
-the text, and `replies.decode_reply` reads that text by the command which was sent. All that a modem
-says unasked is a record of `notifications`. Nothing is lost silently: bytes that are neither become
-`Unrecognised`, or in data mode `RawData`.
+The decoder knows no pending command, so it does not interpret a reply: it gives `Reply` with the
+text, and `replies.decode_reply` reads that text by the command. All unsolicited messages are
+records of `notifications`. Nothing is lost silently: bytes that are neither become `Unrecognised`,
+or in data mode `RawData`.
 """
 
 from typing import TypeAlias

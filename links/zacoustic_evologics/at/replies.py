@@ -1,8 +1,8 @@
-"""What the answer to a command can mean; how it is written is in `answers`.
+"""The possible meanings of a command's answer; their text forms are in `answers`.
 
 Four answers fit every command: `OK`, `[*]OK`, and all that begins with `ERROR` or `BUSY`. No source
-says what `[*]` means for certain: accepted, but not what is stored, or not in force yet. It is kept
-and decides nothing. The reason of a refusal is for people: drivers have met three spellings of one.
+explains `[*]` for certain: accepted, but not stored, or not in force yet. It is kept and decides
+nothing. The reason of a refusal is for people: drivers have met three spellings of one.
 """
 
 import enum

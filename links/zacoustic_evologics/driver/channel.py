@@ -1,15 +1,14 @@
 """One command in flight, and its answer distinguished from all other answers.
 
-Without packets an answer carries no name; that it belongs to the command which was sent last is
-known by order alone. So an answer that did not come in time is a danger: it may still come, and be
-taken for that of the next command. Therefore the channel puts a *fence* after each command that
-was not answered: `AT?MODE`, whose answer (`NET`, `AT`) no other command gives. All answers that
-come before it are late; they are handed to who asked, as `late`, and end nothing. If the fence is
-not answered either, the modem is not there any more.
+Without packets an answer carries no name; only the order shows that it belongs to the last command.
+So a late answer is a danger: it may be taken for that of the next command. Therefore the channel
+puts a *fence* after each command without an answer: `AT?MODE`, whose answer (`NET`, `AT`) no other
+command gives. All answers that come before it are late; the caller gets them as `late`, and they
+end nothing. Without an answer to the fence the modem is gone.
 
-What cannot be the answer (a word where a number was asked) is not taken for it: ports are noisy.
+An impossible answer (a word where a number was asked) is not taken: ports are noisy.
 
-Nothing is ever sent again from here: who asks decides what a missing answer means.
+Nothing is ever sent again from here: the caller decides what a missing answer means.
 """
 
 from collections import deque

@@ -2,15 +2,14 @@
 
 The contract with the shell that has both (`link`): after any input or command call `poll_output`
 until None and write that, `poll_event` until None, and arm one timer with `poll_timeout`; `now`
-never decreases. What comes from the modem never raises. States are in `states`, what is
-done in them in `startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both speak through
-one `channel`. Besides them there are *errands*: single questions that belong to no state,
-such as `AT?T` after an exchange. Their answers may come in any state, and a frame does not wait for
-more than one of them.
+never decreases. Bytes from the modem never raise. States are in `states`, their actions in
+`startup_run` (PROBING to CONFIGURING) and `sending` (SENDING); both use one `channel`. Besides them
+there are *errands*: single questions that belong to no state, such as `AT?T` after an exchange.
+Their answers may come in any state, and a frame waits for at most one of them.
 
-A modem that gives cause for doubt (says what only a restarted one says, or nothing where it must
-say something) is not repaired bit by bit: the connection is given up and made again, and the
-start-up finds out. There is one way to become READY.
+A modem that gives cause for doubt (it sends what only a restarted one sends, or nothing where it
+must answer) is not repaired bit by bit: the connection is given up and reopened, and the start-up
+finds out. There is one way to become READY.
 """
 
 from collections.abc import Callable

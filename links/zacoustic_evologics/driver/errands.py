@@ -1,12 +1,12 @@
 """Single questions that belong to no state: no caller waits for their answers.
 
-- After an exchange: how long the sound took (`AT?T`). The answer is about the last exchange, so it
-  is not taken if the modem has received a message meanwhile, nor if it does not fit into the time
-  that ours has taken.
+- After an exchange: the propagation delay (`AT?T`). The answer is about the last exchange, so it is
+  not taken if the modem has received a message meanwhile, nor if it does not fit into the duration
+  of ours.
 - Behind a frame, now and then: the supply (`AT?BV`).
-- When something arrives that a modem in order does not say: whether it has been restarted. A
-  restarted one has forgotten that this port wants extended notifications (`AT?ZX`); where they are
-  not wanted, that it answers as before must do.
+- After a message that a working modem does not send: whether it has been restarted. A restarted one
+  has forgotten that this port wants extended notifications (`AT?ZX`); if they are not wanted, an
+  answer as before must do.
 - On deck, when somebody has made it louder: set it back (`AT!L3`).
 """
 

@@ -1,12 +1,12 @@
 """From a modem's reports on others and on itself to measurements of the link contract.
 
-- A fix whose uncertainty is about as large as the distance is none: so says a modem that has heard
-  its answer and not where it came from. Its delay is good all the same.
-- Fixes come half a second after the sound that they were made on, and say so: by two readings of
-  the system clock, of which only the difference counts, since the clock may be set at any time.
+- A fix whose uncertainty is about as large as the distance does not count: the modem has heard its
+  answer without a direction. Its delay is good all the same.
+- Fixes come half a second after their sound, and carry that delay: two readings of the system
+  clock, of which only the difference counts, since the clock may be set at any time.
 - No source says where bearings begin. They are taken as angles in the plane of east and north,
   counted from the east, since `x` is called the first axis and the emulator does the same; the
-  contract counts from the north. Who has a head and a compass can settle it.
+  contract counts from the north. A head and a compass can settle it.
 """
 
 import math

@@ -17,9 +17,9 @@ What must never happen, and what prevents it:
   given up is dropped in the modem (DROPPING), and after a loss of the connection `startup` waits
   for it.
 - *A piggyback message stays behind.* Its success is silent, and it would leave at any later time.
-  So the modem is told to forget it when it should have left (POLLING); what it says then tells
-  whether it had. If not, it goes as an instant message, or waits for the next occasion (RETURNED).
-- *A frame is called sent that was not.* When the modem stops saying what it always says, it may
+  So the modem must drop it when it should have left (POLLING); its answer then shows
+  whether it had. If not, it goes as an instant message, or waits for an opportunity (RETURNED).
+- *An unsent frame is reported as sent.* When the modem's usual messages stop, it may
   have been restarted with the frame in it. So before silence is taken for success, it is asked
   whether it still has the extended notifications switched on (VERIFYING).
 """

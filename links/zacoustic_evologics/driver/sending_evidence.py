@@ -4,15 +4,15 @@ Words about instant messages name a destination, but no message; a word about an
 come late. So they are *certain* or a *rumour*, and after a rumour the modem is asked:
 
 - Nothing counts that comes sooner than half the frame's airtime after it was given.
-- `SENDEND` says when the sound began, by the modem's clock: it is certain if that is not before
-  the frame was given, and otherwise about another one.
+- `SENDEND` has the beginning of the sound, by the modem's clock: it is certain if that is not
+  before the frame was given, and otherwise about another one.
 - `DELIVEREDIM` is certain behind the `SENDEND` of the frame and the `RECVEND` of a sound after it,
   which then was the acknowledgement. Without extended notifications it is a rumour.
 - `FAILEDIM`, `CANCELED…` and `EXPIRED…` are rumours: nothing goes before them.
 - Words about bursts carry a number, and are certain.
-- A piggyback message goes with whatever the modem sends to its receiver, so the `SENDEND` of that
-  is a rumour. `CANCELEDPBM` is certain: it has not left. Unless a sound to the receiver has begun
-  since: then the word may be about an earlier one.
+- A piggyback message goes with anything that the modem sends to its receiver, so the `SENDEND` of
+  that is a rumour. `CANCELEDPBM` is certain: the message has not left. Unless a sound to the
+  receiver has begun since: then the word may be about an earlier one.
 """
 
 from zacoustic.core.linktypes import TransmitOutcome

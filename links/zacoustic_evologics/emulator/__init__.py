@@ -2,13 +2,13 @@
 
 From the bottom up:
 
-- `airtime`, `signals`, `agenda`, `store`, `firmware`: durations, what is sent, what is due,
-  settings, and what differs between the versions of a real one.
+- `airtime`, `signals`, `agenda`, `store`, `firmware`: durations, signals, later actions, settings,
+  and the differences between the versions of a real one.
 - `modem`, made of `chassis`, `transducer`, `exchange`, `instant`, `bursts`, `usblhead`,
   `levelcontrol`, `listening` and `queries`: one modem, sans-IO.
-- `port`, `faults`, `station`: its ports and what goes wrong there.
+- `port`, `faults`, `station`: its ports and their faults.
 - `water`, `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop;
-  `observation`: what who watches all of them is told.
+  `observation`: the events for an observer of all of them.
 - `running`, `server`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
 """
 

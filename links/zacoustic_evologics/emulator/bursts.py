@@ -1,11 +1,11 @@
 """Burst data: a queue, a connection that is set up for it, and trains of packets.
 
-No source describes what passes through the water, so this is made of what is known: a connection is
-asked for and granted by service signals, the granting modem proposes a bit rate, then packets go in
-trains, each acknowledged as a whole and repeated as often as `AT!RC` says. A packet that comes
-twice is delivered once. The connection is closed when nothing is left to send, so that `AT?S` says
-again that the modem listens. A connection that fails takes all that was queued for it, and puts the
-modem into its backoff state for a while.
+No source describes the signals of a burst, so this follows what is known: service signals request
+and grant a connection, the granting modem proposes a bit rate, then packets go in trains, each
+acknowledged as a whole and repeated up to `AT!RC` times. A packet that comes twice is delivered
+once. The connection closes when nothing is left to send, so that `AT?S` shows again that the modem
+listens. A connection that fails takes all that was queued for it, and puts the modem into its
+backoff state for a while.
 """
 
 from collections.abc import Callable, Iterable

@@ -11,8 +11,8 @@
 It can: the modem does not transmit, is not in the pause behind its last signal, owes no answer,
 awaits none of another exchange, and nothing comes in. With `force` only the first two count.
 
-Who owns an exchange calls `look` whenever something may have changed; the owner is told the end,
-once. A cancelled exchange says nothing any more.
+The owner of an exchange calls `look` whenever something may have changed; it gets the outcome
+once. A cancelled exchange has none.
 """
 
 import enum

@@ -10,7 +10,7 @@ r"""N emulated modems on one channel, in virtual time: no clock, no socket, `now
     fleet.handle_timeout(that)                               due, then `poll_output` again
 
 `now` is ns since the start of the scenario and never decreases. Each call first lets happen what
-was due before, at its own instant; but what comes of that is told afterwards, so who steps virtual
+was due before, at its own instant; but its results come afterwards, so a driver of virtual
 time calls `handle_timeout` exactly at `poll_timeout`. The same class runs on a loop in
 `running`.
 

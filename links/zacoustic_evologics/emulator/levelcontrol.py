@@ -1,9 +1,9 @@
 """`AT!LC1`: the source level follows from the received level at the other modem.
 
-Sources tell that the source level changes then and that `SRCLEVEL` says so, not by which rule. Here
-the answer of another modem tells how loud this one was heard there: the way is as long in both
-directions, and an answer says at which level it was sent. The limits are those of useful levels,
--85…-20, a little inside at the loud end, where the receiver says -20 for all that is louder.
+Sources have that the source level changes then and that `SRCLEVEL` reports it, but no rule. Here
+the answer of another modem gives the level at which this one was heard: the distance is the same in
+both directions, and an answer carries its own source level. The limits are those of useful levels,
+-85…-20, a little inside at the loud end, where the receiver reports -20 for all that is louder.
 """
 
 from typing import Final

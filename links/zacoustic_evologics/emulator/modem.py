@@ -1,14 +1,14 @@
 """One emulated modem, without ports, sockets or clock.
 
-It is told commands (`handle_command`), raw data (`handle_raw`), what sounds (`handle_sound`,
-`handle_hearing`) and the time (`handle_timeout`). After any of these the caller takes what it says
-(`poll_output`) and what it lets sound (`poll_signal`), each until None, and asks when it wants to
-be called next (`poll_timeout`). `now` is ns since the start of the scenario and never decreases.
+Its inputs are commands (`handle_command`), raw data (`handle_raw`), sounds (`handle_sound`,
+`handle_hearing`) and the time (`handle_timeout`). After any of these the caller takes its messages
+(`poll_output`) and its signals (`poll_signal`), each until None, and asks for its next instant
+(`poll_timeout`). `now` is ns since the start of the scenario and never decreases.
 
 The parts, from the bottom up: `chassis` (settings, clocks), `transducer` (one signal at a time),
 `exchange` (a signal until it is answered), `instant` and `bursts` (the services), `usblhead`,
-`levelcontrol`, `listening` (what is received), `queries` (what is asked). `firmware` says what
-differs between the modem's own versions.
+`levelcontrol`, `listening` (receptions), `queries` (answers). `firmware` has the differences
+between the modem's own versions.
 """
 
 import random

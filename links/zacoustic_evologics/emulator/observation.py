@@ -1,7 +1,7 @@
 """What happens on the channel between emulated modems, for an observer of all of them.
 
-No modem knows this: what becomes of a signal is known where it arrives, and there nobody is told of
-what was lost. An observer is told as it happens; it must not call the fleet.
+No modem knows this: the outcome of a signal is known where it arrives, and a modem learns nothing
+of lost ones. An observer is called as it happens; it must not call the fleet.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """The acoustic end of a modem: one outgoing signal at a time, and the received ones.
 
-Half-duplex: who transmits hears nothing, and who begins to transmit loses what was coming in. The
-medium decides what that costs; here it is only known whether something sounds.
+Half-duplex: a transmitting modem hears nothing, and one that begins to transmit loses the incoming
+signal. The medium decides what that costs; here it is only known whether something sounds.
 """
 
 import enum

@@ -285,7 +285,7 @@ class Subscribed(Notice, frozen=True, kw_only=True, tag="subscribers"):
     stream: str
     """Name of the topic."""
     subscribers: tuple[int, ...]
-    """Addresses of those who do."""
+    """Addresses of the subscribers."""
 
     def lines(self) -> list[str]:
         """One line."""

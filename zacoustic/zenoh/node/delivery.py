@@ -40,8 +40,8 @@ class Delivery:
         self.detail = ""
         """The reason, if the outcome does not say it."""
         self.progress: ObjectProgress | None = None
-        """How far it is, as told last, if it is larger than a frame; None: it is not, or nothing
-        was told yet."""
+        """Its last known progress, if it is larger than a frame; None: it is not, or nothing
+        is known yet."""
         self._is_journalled = is_journalled
         self._cancel = cancel
         self._is_stored = False

@@ -105,7 +105,7 @@ class GoalDesk(Protocol):
         ...
 
     def cancel(self, goal: TakenGoal) -> None:
-        """A goal that was accepted is to end."""
+        """An accepted goal was cancelled."""
         ...
 
 

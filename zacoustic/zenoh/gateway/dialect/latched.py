@@ -96,7 +96,7 @@ class LatchedKeys:
             self._island.worker.submit(cache.declare)
 
     def forget(self, key: str) -> None:
-        """Have nothing any more for who joins late, of a key that was deleted; on the loop."""
+        """Drop a deleted key's samples for late joiners; on the loop."""
         cache = self._caches.get(key)
         if cache is not None:
             self._island.worker.submit(partial(self._renew, cache, cache.clear()))

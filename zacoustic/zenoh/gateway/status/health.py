@@ -4,31 +4,28 @@ JSON under ``@acoustic/ADDRESS/``, put when it has changed, at most once in `INT
 answered to a `get`:
 
 ============  =====================================================================================
-``node``      name, version, since when it runs, and how it is reached
-``link``      state, what the device can do and reports, frames, bytes, airtime
+``node``      name, version, start, locator
+``link``      state, capabilities and reports of the device, frames, bytes, airtime
 ``ledger``    every byte on the link by stream and cause, with its share of the airtime
-``peers``     nodes heard: epoch, table, when, what became of frames to each, and the newest of what
-              the modem measured of it
-``streams``   digest of the table; for each stream counters, jobs, when it crossed and how often,
-              and the nodes that differ; for
-              each topic with a deadline how often it was missed; for each reliable topic how many
-              samples ended in which way, and how many have not; for each topic that this node
-              publishes whether it is on, least interval and priority; for each on-demand topic
-              who wants it, and who is asked for it
-``objects``   samples larger than a frame: how far they are, how the last ones ended
-``water``     what is in the water: the frame that is being sent, the last ones sent and heard
+``peers``     nodes heard: epoch, table, when, outcomes of frames to each, and the modem's newest
+              measurements of it
+``streams``   digest of the table, nodes that differ; for each stream counters, jobs, when it
+              crossed and how often; missed deadlines; outcomes of reliable samples; overrides of
+              topics that this node publishes; subscribers and publishers of on-demand topics
+``objects``   samples larger than a frame: their progress, the outcomes of the last ones
+``water``     the frame being sent, the last ones sent and heard
 ``journal``   whether anything survives a restart, why it cannot be written now, and why it may
-              be less than what was written last (a line that ``node`` has as well)
-``events``    the last things that were worth a line, errors among them
-``dropped``   what came off the water, and what came from the island, and was of no use
-``clock``     what time it is here; answered to a `get`, and put when the clock has been set
+              lack the last writes (a line that ``node`` has as well)
+``events``    the last notable events, errors among them
+``dropped``   dropped receptions and useless local input
+``clock``     the time here; answered to a `get`, and put when the clock has been set
 ============  =====================================================================================
 
-and what is known of others, by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``,
-``…/position``, ``…/direction``, ``modem``.
+and the peer status by `soundings`: ``peer/ADDRESS/lost``, ``…/late``, ``…/range``, ``…/position``,
+``…/direction``, ``modem``.
 
 The keys begin with ``@``: no wildcard of an application and no stream covers them, so they never
-cross the water. The one timer is armed by a change and not re-armed: an idle gateway has none.
+cross the channel. The one timer is armed by a change and not re-armed: an idle gateway has none.
 """
 
 import asyncio

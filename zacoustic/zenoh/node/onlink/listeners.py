@@ -56,7 +56,7 @@ class Listeners:
         return stop
 
     def deliver(self, event: SampleReceived) -> None:
-        """Hand a sample to those who listen."""
+        """Hand a sample to its subscriptions."""
         stream = self._table.by_id(event.stream_id)
         is_latched = stream.qos.durability is Durability.TRANSIENT_LOCAL
         listeners = self._listeners.get(event.stream_id, {})

@@ -71,7 +71,7 @@ class LinkOrders:
         return True
 
     def end_all(self, error: Exception) -> None:
-        """Tell who waits that no answer will come."""
+        """Inform the waiting callers that no answer will come."""
         for answer in self._answers.values():
             if not answer.done():
                 answer.set_exception(error)
