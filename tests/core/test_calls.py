@@ -48,8 +48,8 @@ def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
     return repetition
 
 
-def begin(calls: ClientCalls, now: int = 0, *, wait: int = 100) -> tuple[int, int]:
-    return calls.begin(20, 2, deadline_at=now + wait, now=now)
+def begin(calls: ClientCalls, now: int = 0) -> tuple[int, int]:
+    return calls.begin(20, 2, now)
 
 
 def take(calls: ServerCalls, call: CallKey, now: int = 0) -> Served | None:
@@ -105,8 +105,8 @@ def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
     assert [begin(calls)[1] for _ in range(WINDOW)] == list(range(WINDOW))
     with pytest.raises(QueueFullError, match="16 calls to node 2 are under way"):
         begin(calls)
-    calls.begin(21, 2, deadline_at=9, now=0)
-    calls.begin(20, 3, deadline_at=9, now=0)
+    calls.begin(21, 2, 0)
+    calls.begin(20, 3, 0)
 
 
 def test_numbers_go_round() -> None:
@@ -169,7 +169,7 @@ def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
         call_id, _ = begin(calls)
         assert not calls.needs_new_epoch(20, 2)
         calls.fail(call_id, CallFailure.TIMED_OUT, "")
-    other, _ = calls.begin(20, 3, deadline_at=9, now=0)
+    other, _ = calls.begin(20, 3, 0)
     assert not calls.needs_new_epoch(20, 2)
     calls.fail(other, CallFailure.TIMED_OUT, "")
     assert calls.needs_new_epoch(20, 2)
@@ -309,15 +309,6 @@ def test_answer_finds_its_call_by_server_stream_and_number() -> None:
     assert calls.locate(call_id) is None
 
 
-def test_deadlines_come_in_their_order() -> None:
-    calls = ClientCalls()
-    late, soon = begin(calls, wait=100)[0], begin(calls, wait=10)[0]
-    assert calls.next_deadline_at() == 10
-    assert calls.due(9) == []
-    assert calls.due(10) == [soon]
-    assert calls.due(100) == [late, soon]
-
-
 # Servers
 
 
@@ -330,12 +321,9 @@ def test_call_is_known_until_nothing_of_it_can_arrive() -> None:
     assert calls.answerable(key(), 100) is None
     served.answer = ANSWER
     assert calls.answerable(key(), 50) is None
-    assert calls.next_forget_at() == 2 * (100 + SETTLING_NS)
-    assert calls.due(2 * (100 + SETTLING_NS) - 1) == []
-    assert calls.due(2 * (100 + SETTLING_NS)) == [key()]
+    assert served.forget_at == 2 * (100 + SETTLING_NS)
     calls.forget(key())
     assert calls.find(key()) is None
-    assert calls.next_forget_at() is None
 
 
 def test_request_closes_what_is_a_window_behind_it() -> None:
@@ -371,9 +359,8 @@ def test_one_client_holds_a_bounded_number_of_calls_whatever_epochs_it_claims() 
 def test_restored_calls_have_no_times_before_the_link_is_up() -> None:
     calls = ServerCalls()
     served = calls.restore(key(), ANSWER)
-    assert calls.next_forget_at() is None
     assert calls.restored() == [(key(), served)]
     calls.begin(served, timeout_ns=100, settling_ns=SETTLING_NS, now=7)
     assert calls.restored() == []
-    assert calls.next_forget_at() == 7 + 2 * (100 + SETTLING_NS)
+    assert served.forget_at == 7 + 2 * (100 + SETTLING_NS)
     assert served.is_answerable

@@ -6,6 +6,7 @@ from tests.core.rig import link
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
@@ -23,8 +24,9 @@ class Sea:
 
     def __init__(self) -> None:
         self.queue = TransmitQueue()
+        self.timers = Timers()
         self.queue.limit(61)
-        self.repeater = Repeater(self.queue, Peers(), random.Random(1))
+        self.repeater = Repeater(self.queue, Peers(), self.timers, random.Random(1))
         self.repeater.use_link(TIMES)
         self.now = 0
         self.sent: list[bytes] = []
@@ -64,10 +66,10 @@ class Sea:
 
     def wait(self) -> float:
         """Let time pass to the next instant; returns how many round trips that took."""
-        due_at = self.repeater.next_due_at()
+        due_at = self.timers.next_at()
         assert due_at is not None
         passed, self.now = due_at - self.now, max(self.now, due_at)
-        self.repeater.expire(self.now)
+        self.timers.fire(self.now)
         return passed / ROUND_TRIP_NS
 
 
@@ -80,7 +82,7 @@ def test_record_is_repeated_until_it_is_stopped() -> None:
         sea.wait()
     sea.send()
     sea.repeater.stop(repetition, sea.now)
-    assert sea.repeater.next_due_at() is None
+    assert sea.timers.next_at() is None
     assert sea.sent == [b"x"] * 6
     assert repetition.tries == 6
 
@@ -104,9 +106,9 @@ def test_repetitions_to_a_silent_node_become_rare_and_the_first_frame_of_it_ends
     assert all(0.9 < pause < 1.5 for pause in pauses[:2])
     assert all(23 < pause < 42 for pause in pauses[-3:])
     sea.send()
-    due_at = sea.repeater.next_due_at()
+    due_at = sea.timers.next_at()
     sea.repeater.heard(3)
-    assert sea.repeater.next_due_at() == due_at
+    assert sea.timers.next_at() == due_at
     sea.repeater.heard(2)
     assert sea.wait() <= 0
     assert sea.send() == 1
@@ -143,14 +145,14 @@ def test_waiting_for_one_node_does_not_hold_back_another() -> None:
     sea.start(destination=3)
     assert sea.send() == 1
     sea.now = 2 * ROUND_TRIP_NS
-    sea.repeater.expire(sea.now)
+    sea.timers.fire(sea.now)
     assert sea.send() >= 1
 
 
 def test_record_whose_time_is_over_is_not_repeated() -> None:
     sea = Sea()
     sea.start(until=3 * ROUND_TRIP_NS)
-    while sea.repeater.next_due_at() is not None:
+    while sea.timers.next_at() is not None:
         sea.send()
         sea.wait()
     assert sea.now == 3 * ROUND_TRIP_NS
@@ -217,7 +219,7 @@ def test_record_that_is_stopped_on_the_air_settles_after_its_end() -> None:
     sea.report()
     assert not repetition.is_settled(1009, 10)
     assert repetition.is_settled(1010, 10)
-    assert sea.repeater.next_due_at() is None
+    assert sea.timers.next_at() is None
 
 
 def test_record_that_fits_no_frame_any_more_is_given_up() -> None:
@@ -227,5 +229,5 @@ def test_record_that_fits_no_frame_any_more_is_given_up() -> None:
     sea.queue.limit(29)
     sea.wait()
     assert sea.begin() == 0
-    assert sea.repeater.next_due_at() is None
+    assert sea.timers.next_at() is None
     assert repetition.tries == 1

@@ -20,6 +20,7 @@ from tests.gateway.islands import (
     run,
     zenoh_config,
 )
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
@@ -134,7 +135,8 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     now, unix_s = 100 * NS_PER_S, 1000.0
     known, peers = Measurements(Peers()), Peers()
     rules = ContactRules(lost_after_s={3: 50})
-    contact = Contact(1, StreamTable(), rules, peers, random.Random(1), lambda event: None)
+    timers = Timers()
+    contact = Contact(1, StreamTable(), rules, peers, timers, random.Random(1), lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
     peer_status = PeerStatus(
         known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s
@@ -163,6 +165,6 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     contact.heard(3, 195 * NS_PER_S)
     assert peer_status.documents()[key] == here
     now, unix_s = 250 * NS_PER_S, 1150.4
-    contact.expire(now)
+    timers.fire(now)
     gone = {"lost": True, "since_unix_s": 1150.4, "heard_at_unix_s": 1095.4}
     assert peer_status.documents()[key] == gone

@@ -25,7 +25,8 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `commands` are in every table, `rmwdesert` says what streams can be there
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
-`base`          `clock`, `linktypes`, `parts` of frames, `qos`, `journal`, `stats`, `trace`
+`base`          `clock`, `linktypes`, `parts` of frames, `qos`, `journal`, `stats`,
+                `timers`, `trace`
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

@@ -11,6 +11,7 @@ import msgspec
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort, JournalWrite
 from zacoustic.core.base.parts import Part
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import (
     BROADCAST,
@@ -67,10 +68,12 @@ class Node:
         self.alive = True
         self.armed: int | None = None
         self.journal = JournalPort()
+        self.timers = Timers()
         self.listening = Listening(water.capabilities)
         self.objects = Objects(
             epoch=epoch,
             limits=water.limits,
+            timers=self.timers,
             generators=Generators(random.Random(f"{water.seed}/{address}/{epoch}")),
             gate=self,
             owner=self,
@@ -232,9 +235,9 @@ class Water:
                 self.at(now + self.commit_ns, partial(self._commit, node, writes))
             else:
                 node.commit(writes)
-        node.objects.expire(now)
+        node.timers.fire(now)
         due_at = node.objects.due_at(now)
-        deadline_at = node.objects.next_deadline_at()
+        deadline_at = node.timers.next_at()
         if due_at is not None:
             node.listening.exclusive = node.objects.is_exclusive
             due_at = max(due_at, now, node.free_at)

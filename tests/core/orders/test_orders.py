@@ -190,7 +190,7 @@ def test_silence_ends_when_it_was_to_end_however_long_it_took() -> None:
     ordered_at = rig.now
     rig.run(40, lambda source, node, transmission: False)
     rig.run(30)
-    end = rig[2].engine.silence.next_deadline_at
+    end = rig[2].engine.silence.until(rig.now)
     assert end is not None
     assert end - ordered_at == pytest.approx(100 * S, abs=2 * S)
 

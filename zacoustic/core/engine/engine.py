@@ -45,6 +45,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
 from zacoustic.core.peers.doubt import Doubt
@@ -112,6 +113,7 @@ class Engine:
         emit = self._events.append
         generators = Generators(rng)
         self._journal = journal = JournalPort()
+        self._timers = timers = Timers()
         self.doubt = Doubt(address, table, stored, journal, emit)
         """Whether something of former lives is forgotten; to be read only."""
         self._protocols = protocols = _PROTOCOLS[table.wire](
@@ -122,6 +124,7 @@ class Engine:
             rules=rules,
             doubt=self.doubt,
             journal=journal,
+            timers=timers,
             stats=self.stats,
             generators=generators,
             emit=emit,
@@ -136,9 +139,13 @@ class Engine:
         """Of what a sample is awaited; to be read only."""
         self.contact = protocols.contact
         """Who is lost; to be read only."""
-        self.clock = HostTime(rules.access, bool(rules.quiet), stored, journal=journal, emit=emit)
+        self.clock = HostTime(
+            rules.access, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
+        )
         """What is known of UTC; to be read only."""
-        self.silence = Silence(rules.quiet, stored, host=self.clock, journal=journal, emit=emit)
+        self.silence = Silence(
+            rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
+        )
         """Orders to be silent: `begin` and `resume`."""
         ledger = Ledger(stored, journal)
         peers.on_forget(ledger.peer_forgotten)
@@ -281,9 +288,10 @@ class Engine:
     def handle_timeout(self, now: int) -> None:
         """The instant that `poll_timeout` named has come."""
         self._now = now
-        self.silence.expire(now)
-        self._protocols.expire(now)
-        self._transmitter.expire(now)
+        self.silence.keep(now)
+        self._protocols.handle_timeout(now)
+        self._timers.fire(now)
+        self._transmitter.handle_timeout(now)
 
     def handle_journal_committed(self, write_id: int, now: int) -> None:
         """A journal write is safe."""
@@ -433,12 +441,7 @@ class Engine:
 
         None means that the engine waits for inputs only.
         """
-        instants = (
-            self._protocols.next_deadline_at(),
-            self.silence.next_deadline_at,
-            self.clock.next_deadline_at,
-            self._transmitter.next_at(self._now),
-        )
+        instants = (self._timers.next_at(), self._transmitter.next_at(self._now))
         earliest = min((at for at in instants if at is not None), default=None)
         return None if earliest is None else max(earliest, self._now)
 

@@ -16,6 +16,7 @@ node; without them nothing is sent and no timer is armed.
 
 import random
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -24,6 +25,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import REACHABILITY, Change, Reachability
 from zacoustic.core.streams.table import StreamTable
@@ -91,6 +93,7 @@ class Contact:
         table: Its table; what it lists are the nodes there are.
         rules: What the config says.
         peers: The other nodes.
+        timers: Tell who has become lost.
         rng: Draws the pauses.
         emit: Takes events.
     """
@@ -101,11 +104,13 @@ class Contact:
         table: StreamTable,
         rules: ContactRules,
         peers: Peers,
+        timers: Timers,
         rng: random.Random,
         emit: Callable[[PeerLost | PeerFound], None],
     ) -> None:
         self._address = address
         self._rules = rules
+        self._timers = timers
         self._rng = rng
         self._emit = emit
         self._hearers = [each for each in table.nodes if each != address] or [BROADCAST]
@@ -125,6 +130,7 @@ class Contact:
                 self._sightings.setdefault(
                     address, Sighting(state=REACHABILITY.first, since=now, heard_at=None)
                 )
+                self._arm(address)
 
     # Heartbeats
 
@@ -158,23 +164,9 @@ class Contact:
         before = REACHABILITY.first if known is None else known.state
         state = REACHABILITY.after(before, Change.FRAME)
         self._sightings[source] = Sighting(state=state, since=since, heard_at=now)
+        self._arm(source)
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
-
-    def expire(self, now: int) -> None:
-        """Tell who has become lost."""
-        for address, known in list(self._sightings.items()):
-            at = self._lost_at(address, known)
-            if at is not None and at <= now:
-                heard_at = known.heard_at
-                state = REACHABILITY.after(known.state, Change.SILENCE)
-                self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
-                self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which somebody becomes lost, ns, or None."""
-        instants = (self._lost_at(*each) for each in self._sightings.items())
-        return min((at for at in instants if at is not None), default=None)
 
     def sightings(self) -> dict[int, Sighting]:
         """Return whether nodes are lost, by address, for all that can be."""
@@ -188,17 +180,24 @@ class Contact:
 
     def _forget(self, address: int, now: int) -> None:
         self._sightings.pop(address, None)
+        self._timers.cancel((Due.CONTACT, address))
 
     def _lost_after_s(self, address: int) -> float | None:
         return self._rules.lost_after_s.get(address, self._rules.others_lost_after_s)
 
-    def _lost_at(self, address: int, known: Sighting) -> int | None:
-        """Return when a node becomes lost if it is not heard before, ns."""
-        lost_after_s = self._lost_after_s(address)
-        if known.is_lost or lost_after_s is None:
-            return None
-        seen_at = known.since if known.heard_at is None else known.heard_at
-        return seen_at + seconds_to_ns(lost_after_s)
+    def _arm(self, address: int) -> None:
+        """A node that counts as there becomes lost if it is not heard before."""
+        lost_after_s, known = self._lost_after_s(address), self._sightings[address]
+        if lost_after_s is not None:
+            seen_at = known.since if known.heard_at is None else known.heard_at
+            lost_at = seen_at + seconds_to_ns(lost_after_s)
+            self._timers.at((Due.CONTACT, address), lost_at, partial(self._lose, address))
+
+    def _lose(self, address: int, now: int) -> None:
+        known = self._sightings[address]
+        heard_at, state = known.heard_at, REACHABILITY.after(known.state, Change.SILENCE)
+        self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
+        self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))
 
     def _draw_pause(self) -> None:
         if self._rules.heartbeat_s is not None:

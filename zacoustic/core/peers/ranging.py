@@ -41,6 +41,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.measurements import Range, range_in
 from zacoustic.core.peers.peer import Pause
 from zacoustic.core.streams.table import StreamTable
@@ -94,6 +95,7 @@ class Ranging:
     Args:
         address: Address of this node.
         table: Its table; what it lists are the nodes there are.
+        timers: Fail requests.
         rng: Draws when a schedule begins.
         emit: Takes what became of requests.
     """
@@ -102,11 +104,13 @@ class Ranging:
         self,
         address: int,
         table: StreamTable,
+        timers: Timers,
         rng: random.Random,
         emit: Callable[[RangeMeasured | RangeFailed], None],
     ) -> None:
         self._address = address
         self._table = table
+        self._timers = timers
         self._rng = rng
         self._emit = emit
         self._capabilities: LinkCapabilities | None = None
@@ -135,18 +139,24 @@ class Ranging:
         self._next_id += 1
         quest = self._quest(address)
         quest.pause.reset()
-        quest.requests[range_id] = _Request(now, now + seconds_to_ns(timeout_s), timeout_s)
+        quest.requests[range_id] = now
+        deadline_at = now + seconds_to_ns(timeout_s)
+        time_out = partial(self._time_out, range_id, address, timeout_s)
+        self._timers.at((Due.RANGE, range_id), deadline_at, time_out)
         return range_id
 
     def cancel(self, range_id: int) -> None:
         """Give up a request; no event follows."""
+        self._timers.cancel((Due.RANGE, range_id))
         for address, quest in tuple(self._quests.items()):
             if quest.requests.pop(range_id, None) is not None:
                 self._forget_if_idle(address)
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Nothing is to be kept of a node; its range is not measured any more."""
-        self._quests.pop(address, None)
+        quest = self._quests.pop(address, None)
+        for range_id in quest.requests if quest is not None else ():
+            self._timers.cancel((Due.RANGE, range_id))
 
     def repeat(self, address: int, every_s: float, now: int) -> None:
         """Measure the range of a peer again and again; replaces an earlier schedule for it.
@@ -186,6 +196,7 @@ class Ranging:
                     self._fail(quest, range_id, address, RangeFailure.UNAVAILABLE, reason)
                 if quest.every_ns is not None:
                     self._fail(quest, None, address, RangeFailure.UNAVAILABLE, reason)
+            self._forget_if_idle(address)
 
     def measured(self, measurement: PeerMeasured) -> None:
         """A peer was measured: answer the requests that were made before."""
@@ -199,9 +210,10 @@ class Ranging:
         if quest.every_ns is not None:
             next_at = found.measured_at + quest.every_ns
             quest.scheduled_at = max(quest.scheduled_at, next_at)
-        for range_id, request in tuple(quest.requests.items()):
-            if request.asked_at <= found.measured_at:
+        for range_id, asked_at in tuple(quest.requests.items()):
+            if asked_at <= found.measured_at:
                 del quest.requests[range_id]
+                self._timers.cancel((Due.RANGE, range_id))
                 self._emit(RangeMeasured(range_id=range_id, range=found))
         self._forget_if_idle(address)
 
@@ -244,25 +256,13 @@ class Ranging:
         if quest is not None and quest.every_ns is not None:
             quest.gives_way_until = min(until, quest.scheduled_at + quest.every_ns)
 
-    def next_deadline_at(self) -> int | None:
-        """Return when `expire` is to be called, ns."""
-        deadlines = (
-            request.deadline_at
-            for quest in self._quests.values()
-            for request in quest.requests.values()
-        )
-        return min(deadlines, default=None)
-
-    def expire(self, now: int) -> None:
-        """Fail the requests whose time is over."""
-        for address, quest in tuple(self._quests.items()):
-            for range_id, request in tuple(quest.requests.items()):
-                if request.deadline_at <= now:
-                    text = f"no range within {request.timeout_s:g} s: {quest.words}"
-                    self._fail(quest, range_id, address, RangeFailure.TIMED_OUT, text)
-            self._forget_if_idle(address)
-
     # Below the methods above
+
+    def _time_out(self, range_id: int, address: int, timeout_s: float, now: int) -> None:
+        quest = self._quests[address]
+        text = f"no range within {timeout_s:g} s: {quest.words}"
+        self._fail(quest, range_id, address, RangeFailure.TIMED_OUT, text)
+        self._forget_if_idle(address)
 
     def _due(self, now: int) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next exchange that is wanted, or None."""
@@ -318,6 +318,7 @@ class Ranging:
     ) -> None:
         if range_id is not None:
             del quest.requests[range_id]
+            self._timers.cancel((Due.RANGE, range_id))
         self._emit(RangeFailed(range_id=range_id, address=address, failure=failure, text=text))
 
     def _forget_if_idle(self, address: int) -> None:
@@ -326,19 +327,12 @@ class Ranging:
             del self._quests[address]
 
 
-class _Request(msgspec.Struct, frozen=True):
-    """A range that somebody waits for."""
-
-    asked_at: int
-    deadline_at: int
-    timeout_s: float
-
-
 class _Quest:
     """The ranges that are wanted of one peer."""
 
     def __init__(self) -> None:
-        self.requests: dict[int, _Request] = {}
+        self.requests: dict[int, int] = {}
+        """When each was made, ns, by its id."""
         self.every_ns: int | None = None
         self.scheduled_at = 0
         self.gives_way_until = 0

@@ -19,6 +19,7 @@ import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.spec import AccessSpec, TdmaSpec
 
@@ -67,8 +68,10 @@ class HostTime:
         stored: Mapping[str, bytes],
         *,
         journal: JournalPort,
+        timers: Timers,
         emit: Callable[[ClockStateChanged], None],
     ) -> None:
+        self._timers = timers
         slots = access if isinstance(access, TdmaSpec) and access.clock is None else None
         self.doubt = ""
         """Why nothing is transmitted, if it is for want of the time; empty: it is not."""
@@ -92,18 +95,13 @@ class HostTime:
         """UTC is known, and not in doubt."""
         return self.time.offset_ns is not None and self.time.sure_at is None
 
-    @property
-    def next_deadline_at(self) -> int | None:
-        """When the host is to be asked again, for `expire`, ns, or None."""
-        return self._ask_at if self.doubt and self._is_needed else None
-
     def tell(self, offset_ns: int, error_ns: int | None, now: int) -> int | None:
         """Take a statement of the host.
 
         Returns:
             By how much it may be wrong, ns; None: it is not believed.
         """
-        self._ask_at = now + _ASK_NS
+        self._ask(now)
         self._refusal = ""
         if now + offset_ns < EARLIEST_UTC_NS:
             error_ns = None
@@ -113,11 +111,6 @@ class HostTime:
         if self.time.tell(offset_ns, error_ns, now) and error_ns is not None and self._is_needed:
             self._keep(_Kept(self._boot, offset_ns, error_ns, now))
         return error_ns
-
-    def expire(self, now: int) -> None:
-        """The host is asked now."""
-        if self._ask_at is not None and self._ask_at <= now:
-            self._ask_at = now + _ASK_NS
 
     def review(self, doubt: str, now: int) -> None:
         """Tell the application what keeps this node silent, if that has changed.
@@ -130,9 +123,21 @@ class HostTime:
             doubt = f"{doubt}: {self._refusal}"
         if doubt != self.doubt:
             self.doubt = doubt
+            self._arm()
             self._emit(ClockStateChanged(doubt=doubt, changed_at=now))
 
     # Below the methods above
+
+    def _ask(self, now: int) -> None:
+        """The host is asked now."""
+        self._ask_at = now + _ASK_NS
+        self._arm()
+
+    def _arm(self) -> None:
+        if self._ask_at is not None and self.doubt and self._is_needed:
+            self._timers.at((Due.CLOCK,), self._ask_at, self._ask)
+        else:
+            self._timers.cancel((Due.CLOCK,))
 
     def _keep(self, statement: _Kept) -> None:
         """Write a statement down, if it tells the next life more than what is written."""

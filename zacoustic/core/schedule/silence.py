@@ -29,6 +29,7 @@ import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.journal import BOOT_KEY, JournalPort
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.queue import LaneKey
 
@@ -100,6 +101,7 @@ class Silence:
         stored: What the journal has kept.
         host: What is known of UTC.
         journal: Keeps the order.
+        timers: End it.
         emit: Takes `SilenceChanged` when an order, or its end, is kept.
     """
 
@@ -110,9 +112,11 @@ class Silence:
         *,
         host: HostTime,
         journal: JournalPort,
+        timers: Timers,
         emit: Callable[[SilenceChanged], None],
     ) -> None:
         self._quiet = quiet
+        self._timers = timers
         self._journal = journal
         self._emit = emit
         self._host = host
@@ -154,11 +158,13 @@ class Silence:
             self._ends_at = now + min(_LONGEST_NS, max(1, seconds_to_ns(duration_s)))
         self._ends_utc_ns = self._end_in_utc(now)
         self._write(now, lambda at: self._tell(at, then))
+        self._arm()
 
     def resume(self, now: int, *, then: Callable[[int], None] | None = None) -> None:
         """End the order; quiet windows stay. `then` is called when that is written down."""
         self._ordered, self._kept, self._granted, self._doubt = False, None, None, ""
         self._journal.write(SILENCE_KEY, None, lambda at: self._tell(at, then))
+        self._arm()
 
     def grant(self, lane: LaneKey, *, until: int) -> None:
         """Let one frame go all the same, with what waits in one lane, until an instant, ns."""
@@ -173,18 +179,17 @@ class Silence:
     def wake(self, now: int) -> None:
         """The link is up: this is the first instant at which anything could be sent."""
         self._begin_life(now)
-        self.expire(now)
+        self._go_on(now)
         if self._ordered and self._is_former:
             self._emit(self.state(now))
         self._is_former = False
 
-    def expire(self, now: int) -> None:
-        """Forget an order that has come to its end; keep what is left of one that has not."""
-        if not self._ordered or self._ends_at is None:
+    def keep(self, now: int) -> None:
+        """Write down again what is left of an order, if that was long ago: the node is awake."""
+        if not self._ordered or self._ends_at is None or self._ends_at <= now:
             return
-        if self._ends_at <= now:
-            self.resume(now)
-        elif now - self._written_at >= max(_WRITE_EVERY_NS, (self._ends_at - now) // _WRITE_PARTS):
+        left_ns = self._ends_at - now
+        if now - self._written_at >= max(_WRITE_EVERY_NS, left_ns // _WRITE_PARTS):
             self._write(now)
 
     def handle_clock(self, now: int) -> None:
@@ -200,14 +205,9 @@ class Silence:
             before_ns, self._ends_utc_ns = self._ends_utc_ns, self._end_in_utc(now)
             if _is_other(before_ns, self._ends_utc_ns):
                 self._write(now)
-        self.expire(now)
+        self._go_on(now)
 
     # Getters
-
-    @property
-    def next_deadline_at(self) -> int | None:
-        """The end of an order, for `expire`, ns, or None."""
-        return self._ends_at if self._ordered else None
 
     def until(self, now: int) -> int | None:
         """Return the end of the silence, ns; None: no end is known.
@@ -250,6 +250,19 @@ class Silence:
         return "the clock has jumped" if is_known else "UTC is not known"
 
     # Below the methods above
+
+    def _go_on(self, now: int) -> None:
+        """Forget an order that has come to its end; keep what is left of one that has not."""
+        if self._ordered and self._ends_at is not None and self._ends_at <= now:
+            self.resume(now)
+        self.keep(now)
+        self._arm()
+
+    def _arm(self) -> None:
+        if self._ordered and self._ends_at is not None:
+            self._timers.at((Due.SILENCE,), self._ends_at, self._go_on)
+        else:
+            self._timers.cancel((Due.SILENCE,))
 
     def _quiet_until(self, at: int) -> int | None:
         """End of the quiet windows that hold at an instant, or that instant."""

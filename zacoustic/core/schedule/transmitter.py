@@ -1,4 +1,9 @@
-"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps."""
+"""When a frame goes, and what is booked for it: the link, its access, silence and airtime caps.
+
+The instant of the next frame (`Transmitter.next_at`) is computed on demand and is not a timer: it
+depends on queue, port, medium access, caps and silence at the moment of asking, and any input may
+change each of them.
+"""
 
 from collections.abc import Callable
 from typing import Final, Protocol
@@ -134,9 +139,8 @@ class Transmitter:
         if state is LinkState.UP:
             self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
 
-    def expire(self, now: int) -> None:
-        """An instant has come that something here has named."""
-        self._host.expire(now)
+    def handle_timeout(self, now: int) -> None:
+        """An instant has come that `next_at` or a timer has named."""
         if self.port is not None:
             self.port.access.handle_timeout(now)
 

@@ -20,6 +20,7 @@ from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.copies import aimed_pause, follow
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
@@ -101,6 +102,7 @@ class Repeater:
     Args:
         queue: Takes them.
         peers: The other nodes.
+        timers: Repeat and end them.
         rng: Draws the pauses.
         introduce: Makes the next frame to a node readable there: address, stream id.
     """
@@ -109,19 +111,23 @@ class Repeater:
         self,
         queue: TransmitQueue,
         peers: Peers,
+        timers: Timers,
         rng: random.Random,
         introduce: Callable[[int, int], None] = lambda address, stream_id: None,
     ) -> None:
         self._queue = queue
+        self._timers = timers
         self._introduce = introduce
         self._rng = rng
         self._times: LinkTimes | None = None
         self._timings = PerPeer(peers, PeerTiming)
         self._repetitions: dict[Repetition, None] = {}
+        peers.on_forget(lambda address, now: self._changed())
 
     def use_link(self, times: LinkTimes) -> None:
         """Take the airtimes of a link."""
         self._times = times
+        self._changed()
 
     def start(
         self,
@@ -182,6 +188,7 @@ class Repeater:
         self._repetitions.pop(repetition, None)
         self._queue.discard(repetition.key, repetition.record)
         repetition.stage = _Stage.OVER
+        self._changed()
 
     def again(self, repetition: Repetition) -> None:
         """Repeat at once: the node has shown that it lacks the record."""
@@ -207,6 +214,7 @@ class Repeater:
         for repetition in self._repetitions:
             if repetition.record.destination == source:
                 repetition.due_at = 0
+        self._changed()
 
     def link_up(self) -> None:
         """The link is up again: everything is due."""
@@ -214,9 +222,16 @@ class Repeater:
             timing.quiet_until = 0
         for repetition in self._repetitions:
             repetition.due_at = 0
+        self._changed()
 
-    def expire(self, now: int) -> None:
+    # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.REPETITION,), self._due_at, self._repeat)
+
+    def _repeat(self, now: int) -> None:
         """Repeat what is due; forget what nobody wants any more."""
+        self._changed()
         for repetition in list(self._repetitions):
             if repetition.until is not None and repetition.until <= now:
                 self.stop(repetition, now)
@@ -239,7 +254,7 @@ class Repeater:
                 timing.await_answer(now, now + pause_ns)
                 self._push_again(repetition)
 
-    def next_due_at(self) -> int | None:
+    def _due_at(self) -> int | None:
         """Return the earliest instant at which something is due or over, ns, or None."""
         earliest: int | None = None
         for repetition in self._repetitions:
@@ -251,10 +266,9 @@ class Repeater:
                 earliest = at
         return earliest
 
-    # Below the methods above
-
     def _transmitted(self, repetition: Repetition, now: int) -> None:
         """A transmission of the record begins."""
+        self._changed()
         repetition.tries += 1
         repetition.wholes_left -= repetition.record is repetition.whole
         repetition.stage = _Stage.ON_AIR
@@ -262,6 +276,7 @@ class Repeater:
 
     def _reported(self, repetition: Repetition, report: TransmitReport, now: int) -> None:
         """It has ended: from here an answer is awaited."""
+        self._changed()
         at = report.finished_at
         repetition.on_air -= 1
         repetition.sent_at = at
@@ -295,6 +310,7 @@ class Repeater:
         self._push(repetition)
 
     def _push(self, repetition: Repetition) -> None:
+        self._changed()
         largest_bytes = self._queue.largest_bytes
         if largest_bytes is not None and repetition.record.size_bytes > largest_bytes:
             # It was made for a link with larger frames.

@@ -13,6 +13,7 @@ from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
@@ -75,6 +76,7 @@ class Protocols:
         rules: What the config says.
         doubt: Whether something of former lives is forgotten.
         journal: Keeps what is to survive.
+        timers: Call the components when something is due.
         stats: Counts.
         generators: One for each component that draws.
         emit: Takes events.
@@ -90,6 +92,7 @@ class Protocols:
         rules: TransmitRules,
         doubt: Doubt,
         journal: JournalPort,
+        timers: Timers,
         stats: EngineStats,
         generators: Generators,
         emit: Callable[[ProtocolEvent], None],
@@ -104,9 +107,13 @@ class Protocols:
         self.handshake = handshake = Handshake(
             address, epoch, table, peers, generators.of("handshake")
         )
-        self.contact = Contact(address, table, rules.contact, peers, generators.of("contact"), emit)
-        self.ranging = Ranging(address, table, generators.of("ranging"), emit)
-        self.repeater = Repeater(queue, peers, generators.of("repeater"), handshake.introduce)
+        self.contact = Contact(
+            address, table, rules.contact, peers, timers, generators.of("contact"), emit
+        )
+        self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
+        self.repeater = Repeater(
+            queue, peers, timers, generators.of("repeater"), handshake.introduce
+        )
         self.demand = Demand(
             address,
             table,
@@ -118,7 +125,7 @@ class Protocols:
             unsubscribed=self._unsubscribed,
             emit=emit,
         )
-        self.deadlines = Deadlines(address, table, self.demand, stats, emit)
+        self.deadlines = Deadlines(address, table, self.demand, timers, stats, emit)
         self.dense = DenseStreams(address, table, handshake, self.demand)
         self.sending = ReliableSending(
             address,
@@ -129,6 +136,7 @@ class Protocols:
             demand=self.demand,
             journal=journal,
             doubt=doubt,
+            timers=timers,
             generators=generators,
             stats=stats,
             emit=emit,
@@ -139,6 +147,7 @@ class Protocols:
             queue=queue,
             journal=journal,
             doubt=doubt,
+            timers=timers,
             rng=generators.of("receiving"),
             emit=self._hand_on,
         )
@@ -151,11 +160,12 @@ class Protocols:
             sending=self.sending,
             receiving=self.receiving,
             journal=journal,
+            timers=timers,
             stats=stats,
             generators=generators,
             emit=emit,
         )
-        self.copied = CopiedSamples(queue, handshake)
+        self.copied = CopiedSamples(queue, handshake, timers)
         self.topics = Topics(
             address,
             table,
@@ -177,6 +187,7 @@ class Protocols:
             handshake=handshake,
             begin_epoch=self.begin_epoch,
             doubt=doubt,
+            timers=timers,
             stats=stats,
             emit=emit,
         )
@@ -189,6 +200,7 @@ class Protocols:
             handshake=handshake,
             begin_epoch=self._renew_epoch,
             doubt=doubt,
+            timers=timers,
             stats=stats,
             emit=emit,
         )
@@ -380,34 +392,10 @@ class Protocols:
         self.services.link_up(now)
         self.actions.link_up(now)
 
-    def expire(self, now: int) -> None:
-        """The instant that `next_deadline_at` named has come."""
-        self.services.expire(now)
-        self.actions.expire(now)
-        self.copied.expire(now)
-        self.sending.expire(now)
-        self.receiving.expire(now)
-        self.repeater.expire(now)
-        self.large.at(now).objects.expire(now)
-        self.ranging.expire(now)
-        self.contact.expire(now)
-        self.deadlines.expire(now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which something expires or is due, ns, or None."""
-        instants = (
-            self.services.next_deadline_at(),
-            self.actions.next_due_at(),
-            self.copied.next_deadline_at(),
-            self.sending.next_deadline_at(),
-            self.receiving.next_deadline_at(),
-            self.repeater.next_due_at(),
-            self.large.objects.next_deadline_at(),
-            self.ranging.next_deadline_at(),
-            self.contact.next_deadline_at(),
-            self.deadlines.next_deadline_at(),
-        )
-        return min((at for at in instants if at is not None), default=None)
+    def handle_timeout(self, now: int) -> None:
+        """The node is awake, and timers may be due: do what has no instant of its own."""
+        self.large.at(now)
+        self.copied.sweep(now)
 
     # Below the methods above
 

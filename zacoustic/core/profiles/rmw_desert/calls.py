@@ -14,12 +14,14 @@ have made two of a frame, are one request: its answer is said again, if there is
 
 import random
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.streams.rmwdesert import FIRST_SEQUENCE, LAST_SEQUENCE
 from zacoustic.core.streams.specs import ServiceSpec
@@ -54,14 +56,12 @@ class _Call(msgspec.Struct):
 
     stream_id: int
     sequence: int
-    deadline_at: int
 
 
 class _Served(msgspec.Struct):
     """A request that this node serves, or has answered just now."""
 
     fields: bytes
-    forgotten_at: int
     response: bytes | None = None
     """Fields of the answer."""
 
@@ -73,6 +73,7 @@ class DesertCalls:
         address: Address of the node.
         table: Its streams.
         queue: Takes requests and responses.
+        timers: End and forget calls.
         stats: Counts.
         rng: Draws the first sequence id.
         emit: Takes the events.
@@ -84,6 +85,7 @@ class DesertCalls:
         table: StreamTable,
         *,
         queue: TransmitQueue,
+        timers: Timers,
         stats: EngineStats,
         rng: random.Random,
         emit: Callable[[CallEvent], None],
@@ -91,6 +93,7 @@ class DesertCalls:
         self._address = address
         self._table = table
         self._queue = queue
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._next_sequence = rng.randint(FIRST_SEQUENCE, LAST_SEQUENCE)
@@ -118,10 +121,11 @@ class DesertCalls:
             )
         sequence = self._take_sequence(stream_id)
         limit_s = spec.timeout_s if timeout_s is None else timeout_s
-        call = _Call(stream_id, sequence, now + seconds_to_ns(limit_s))
-        self._send(Kind.REQUEST, stream, sequence, fields, now, expires_at=call.deadline_at)
+        deadline_at = now + seconds_to_ns(limit_s)
+        self._send(Kind.REQUEST, stream, sequence, fields, now, expires_at=deadline_at)
         call_id, self._next_call_id = self._next_call_id, self._next_call_id + 1
-        self._calls[call_id] = call
+        self._calls[call_id] = _Call(stream_id, sequence)
+        self._timers.at((Due.DESERT_CALL, call_id), deadline_at, partial(self._time_out, call_id))
         self._by_sequence[stream_id, sequence] = call_id
         count(self._stats.published, stream_id)
         return call_id
@@ -142,13 +146,12 @@ class DesertCalls:
         stream = self._table.by_id(key.stream_id)
         served.response = stream.response_codec.encode(value)
         self._respond(stream, key.number, served.response, now)
-        served.forgotten_at = now + self.settling_ns
-        self._served[key] = served  # the newest of those that are answered
+        self._serve(key, served, now + self.settling_ns)  # the newest of those that are answered
         return True
 
-    def reply_error(self, key: CallKey) -> bool:
+    def reply_error(self, key: CallKey, now: int) -> bool:
         """Forget a request that failed: nothing on this wire says so, hence False."""
-        self._served.pop(key, None)
+        self._forget(key, now)
         return False
 
     # For the water
@@ -163,21 +166,20 @@ class DesertCalls:
             return "not_publisher" if is_server else self._receive_response(stream, message)
         return self._receive_request(source, stream, message, now) if is_server else "not_for_us"
 
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which a call fails, or a request is given up, ns."""
-        instants = [call.deadline_at for call in self._calls.values()]
-        instants += [served.forgotten_at for served in self._served.values()]
-        return min(instants, default=None)
-
-    def expire(self, now: int) -> None:
-        """The instant that `next_deadline_at` named has come."""
-        for key in [key for key, each in self._served.items() if each.forgotten_at <= now]:
-            del self._served[key]
-        for call_id in [each for each, call in self._calls.items() if call.deadline_at <= now]:
-            text = "no answer in time; whether the service ran is unknown"
-            self._fail(call_id, CallFailure.TIMED_OUT, text)
-
     # Below the methods above
+
+    def _serve(self, key: CallKey, served: _Served, until: int) -> None:
+        """Know a request until an instant, ns."""
+        self._served[key] = served
+        self._timers.at((Due.DESERT_SERVED_CALL, key), until, partial(self._forget, key))
+
+    def _forget(self, key: CallKey, now: int) -> None:
+        self._served.pop(key, None)
+        self._timers.cancel((Due.DESERT_SERVED_CALL, key))
+
+    def _time_out(self, call_id: int, now: int) -> None:
+        text = "no answer in time; whether the service ran is unknown"
+        self._fail(call_id, CallFailure.TIMED_OUT, text)
 
     def _receive_request(
         self, source: int, stream: Stream, message: Message, now: int
@@ -193,7 +195,7 @@ class DesertCalls:
             answered = [key for key in known if self._served[key].response is not None]
             if not answered:
                 return "too_many_calls"
-            del self._served[answered[0]]
+            self._forget(answered[0], now)
         try:
             value = stream.codec.decode(message.fields)
         except PayloadError:
@@ -202,7 +204,7 @@ class DesertCalls:
         self._arrivals += 1
         key = CallKey(source, self._arrivals, stream.stream_id, message.sequence)
         deadline_at = now + self._timeout_ns(stream)
-        self._served[key] = _Served(message.fields, deadline_at)
+        self._serve(key, _Served(message.fields), deadline_at)
         count(self._stats.received, stream.stream_id)
         self._emit(RequestReceived(call=key, value=value, deadline_at=deadline_at))
         return None
@@ -266,6 +268,7 @@ class DesertCalls:
     def _end(self, call_id: int) -> _Call:
         """End a call; its request does not leave any more."""
         call = self._calls.pop(call_id)
+        self._timers.cancel((Due.DESERT_CALL, call_id))
         del self._by_sequence[call.stream_id, call.sequence]
         head = encode_head(call.stream_id, call.sequence)
         self._queue.remove((call.stream_id, _REQUEST_LANE), head)

@@ -8,9 +8,11 @@ rmw_desert, whose writes DESERT cuts the same way. The pieces of a packet that i
 waited for until there has been silence for `patience_ns`; then the bytes are looked through again.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.values.rmw_desert.packets import (
     PAYLOAD_LIMIT_BYTES,
     PacketDecoder,
@@ -30,10 +32,20 @@ class PacketEnvelope(Envelope):
     Args:
         capabilities: What the link brings by itself.
         address: Address of this node, 1…254.
+        timers: Tell when what is incomplete is given up.
+        give_up: Called then; it is to `flush`.
     """
 
-    def __init__(self, capabilities: LinkCapabilities, address: int) -> None:
+    def __init__(
+        self,
+        capabilities: LinkCapabilities,
+        address: int,
+        timers: Timers,
+        give_up: Callable[[int], None],
+    ) -> None:
         super().__init__(capabilities, address)
+        self._timers = timers
+        self._give_up = give_up
         mtu_bytes = capabilities.mtu_bytes
         self._decoder = None if capabilities.framed else PacketDecoder()
         self._patience_ns = _PATIENCE_FRAMES * capabilities.airtime_ns(mtu_bytes)
@@ -42,8 +54,7 @@ class PacketEnvelope(Envelope):
         self.room_bytes = (
             min(PAYLOAD_LIMIT_BYTES, mtu_bytes) if capabilities.framed else PAYLOAD_LIMIT_BYTES
         )
-        self.flush_at: int | None = None
-        """Instant at which what is incomplete is given up, ns."""
+        timers.cancel((Due.PACKET,))  # of a link before
 
     def wrap(self, records: bytes, destination: int) -> bytes:
         """Make a packet of a message, which may be longer than the link takes at once."""
@@ -55,13 +66,15 @@ class PacketEnvelope(Envelope):
             return [_opened(received.frame_bytes, received.source)]
         discarded_before = self._decoder.discarded_bytes
         payloads = self._decoder.feed(received.frame_bytes)
-        is_waiting = self._decoder.is_waiting
-        self.flush_at = received.received_at + self._patience_ns if is_waiting else None
+        if self._decoder.is_waiting:
+            give_up_at = received.received_at + self._patience_ns
+            self._timers.at((Due.PACKET,), give_up_at, self._give_up)
+        else:
+            self._timers.cancel((Due.PACKET,))
         return self._found(payloads, discarded_before, received.source)
 
     def flush(self) -> list[Opened | Damaged]:
         """Give up what is incomplete, and return the messages that it hid."""
-        self.flush_at = None
         if self._decoder is None:
             return []
         discarded_before = self._decoder.discarded_bytes
@@ -69,7 +82,7 @@ class PacketEnvelope(Envelope):
 
     def forget(self) -> None:
         """A new connection: what was incomplete will never be completed."""
-        self.flush_at = None
+        self._timers.cancel((Due.PACKET,))
         if self._decoder is not None:
             self._decoder = PacketDecoder()
 

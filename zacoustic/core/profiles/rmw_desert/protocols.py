@@ -32,6 +32,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.profiles.entities import DiscoverySpec
@@ -68,6 +69,7 @@ class RmwDesertProtocols(Protocols):
         rules: TransmitRules,
         doubt: Doubt,
         journal: JournalPort,
+        timers: Timers,
         stats: EngineStats,
         generators: Generators,
         emit: Callable[[ProtocolEvent], None],
@@ -80,15 +82,18 @@ class RmwDesertProtocols(Protocols):
             rules=rules,
             doubt=doubt,
             journal=journal,
+            timers=timers,
             stats=stats,
             generators=generators,
             emit=emit,
         )
         self._table = table
+        self._timers = timers
         self._calls = DesertCalls(
             address,
             table,
             queue=self.queue,
+            timers=timers,
             stats=stats,
             rng=generators.of("rmw_desert calls"),
             emit=emit,
@@ -155,13 +160,13 @@ class RmwDesertProtocols(Protocols):
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
         """Forget a request: there are no errors on this wire, and its client hears nothing."""
-        return self._calls.reply_error(call)
+        return self._calls.reply_error(call, now)
 
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a message on a link."""
-        return PacketEnvelope(capabilities, self._address)
+        return PacketEnvelope(capabilities, self._address, self._timers, self._give_up)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a packet is to go, ns; None: nothing is to be said."""
@@ -236,31 +241,18 @@ class RmwDesertProtocols(Protocols):
             envelope.forget()
         self._discovery.begin(now)
 
-    def expire(self, now: int) -> None:
-        """The instant that `next_deadline_at` named has come."""
-        super().expire(now)
-        self._calls.expire(now)
+    # Below the methods above
+
+    def _give_up(self, now: int) -> None:
+        """Look through the bytes of a packet of which the rest did not come."""
         envelope = self._packets
-        if envelope is None or envelope.flush_at is None or envelope.flush_at > now:
-            return
+        assert envelope is not None
         for opened in envelope.flush():
             if isinstance(opened, Damaged):
                 self._stats.drop(opened.reason)
             else:
                 frame = ReceivedFrame(frame_bytes=opened.records, received_at=now)
                 self.receive(opened, frame, now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which something expires or is due, ns, or None."""
-        envelope = self._packets
-        instants = (
-            super().next_deadline_at(),
-            self._calls.next_deadline_at(),
-            envelope.flush_at if envelope is not None else None,
-        )
-        return min((at for at in instants if at is not None), default=None)
-
-    # Below the methods above
 
     @property
     def _packets(self) -> PacketEnvelope | None:

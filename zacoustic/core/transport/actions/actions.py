@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import TransmitQueue
@@ -35,6 +36,7 @@ class Actions:
         handshake: Knows the epoch of each node, and which streams a peer defines in another way.
         begin_epoch: Begins a new boot epoch of this node; False: that would break something.
         doubt: Whether goals of former lives are forgotten.
+        timers: Ask after goals, end and forget them.
         stats: Counts.
         emit: Takes the events.
     """
@@ -50,6 +52,7 @@ class Actions:
         handshake: Handshake,
         begin_epoch: Callable[[int], bool],
         doubt: Doubt,
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -63,6 +66,7 @@ class Actions:
             journal=journal,
             handshake=handshake,
             begin_epoch=begin_epoch,
+            timers=timers,
             stats=stats,
             emit=emit,
         )
@@ -72,6 +76,7 @@ class Actions:
             journal=journal,
             handshake=handshake,
             doubt=doubt,
+            timers=timers,
             stats=stats,
             emit=emit,
         )
@@ -225,16 +230,6 @@ class Actions:
     def peer_forgotten(self, peer: int, now: int) -> None:
         """Nothing is to be kept of a node, nor which of its goals ran."""
         self._server.client_forgotten(peer, now)
-
-    def expire(self, now: int) -> None:
-        """Do what is due."""
-        self._client.expire(now)
-        self._server.expire(now)
-
-    def next_due_at(self) -> int | None:
-        """Return the earliest instant at which something is due, ns, or None."""
-        instants = (self._client.next_due_at(), self._server.next_due_at())
-        return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
 

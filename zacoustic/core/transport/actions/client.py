@@ -1,11 +1,13 @@
 """The goals that this node has sent: repeated, asked after, cancelled, and ended once."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -53,6 +55,7 @@ class GoalClient:
         journal: Keeps which goals have been sent.
         handshake: Knows this node's epoch, and which streams a peer defines in another way.
         begin_epoch: Begins a new boot epoch of this node; False: that would break something.
+        timers: Ask after goals, and give them up.
         stats: Counts.
         emit: Takes the events.
     """
@@ -66,6 +69,7 @@ class GoalClient:
         journal: JournalPort,
         handshake: Handshake,
         begin_epoch: Callable[[int], bool],
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -76,6 +80,7 @@ class GoalClient:
         self._journal = ClientJournal(address, table, journal)
         self._handshake = handshake
         self._begin_epoch = begin_epoch
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._goals: dict[GoalKey, ClientGoal] = {}
@@ -94,7 +99,7 @@ class GoalClient:
         for goal in self._goals.values():
             if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
                 goal.deadline_at = now + self._patience_ns(goal)
-                self._letters.claim(goal, now)
+                self._claim(goal, now)
 
     # For the application
 
@@ -124,6 +129,7 @@ class GoalClient:
         goal = ClientGoal(key, spec.server, ClientStage.OFFERED, deadline_at, tag)
         goal.numbers, goal.index = numbers, index
         self._goals[key] = goal
+        self._arm(goal)
         # What is left to be said of the last goal of this number is of no use any more.
         self._post.withdraw(key, spec.server, GoalLane.ANSWER)
         count(self._stats.published, stream.stream_id)
@@ -186,13 +192,14 @@ class GoalClient:
                 self._prove(goal, now)
                 self._letters.stop_offer(goal, now, answered=True)
                 self._letters.insist(goal, now)
+                self._arm(goal)
             case Operation.RESULT:
                 return self._receive_result(goal, stream, message.payload, now)
             case Operation.CONFIRM:
                 self._prove(goal, now)
                 self._letters.stop_offer(goal, now, answered=True)
                 if goal.stage is ClientStage.OFFERED and goal.claim is None:
-                    self._letters.claim(goal, now)
+                    self._claim(goal, now)
             case Operation.ACCEPTED:
                 self._runs(goal, now)
             case Operation.CANCEL:
@@ -215,7 +222,7 @@ class GoalClient:
         """Ask what became of the goals that a node had accepted."""
         for goal in self._goals.values():
             if goal.server == server and goal.stage is ClientStage.RUNS:
-                self._letters.claim(goal, now)
+                self._claim(goal, now)
 
     def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch: its goals are of a former one now."""
@@ -229,32 +236,32 @@ class GoalClient:
                 self._letters.offer(goal, payload, now)
             elif goal.stage is ClientStage.RUNS or goal.claim is not None:
                 self._post.stop(goal.claim, now)
-                self._letters.claim(goal, now)
+                self._claim(goal, now)
             if goal.cancel is not None:
                 self._post.stop(goal.cancel, now)
                 self._letters.cancel(goal, now)
 
-    # For the timer
-
-    def expire(self, now: int) -> None:
-        """Ask after the goals of which nothing is heard, and give up."""
-        for goal in [
-            each for each in self._goals.values() if each.due_at is not None and each.due_at <= now
-        ]:
-            if goal.deadline_at <= now:
-                text = "nothing was heard of it for too long"
-                if goal.stage is ClientStage.OFFERED:
-                    text = "no answer before the deadline"
-                self._fail(goal, GoalFailure.TIMED_OUT, text, now)
-            else:
-                self._letters.claim(goal, now)
-
-    def next_due_at(self) -> int | None:
-        """Return the earliest instant at which something is to be done, ns, or None."""
-        instants = (goal.due_at for goal in self._goals.values())
-        return min((at for at in instants if at is not None and at < _NEVER), default=None)
-
     # Below the methods above
+
+    def _arm(self, goal: ClientGoal) -> None:
+        if goal.due_at is None:
+            self._timers.cancel((Due.GOAL, goal.key))
+        else:
+            self._timers.at((Due.GOAL, goal.key), goal.due_at, partial(self._is_due, goal))
+
+    def _is_due(self, goal: ClientGoal, now: int) -> None:
+        """Ask after a goal of which nothing is heard, or give it up."""
+        if goal.deadline_at <= now:
+            text = "nothing was heard of it for too long"
+            if goal.stage is ClientStage.OFFERED:
+                text = "no answer before the deadline"
+            self._fail(goal, GoalFailure.TIMED_OUT, text, now)
+        else:
+            self._claim(goal, now)
+
+    def _claim(self, goal: ClientGoal, now: int) -> None:
+        self._letters.claim(goal, now)
+        self._arm(goal)
 
     def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> GoalNumbers:
         """Return the numbers of an action, of which the next one is free.
@@ -306,6 +313,7 @@ class GoalClient:
             goal.claim = None
         patience_ns = self._patience_ns(goal)
         goal.claim_at, goal.deadline_at = now + patience_ns // 2, now + patience_ns
+        self._arm(goal)
         if goal.stage is not ClientStage.RUNS:
             goal.stage = ClientStage.RUNS
             self._emit(GoalAnswered(goal=goal.key, accepted=True))
@@ -427,6 +435,7 @@ class GoalClient:
         So if this node dies meanwhile, its next life is told the end again; it is never lost.
         """
         goal.stage = ClientStage.ENDED
+        self._arm(goal)
         for repetition in (goal.offer, goal.claim):
             self._post.stop(repetition, now, answered=answered)
         self._post.stop(goal.cancel, now)

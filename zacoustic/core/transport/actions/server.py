@@ -1,6 +1,7 @@
 """The goals that this node was sent: shown to the application once, and their ends kept."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -8,6 +9,7 @@ import msgspec
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.specs import ActionSpec
@@ -57,6 +59,7 @@ class GoalServer:
         journal: Keeps the goals.
         handshake: Knows the present epoch of each client.
         doubt: Whether goals of former lives are forgotten.
+        timers: Forget what nobody asks for any more.
         stats: Counts.
         emit: Takes the events.
     """
@@ -69,6 +72,7 @@ class GoalServer:
         journal: JournalPort,
         handshake: Handshake,
         doubt: Doubt,
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[ActionEvent], None],
     ) -> None:
@@ -77,6 +81,7 @@ class GoalServer:
         self._journal = journal
         self._handshake = handshake
         self._doubt = doubt
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._goals = TakenGoals()
@@ -108,7 +113,7 @@ class GoalServer:
                 spec = self._spec(goal)
                 goal.deadline_at = now + seconds_to_ns(spec.timeout_s)
                 keeps_ns = seconds_to_ns(max(spec.timeout_s, spec.result_timeout_s))
-                goal.forget_at = now + keeps_ns + self.settling_ns
+                self._forget_at(goal, now + keeps_ns + self.settling_ns)
                 if goal.stage is ServedStage.ENDED:
                     self._push(goal, now)
 
@@ -119,7 +124,8 @@ class GoalServer:
         goal = self._goals.get(key)
         if goal is None or goal.stage is not ServedStage.OFFERED or goal.deadline_at <= now:
             return False
-        goal.stage, goal.forget_at = ServedStage.RUNS, None
+        goal.stage = ServedStage.RUNS
+        self._forget_at(goal, None)
         self._say(goal, Operation.ACCEPTED, now)
         if goal.cancel is CancelStage.WANTED:
             self._ask_application(goal)
@@ -223,20 +229,15 @@ class GoalServer:
         for goal in [goal for goal in self._goals.values() if goal.key.client == client]:
             self._forget(goal, now)
 
-    # For the timer
-
-    def expire(self, now: int) -> None:
-        """Forget what nobody asks for any more."""
-        for goal in list(self._goals.values()):
-            if goal.forget_at is not None and goal.forget_at <= now:
-                self._forget(goal, now)
-
-    def next_due_at(self) -> int | None:
-        """Return the earliest instant at which a goal is forgotten, ns, or None."""
-        instants = (goal.forget_at for goal in self._goals.values())
-        return min((at for at in instants if at is not None and at < _NEVER), default=None)
-
     # Below the methods above
+
+    def _forget_at(self, goal: ServedGoal, instant: int | None) -> None:
+        """Know a goal until an instant, ns, or as long as it runs."""
+        goal.forget_at = instant
+        if instant is None:
+            self._timers.cancel((Due.SERVED_GOAL, goal.key))
+        else:
+            self._timers.at((Due.SERVED_GOAL, goal.key), instant, partial(self._forget, goal))
 
     def _stream(self, goal: ServedGoal) -> Stream:
         return self._table.by_id(goal.key.stream_id)
@@ -261,7 +262,7 @@ class GoalServer:
             return None
         goal = ServedGoal(key, stage, 0, 0)
         goal.deadline_at = now + seconds_to_ns(self._spec(goal).timeout_s)
-        goal.forget_at = goal.deadline_at + self.settling_ns
+        self._forget_at(goal, goal.deadline_at + self.settling_ns)
         present = self._handshake.peer(key.client).present_epoch
         goal.claimed_in = None if present == key.epoch else present
         self._goals.add(goal)
@@ -368,7 +369,7 @@ class GoalServer:
 
     def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
         goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
-        goal.forget_at = goal.deadline_at + self.settling_ns
+        self._forget_at(goal, goal.deadline_at + self.settling_ns)
         self._post.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
 
         def kept(at: int) -> None:
@@ -381,7 +382,7 @@ class GoalServer:
     def _finish(self, goal: ServedGoal, answer: bytes, now: int) -> None:
         goal.stage, goal.answer = ServedStage.ENDED, answer
         keeps_until = now + seconds_to_ns(self._spec(goal).result_timeout_s)
-        goal.forget_at = max(goal.deadline_at, keeps_until) + self.settling_ns
+        self._forget_at(goal, max(goal.deadline_at, keeps_until) + self.settling_ns)
         # The result says that the goal was accepted, and that it is over.
         self._post.withdraw(
             goal.key, goal.key.client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
@@ -425,10 +426,11 @@ class GoalServer:
         if not goal.is_confirmed:
             goal.is_confirmed = True
             # Its frame may come once more until its deadline, and it shall not run again.
-            goal.forget_at = max(now, goal.deadline_at) + self.settling_ns
+            self._forget_at(goal, max(now, goal.deadline_at) + self.settling_ns)
 
     def _forget(self, goal: ServedGoal, now: int) -> None:
         self._goals.remove(goal)
+        self._timers.cancel((Due.SERVED_GOAL, goal.key))
         self._post.stop(goal.repetition, now)
         if self._stream(goal).spec.journal:
             self._journal.write(_journal_name(goal.key), None)

@@ -6,6 +6,7 @@ itself serves has a handler here in place of the application.
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -14,6 +15,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Priority, Qos, Stamp
 from zacoustic.core.base.stats import Cause, EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
@@ -61,6 +63,7 @@ class Answering:
         repeater: Takes answers.
         journal: Keeps the calls.
         doubt: Whether some are forgotten.
+        timers: Forget what cannot come again.
         stats: Counts.
         emit: Takes the events.
     """
@@ -74,6 +77,7 @@ class Answering:
         repeater: Repeater,
         journal: JournalPort,
         doubt: Doubt,
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[RequestReceived], None],
     ) -> None:
@@ -83,6 +87,7 @@ class Answering:
         self._repeater = repeater
         self._journal = journal
         self._doubt = doubt
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._calls = ServerCalls()
@@ -105,6 +110,7 @@ class Answering:
             self._calls.begin(
                 served, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
             )
+            self._arm(key, served)
             self._send_answer(key, served, now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
@@ -170,6 +176,7 @@ class Answering:
         )
         if served is None:
             return "too_many_calls"
+        self._arm(key, served)
         served.is_named = introduced
         if value is _UNREADABLE:
             self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
@@ -223,17 +230,6 @@ class Answering:
         for key, _ in self._calls.of(client):
             self._forget(key, now)
 
-    # For the timer
-
-    def expire(self, now: int) -> None:
-        """Forget what cannot come again."""
-        for key in self._calls.due(now):
-            self._forget(key, now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which a call is forgotten, ns, or None."""
-        return self._calls.next_forget_at()
-
     # Below the methods above
 
     def _timeout_ns(self, key: CallKey) -> int:
@@ -256,7 +252,11 @@ class Answering:
         if served.repetition is not None:
             self._repeater.stop(served.repetition, now, answered=answered)
 
+    def _arm(self, key: CallKey, served: Served) -> None:
+        self._timers.at((Due.SERVED_CALL, key), served.forget_at, partial(self._forget, key))
+
     def _forget(self, key: CallKey, now: int) -> None:
+        self._timers.cancel((Due.SERVED_CALL, key))
         served = self._calls.forget(key)
         if served is not None:
             self._stop_answer(served, now)

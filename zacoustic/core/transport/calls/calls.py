@@ -87,14 +87,13 @@ CallEvent = RequestReceived | ResponseReceived | CallFailed
 class _Call:
     """An own call that has no answer yet."""
 
-    __slots__ = ("deadline_at", "index", "lane", "number", "request", "server", "stream_id")
+    __slots__ = ("index", "lane", "number", "request", "server", "stream_id")
 
-    def __init__(self, stream_id: int, server: int, lane: "_Numbers", deadline_at: int) -> None:
+    def __init__(self, stream_id: int, server: int, lane: "_Numbers") -> None:
         self.stream_id = stream_id
         self.server = server
         self.lane = lane
         self.index, self.number = lane.take()
-        self.deadline_at = deadline_at
         self.request: Repetition | None = None
 
 
@@ -156,13 +155,12 @@ class ClientCalls:
         self.settling_ns = 0
         """A request arrives for the last time so long after its last transmission, at most, ns."""
 
-    def begin(self, stream_id: int, server: int, *, deadline_at: int, now: int) -> tuple[int, int]:
+    def begin(self, stream_id: int, server: int, now: int) -> tuple[int, int]:
         """Reserve a number for a call; returns ``(call_id, number)``.
 
         Args:
             stream_id: The service's stream.
             server: Address of its server.
-            deadline_at: Instant at which the caller gives up, ns.
             now: The instant.
 
         Raises:
@@ -177,7 +175,7 @@ class ClientCalls:
             )
         call_id = self._next_call_id
         self._next_call_id += 1
-        call = self._calls[call_id] = _Call(stream_id, server, lane, deadline_at)
+        call = self._calls[call_id] = _Call(stream_id, server, lane)
         self._by_number[(server, stream_id, call.number)] = call_id
         return call_id, call.number
 
@@ -239,13 +237,8 @@ class ClientCalls:
         for place in [place for place in self._lanes if place[0] == server]:
             del self._lanes[place]
 
-    def due(self, now: int) -> list[int]:
-        """Return the ids of the calls whose deadline has come."""
-        return [call_id for call_id, call in self._calls.items() if call.deadline_at <= now]
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest deadline, ns, or None."""
-        return min((call.deadline_at for call in self._calls.values()), default=None)
+    def __len__(self) -> int:
+        return len(self._calls)
 
     def _lane(self, server: int, stream_id: int) -> _Numbers:
         lane = self._lanes.get((server, stream_id))
@@ -354,15 +347,6 @@ class ServerCalls:
     def of(self, client: int) -> list[tuple[CallKey, Served]]:
         """Return the calls of a client, of all its lives."""
         return [(key, each) for key, each in self._served.items() if key.client == client]
-
-    def due(self, now: int) -> list[CallKey]:
-        """Return the calls that can be forgotten."""
-        return [key for key, served in self._served.items() if served.forget_at <= now]
-
-    def next_forget_at(self) -> int | None:
-        """Return the earliest instant at which one can be forgotten, ns, or None."""
-        instants = (served.forget_at for served in self._served.values())
-        return min((at for at in instants if at < _NEVER), default=None)
 
     def forget(self, key: CallKey) -> Served | None:
         """Forget a call."""

@@ -6,6 +6,7 @@ requests get onto the queue and their answers off the water.
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -14,6 +15,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.base.stats import Cause, EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import SETTLING_UNITS, Handshake
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
@@ -58,6 +60,7 @@ class Services:
         handshake: Knows which streams a peer defines in another way, and each peer's epoch.
         begin_epoch: Begins a new boot epoch of this node.
         doubt: Whether calls of former lives are forgotten.
+        timers: End calls.
         stats: Counts.
         emit: Takes the events.
     """
@@ -73,6 +76,7 @@ class Services:
         handshake: Handshake,
         begin_epoch: Callable[[int], None],
         doubt: Doubt,
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[CallEvent], None],
     ) -> None:
@@ -82,6 +86,7 @@ class Services:
         self._repeater = repeater
         self._handshake = handshake
         self._begin_epoch = begin_epoch
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._clients = ClientCalls(first_number=_first_number(handshake.epoch))
@@ -92,6 +97,7 @@ class Services:
             repeater=repeater,
             journal=journal,
             doubt=doubt,
+            timers=timers,
             stats=stats,
             emit=emit,
         )
@@ -146,7 +152,8 @@ class Services:
         if self._clients.needs_new_epoch(stream_id, server):
             self._begin_epoch(now)
             self._clients.begin_epoch(_first_number(self._handshake.epoch))
-        call_id, number = self._clients.begin(stream_id, server, deadline_at=deadline_at, now=now)
+        call_id, number = self._clients.begin(stream_id, server, now)
+        self._timers.at((Due.CALL, call_id), deadline_at, partial(self._time_out, call_id))
         if self._handshake.differs(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
             return call_id
@@ -177,7 +184,7 @@ class Services:
     @property
     def is_calling(self) -> bool:
         """A call of this node has no answer yet."""
-        return self._clients.next_deadline_at() is not None
+        return len(self._clients) > 0
 
     # For the water
 
@@ -245,19 +252,6 @@ class Services:
         """Fail the calls to a service that its server defines in another way."""
         for call_id in self._clients.to(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
-
-    # For the timer
-
-    def expire(self, now: int) -> None:
-        """Fail the calls whose deadline has come."""
-        for call_id in self._clients.due(now):
-            self._fail(call_id, CallFailure.TIMED_OUT, "no answer before the deadline", now)
-        self._answering.expire(now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which a call ends or is forgotten, ns, or None."""
-        instants = (self._clients.next_deadline_at(), self._answering.next_deadline_at())
-        return min((at for at in instants if at is not None), default=None)
 
     # Below the methods above
 
@@ -328,6 +322,7 @@ class Services:
             self._fail(call_id, CallFailure.BAD_RESPONSE, text, now)
             return "payload"
         count(self._stats.received, stream.stream_id)
+        self._timers.cancel((Due.CALL, call_id))
         response = self._clients.respond(call_id, value)
         self._emit(msgspec.structs.replace(response, age_s=age_s))
         return None
@@ -335,6 +330,9 @@ class Services:
     def _mismatch(self, call_id: int, server: int, stream_id: int, now: int) -> None:
         text = f"node {server} defines stream {stream_id} in another way"
         self._fail(call_id, CallFailure.TABLE_MISMATCH, text, now)
+
+    def _time_out(self, call_id: int, now: int) -> None:
+        self._fail(call_id, CallFailure.TIMED_OUT, "no answer before the deadline", now)
 
     def _fail(self, call_id: int, failure: CallFailure, text: str, now: int) -> None:
         self._emit(self._end(call_id, failure, text, now))
@@ -344,6 +342,7 @@ class Services:
         request = self._clients.request(call_id)
         if request is not None:
             self._repeater.stop(request, now)
+        self._timers.cancel((Due.CALL, call_id))
         return self._clients.fail(call_id, failure, text)
 
 

@@ -16,6 +16,7 @@ from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import EngineStats
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
@@ -65,6 +66,7 @@ class LargeSamples:
         sending: Has the counts of this node's keys.
         receiving: Has the others' samples, and takes new ones.
         journal: Keeps what must survive a restart.
+        timers: Withdraw expired objects.
         stats: Counts.
         generators: One for each component that draws.
         emit: Takes events.
@@ -81,6 +83,7 @@ class LargeSamples:
         sending: ReliableSending,
         receiving: ReliableReceiving,
         journal: JournalPort,
+        timers: Timers,
         stats: EngineStats,
         generators: Generators,
         emit: Callable[[ObjectProgress | DeliveryEvent], None],
@@ -99,6 +102,7 @@ class LargeSamples:
         self.objects = Objects(
             epoch=handshake.epoch,
             limits=limits,
+            timers=timers,
             generators=generators,
             gate=self,
             owner=self,

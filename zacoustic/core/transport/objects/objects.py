@@ -20,6 +20,7 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
+from zacoustic.core.base.timers import Timers
 from zacoustic.core.schedule.sources import Taken
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.gate import Gate
@@ -53,6 +54,7 @@ class Objects:
     Args:
         epoch: Boot epoch of the node.
         limits: How much memory they may take.
+        timers: Withdraw what is too old.
         generators: One for each component that draws.
         gate: Knows the table, and when it is whose turn; takes complete objects, once each.
         owner: Gets events of own objects, and knows when it is their turn.
@@ -65,6 +67,7 @@ class Objects:
         *,
         epoch: int,
         limits: ObjectLimits,
+        timers: Timers,
         generators: Generators,
         gate: Gate,
         owner: Owner,
@@ -75,6 +78,7 @@ class Objects:
         self._outgoing = OutgoingObjects(
             epoch=epoch,
             most=limits.most_outgoing,
+            timers=timers,
             rng=generators.of("outgoing objects"),
             emit=emit,
             owner=owner,
@@ -367,14 +371,6 @@ class Objects:
     def feedback(self, source: int, feedback: Feedback, now: int) -> str | None:
         """Take a feedback; returns why it is dropped, or None."""
         return None if self._outgoing.answered(source, feedback, now) else "object_answer"
-
-    def expire(self, now: int) -> None:
-        """Withdraw expired objects."""
-        self._outgoing.expire(now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the instant at which `expire` has something to do."""
-        return self._outgoing.next_deadline_at()
 
     # Getters
 

@@ -20,6 +20,7 @@ from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
@@ -64,9 +65,11 @@ class CopiedSamples:
     Args:
         queue: Takes the copies.
         handshake: Knows the boot epoch.
+        timers: Send what goes again.
     """
 
-    def __init__(self, queue: TransmitQueue, handshake: Handshake) -> None:
+    def __init__(self, queue: TransmitQueue, handshake: Handshake, timers: Timers) -> None:
+        self._timers = timers
         self._queue = queue
         self._handshake = handshake
         self._times: LinkTimes | None = None
@@ -80,6 +83,7 @@ class CopiedSamples:
         """Take the airtimes of a link; what went on the one before goes no more."""
         self._times = times
         self._copied.clear()
+        self._changed()
 
     def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
         """Queue a best-effort sample, so that it goes as often as it has to."""
@@ -108,25 +112,15 @@ class CopiedSamples:
         for each in [each for each in self._copied.values() if each.key[0] == stream_id]:
             self._end(each)
 
-    def expire(self, now: int) -> None:
-        """Queue due copies, and drop those that are too old or have left the queue."""
+    def sweep(self, now: int) -> None:
+        """Drop copies that are too old or have left the queue: whenever the node is awake."""
         for each in list(self._copied.values()):
             expires_at = each.record.expires_at
             is_over = each.was_sent and each.ends_at <= now
-            if is_over or (expires_at is not None and expires_at <= now):
+            is_over |= expires_at is not None and expires_at <= now
+            waits = each.due_at is not None or each.is_on_air
+            if is_over or not (waits or self._queue.holds(each.key, each.record)):
                 self._end(each)
-            elif each.due_at is not None and each.due_at <= now:
-                each.due_at = None
-                self._queue.push(each.key, each.record, each.qos)
-            elif each.due_at is None and not (
-                each.is_on_air or self._queue.holds(each.key, each.record)
-            ):
-                self._end(each)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which something is due, ns, or None."""
-        due = (each.due_at for each in self._copied.values() if each.due_at is not None)
-        return min(due, default=None)
 
     # What others publish
 
@@ -143,6 +137,22 @@ class CopiedSamples:
         return False
 
     # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.COPY,), self._due_at, self._go_on)
+
+    def _due_at(self) -> int | None:
+        """Return the earliest instant at which something goes again, ns, or None."""
+        due = (each.due_at for each in self._copied.values() if each.due_at is not None)
+        return min(due, default=None)
+
+    def _go_on(self, now: int) -> None:
+        """Queue what is due."""
+        for each in self._copied.values():
+            if each.due_at is not None and each.due_at <= now:
+                each.due_at = None
+                self._queue.push(each.key, each.record, each.qos)
+        self._changed()
 
     def _copies(self, record: Waiting, qos: Qos, now: int) -> int:
         """How often a sample goes."""
@@ -163,6 +173,7 @@ class CopiedSamples:
     def _reported(self, each: _Copied, report: TransmitReport, now: int) -> None:
         """A sample has been sent: it goes again, now or in another pause."""
         each.is_on_air = False
+        self._changed()
         if id(each.record) not in self._copied or self._times is None:
             return
         record, listening = each.record, self._times.listening
@@ -193,6 +204,7 @@ class CopiedSamples:
         del self._copied[id(copied.record)]
         if copied.was_sent:
             self._queue.discard(copied.key, copied.record)
+        self._changed()
 
 
 def _in_row(record: Waiting, times: LinkTimes, detour_ns: int) -> int:

@@ -16,10 +16,12 @@ The deadline also bounds repetitions and requests:
 
 import enum
 from collections.abc import Callable
+from functools import partial
 
 import msgspec
 
 from zacoustic.core.base.stats import EngineStats, count
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
@@ -87,6 +89,7 @@ class Deadlines:
         address: Address of the node.
         table: Its streams.
         demand: Knows which on-demand topics this node still wants.
+        timers: Tell of what has not come in time.
         stats: Counts.
         emit: Takes the events.
     """
@@ -96,12 +99,14 @@ class Deadlines:
         address: int,
         table: StreamTable,
         demand: Demand,
+        timers: Timers,
         stats: EngineStats,
         emit: Callable[[DeadlineMissed], None],
     ) -> None:
         self._address = address
         self._table = table
         self._demand = demand
+        self._timers = timers
         self._stats = stats
         self._emit = emit
         self._awaited: dict[_Key, Awaited] = {}
@@ -118,44 +123,8 @@ class Deadlines:
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing of a node is awaited before it is heard again."""
         for key in [key for key in self._awaited if key[0] == source]:
+            self._timers.cancel((Due.DEADLINE, key))
             del self._awaited[key]
-
-    def expire(self, now: int) -> None:
-        """Report the samples that have not come in time."""
-        for key, awaited in list(self._awaited.items()):
-            if awaited.due_at is None or awaited.due_at > now:
-                continue
-            stream = self._table.by_id(awaited.stream_id)
-            deadline_ns = stream.qos.deadline_ns
-            if deadline_ns is None or not self._is_wanted(stream, awaited.source):
-                awaited.due_at, awaited.is_late = None, False
-                continue
-            # More than one only after so long without a call: a computer that slept.
-            periods = 1 + (now - awaited.due_at) // deadline_ns
-            missed_at = awaited.due_at + (periods - 1) * deadline_ns
-            is_first, awaited.is_late = not awaited.is_late, True
-            awaited.missed += periods
-            awaited.due_at = missed_at + deadline_ns
-            count(self._stats.deadlines_missed, awaited.stream_id, periods)
-            is_ours = awaited.source == self._address
-            self._emit(
-                DeadlineMissed(
-                    stream_id=awaited.stream_id,
-                    source=awaited.source,
-                    instance=key[2],
-                    key=awaited.key,
-                    side=DeadlineSide.OFFERED if is_ours else DeadlineSide.REQUESTED,
-                    missed=awaited.missed,
-                    is_first=is_first,
-                    last_at=awaited.last_at,
-                    missed_at=missed_at,
-                )
-            )
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which a period is missed, ns, or None."""
-        instants = (each.due_at for each in self._awaited.values())
-        return min((at for at in instants if at is not None), default=None)
 
     def awaited(self) -> list[Awaited]:
         """Return the awaited samples of this node and of others; read only."""
@@ -172,14 +141,51 @@ class Deadlines:
         awaited = self._awaited.get(key)
         if deleted:
             if awaited is not None:
-                awaited.due_at, awaited.is_late = None, False
+                self._forget(key, awaited)
             return
         if awaited is None:
             name = stream.keys.key(source, instance)
             awaited = Awaited(stream_id=stream_id, key=name, source=source, last_at=now, due_at=now)
             self._awaited[key] = awaited
-        awaited.last_at, awaited.due_at = now, now + deadline_ns
-        awaited.is_late = False
+        awaited.last_at, awaited.is_late = now, False
+        self._await(key, awaited, now + deadline_ns)
+
+    def _await(self, key: _Key, awaited: Awaited, due_at: int) -> None:
+        awaited.due_at = due_at
+        self._timers.at((Due.DEADLINE, key), due_at, partial(self._miss, key, awaited, due_at))
+
+    def _forget(self, key: _Key, awaited: Awaited) -> None:
+        awaited.due_at, awaited.is_late = None, False
+        self._timers.cancel((Due.DEADLINE, key))
+
+    def _miss(self, key: _Key, awaited: Awaited, due_at: int, now: int) -> None:
+        """Tell of what has not come in time."""
+        stream = self._table.by_id(awaited.stream_id)
+        deadline_ns = stream.qos.deadline_ns
+        if deadline_ns is None or not self._is_wanted(stream, awaited.source):
+            self._forget(key, awaited)
+            return
+        # More than one only when nobody has called for so long: a computer that slept.
+        periods = 1 + (now - due_at) // deadline_ns
+        missed_at = due_at + (periods - 1) * deadline_ns
+        is_first, awaited.is_late = not awaited.is_late, True
+        awaited.missed += periods
+        self._await(key, awaited, missed_at + deadline_ns)
+        count(self._stats.deadlines_missed, awaited.stream_id, periods)
+        is_ours = awaited.source == self._address
+        self._emit(
+            DeadlineMissed(
+                stream_id=awaited.stream_id,
+                source=awaited.source,
+                instance=key[2],
+                key=awaited.key,
+                side=DeadlineSide.OFFERED if is_ours else DeadlineSide.REQUESTED,
+                missed=awaited.missed,
+                is_first=is_first,
+                last_at=awaited.last_at,
+                missed_at=missed_at,
+            )
+        )
 
     def _is_wanted(self, stream: Stream, source: int) -> bool:
         """Tell whether samples may be expected: what this node has unsubscribed from may end."""

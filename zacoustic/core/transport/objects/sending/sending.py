@@ -11,6 +11,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
 from zacoustic.core.transport.objects.manifest import Manifest, encode_object
@@ -77,6 +78,7 @@ class OutgoingObjects:
     Args:
         epoch: Its boot epoch: successive epochs begin with different transfer numbers.
         most: Most objects at a time, those that wait included.
+        timers: Withdraw what is too old.
         rng: Draws pauses.
         emit: Takes progress.
         owner: Gets their events, and knows when it is their turn.
@@ -88,6 +90,7 @@ class OutgoingObjects:
         *,
         epoch: int,
         most: int,
+        timers: Timers,
         rng: random.Random,
         emit: Callable[[ObjectProgress], None],
         owner: Owner,
@@ -95,6 +98,7 @@ class OutgoingObjects:
     ) -> None:
         self._sendings: dict[int, Sending] = {}
         self._most = most
+        self._timers = timers
         self._rng = rng
         self._emit = emit
         self._owner = owner
@@ -166,11 +170,12 @@ class OutgoingObjects:
             priority=self._priorities.get(order.stream_id, Priority(order.priority)),
             exclusive=order.exclusive,
             lifespan_ns=lifespan_ns,
-            expires_at=expires_at,
+            expires_at=None,
             outgoing=outgoing,
             keeps=keep,
             may_go=restored or not keep,
         )
+        self._expire_at(sending, expires_at)
         self._report(sending, ObjectState.UNDER_WAY, "")
         if keep and not restored:
             self._journal.write(
@@ -210,24 +215,6 @@ class OutgoingObjects:
             elif outgoing.keep_only(receivers):
                 self._conclude(sending)
 
-    def expire(self, now: int) -> None:
-        """Withdraw expired objects."""
-        for sending in list(self._sendings.values()):
-            at = sending.expires_at
-            if at is not None and at <= now and not sending.outgoing.is_withdrawn:
-                self._withdraw(sending, ObjectState.EXPIRED, "older than its lifespan", now)
-
-    def next_deadline_at(self) -> int | None:
-        """Return the instant at which the next object becomes too old."""
-        return min(
-            (
-                each.expires_at
-                for each in self._sendings.values()
-                if each.expires_at is not None and not each.outgoing.is_withdrawn
-            ),
-            default=None,
-        )
-
     # Sending
 
     def use_link(self, fragment_bytes: int, now: int) -> None:
@@ -235,7 +222,7 @@ class OutgoingObjects:
         for sending in list(self._sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
                 # Its age is unknown without a clock: its lifespan starts again.
-                sending.expires_at = now + sending.lifespan_ns
+                self._expire_at(sending, now + sending.lifespan_ns)
             before = sending.outgoing
             if before.fragments.layout.fragment_bytes <= fragment_bytes:
                 continue
@@ -385,6 +372,15 @@ class OutgoingObjects:
 
     # Below the methods above
 
+    def _expire_at(self, sending: Sending, instant: int | None) -> None:
+        sending.expires_at = instant
+        if instant is not None and not sending.outgoing.is_withdrawn:
+            key = (Due.OBJECT, sending.outgoing.transfer)
+            self._timers.at(key, instant, partial(self._expire, sending))
+
+    def _expire(self, sending: Sending, now: int) -> None:
+        self._withdraw(sending, ObjectState.EXPIRED, "older than its lifespan", now)
+
     def _stored(self, sending: Sending, now: int) -> None:
         """It is in the journal: it may go."""
         sending.may_go = True
@@ -416,6 +412,7 @@ class OutgoingObjects:
             self._journal.write(sent_key(outgoing.transfer), msgspec.msgpack.encode(place))
 
     def _withdraw(self, sending: Sending, state: ObjectState, detail: str, now: int) -> None:
+        self._timers.cancel((Due.OBJECT, sending.outgoing.transfer))
         self._report(sending, state, detail)
         sending.outgoing.withdraw(now)
         if not sending.outgoing.transmitted:
@@ -424,6 +421,7 @@ class OutgoingObjects:
     def _end(self, sending: Sending) -> None:
         transfer = sending.outgoing.transfer
         del self._sendings[transfer]
+        self._timers.cancel((Due.OBJECT, transfer))
         if sending.keeps:
             self.forget(transfer)
 

@@ -10,6 +10,7 @@ import msgspec
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
@@ -89,6 +90,7 @@ class ReliableReceiving:
         queue: Takes ACKs.
         journal: Keeps the positions.
         doubt: Whether some of them are forgotten: what comes then may come again.
+        timers: Ask for what does not come.
         rng: Draws when a repetition is acknowledged.
         emit: Takes the samples in their order, and the instant.
     """
@@ -101,6 +103,7 @@ class ReliableReceiving:
         queue: TransmitQueue,
         journal: JournalPort,
         doubt: Doubt,
+        timers: Timers,
         rng: random.Random,
         emit: Callable[[SampleReceived, int], None],
     ) -> None:
@@ -109,6 +112,7 @@ class ReliableReceiving:
         self._queue = queue
         self._doubt = doubt
         self._positions = Positions(journal, table)
+        self._timers = timers
         self._rng = rng
         self._emit = emit
         self._lanes: dict[LaneKey, ReceiveLane] = {}
@@ -161,6 +165,7 @@ class ReliableReceiving:
             ready += lane.hand_on(resolve_floor(sync.floor, lane.expected))
         number = resolve(arrival.low_number, lane.expected)
         answers = self._learn(lane, number, arrival)
+        self._watch_changed()
         reason = None
         if number < lane.expected or number in lane.held:
             reason = "repeated_sample"
@@ -178,25 +183,6 @@ class ReliableReceiving:
         else:
             self._owe_ack(key, lane, now, own_turn)
         return reason
-
-    # For the timer
-
-    def expire(self, now: int) -> None:
-        """Ask for what has not come in time."""
-        if self._times is None:
-            return
-        for key, lane in list(self._watched.items()):
-            ask_at = lane.watch.ask_at
-            if ask_at is None or self._lanes[key] is not lane:
-                del self._watched[key]
-            elif ask_at <= now:
-                lane.watch.asks(now, self._times)
-                self._owe_ack(key, lane, now, _Turn())
-
-    def next_deadline_at(self) -> int | None:
-        """Return the earliest instant at which something is asked for, ns, or None."""
-        instants = (lane.watch.ask_at for lane in self._watched.values())
-        return min((at for at in instants if at is not None), default=None)
 
     # Large samples
 
@@ -248,6 +234,7 @@ class ReliableReceiving:
             del self._lanes[key]
             self._watched.pop(key, None)
             self._positions.forget(key)
+        self._watch_changed()
 
     def expect(self, source: int, stream_id: int, instance: Instance, place: Place) -> None:
         """A large sample is on its way: nothing is in rhythm before it is handed on, or over."""
@@ -257,6 +244,7 @@ class ReliableReceiving:
         lane.large_end = max(lane.large_end, resolve_floor(place.number, lane.expected) + 1)
         if lane.awaits_large:
             lane.watch.forget()
+            self._watch_changed()
 
     def take(
         self,
@@ -306,6 +294,25 @@ class ReliableReceiving:
             lane.expected = lane.kept = number + 1
 
     # Below the methods above
+
+    def _ask(self, now: int) -> None:
+        """Ask for what has not come in time."""
+        assert self._times is not None
+        for key, lane in list(self._watched.items()):
+            ask_at = lane.watch.ask_at
+            if ask_at is None or self._lanes[key] is not lane:
+                del self._watched[key]
+            elif ask_at <= now:
+                lane.watch.asks(now, self._times)
+                self._owe_ack(key, lane, now, _Turn())
+        self._watch_changed()
+
+    def _watch_changed(self) -> None:
+        self._timers.changed((Due.RECEIVING,), self._ask_at, self._ask)
+
+    def _ask_at(self) -> int | None:
+        instants = (lane.watch.ask_at for lane in self._watched.values())
+        return min((at for at in instants if at is not None), default=None)
 
     def _learn(self, lane: ReceiveLane, number: int, arrival: Arrival) -> bool:
         """Learn the rhythm from a sample; returns whether it is to be answered."""

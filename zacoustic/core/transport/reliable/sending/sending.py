@@ -12,6 +12,7 @@ from zacoustic.core.base.journal import LIFE_KEY, JournalPort
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import Cause, EngineStats
+from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.peers import Peers
@@ -72,12 +73,14 @@ class ReliableSending:
         demand: Demand,
         journal: JournalPort,
         doubt: Doubt,
+        timers: Timers,
         generators: Generators,
         stats: EngineStats,
         emit: Callable[[DeliveryEvent], None],
     ) -> None:
         self._table = table
         self._queue = queue
+        self._timers = timers
         self._handshake = handshake
         self._keeping = Keeping(journal)
         self._pacing = Pacing(table, peers, generators.of("pacing"), stats, handshake)
@@ -164,6 +167,7 @@ class ReliableSending:
         """Take the airtimes of a link, and within what time a repetition of a frame arrives."""
         self._pacing.times = times
         self._settling_ns = self._contradictions.settling_ns = settling_ns
+        self._changed()
 
     def link_up(self, now: int) -> None:
         """What was sent before is due."""
@@ -185,6 +189,7 @@ class ReliableSending:
             for lane in self._lanes:
                 if source in lane.receptions:
                     lane.due_soon(source)
+            self._changed()
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
@@ -193,6 +198,7 @@ class ReliableSending:
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node; what it lacks goes with SYNC if it is there again."""
         self._pacing.forget(source)
+        self._changed()
         self.lost_sync(source, now)
 
     def lost_sync(self, source: int, now: int) -> None:
@@ -266,19 +272,29 @@ class ReliableSending:
                 self._refresh(lane)
                 self._go_on(lane, now)
 
-    # For the timer
+    def dropped(self, records: Iterable[Waiting], now: int) -> None:
+        """Records fit no frame of the link any more: they go as objects."""
+        for record in records:
+            if isinstance(record, SampleWaiting):
+                self.places.enlarge(record.lane, record.sample, now)
+        self._changed()
 
-    def expire(self, now: int) -> None:
-        """End what is too old, and repeat what is due."""
-        self._paced_until = None
-        for lane in self._lanes:
-            for sample in list(lane.samples):
-                if sample.expires_at is not None and sample.expires_at <= now:
-                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
-            self._advance(lane, now)
-        self._repeat(now)
+    # The journal
 
-    def next_deadline_at(self) -> int | None:
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Go on with what a former life has left; ids of its samples are not given away again."""
+        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
+            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
+        for kept in self._keeping.recover(stored, self._table, self._emit):
+            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
+        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
+
+    # Below the methods above
+
+    def _changed(self) -> None:
+        self._timers.changed((Due.SENDING,), self._due_at, self._go_on_all)
+
+    def _due_at(self) -> int | None:
         """Return the earliest instant at which something expires or is due, ns, or None."""
         instants = [] if self._paced_until is None else [self._paced_until]
         times = self._pacing.times
@@ -293,23 +309,15 @@ class ReliableSending:
                 instants += (at for at in ends if at is not None)
         return min(instants, default=None)
 
-    def dropped(self, records: Iterable[Waiting], now: int) -> None:
-        """Records fit no frame of the link any more: they go as objects."""
-        for record in records:
-            if isinstance(record, SampleWaiting):
-                self.places.enlarge(record.lane, record.sample, now)
-
-    # The journal
-
-    def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left; ids of its samples are not given away again."""
-        if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
-            self._next_delivery_id += life << 36 | self._handshake.epoch << 20
-        for kept in self._keeping.recover(stored, self._table, self._emit):
-            self._lanes.restore(self._table.by_id(kept.stream_id), kept)
-        self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
-
-    # Below the methods above
+    def _go_on_all(self, now: int) -> None:
+        """End what is too old, and repeat what is due."""
+        self._paced_until = None
+        for lane in self._lanes:
+            for sample in list(lane.samples):
+                if sample.expires_at is not None and sample.expires_at <= now:
+                    self.places.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
+            self._advance(lane, now)
+        self._repeat(now)
 
     def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         if sample.stage is not Stage.STORING:
@@ -329,6 +337,7 @@ class ReliableSending:
 
     def _advance(self, lane: SendLane, now: int) -> None:
         """Queue what has come into the window."""
+        self._changed()
         paced_until = lane.open(now, self._settling_ns)
         if paced_until is not None:
             self._paced_until = min(self._paced_until or paced_until, paced_until)
@@ -363,12 +372,14 @@ class ReliableSending:
 
     def _transmitted(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """A transmission of a sample begins."""
+        self._changed()
         self._order += 1
         sample.order, sample.stage = self._order, Stage.ON_AIR
         self._pacing.begins(lane, sample, now)
 
     def _reported(self, lane: SendLane, sample: Outgoing, report: TransmitReport, now: int) -> None:
         """It has ended: from here an ACK is awaited."""
+        self._changed()
         if sample.stage is Stage.ON_AIR:
             sample.stage = Stage.SENT
             sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
@@ -440,6 +451,7 @@ class ReliableSending:
         self._pacing.timing(source).quiet_until = 0
         self._refresh(lane)
         lane.due_soon(source)
+        self._changed()
 
     def _end(
         self,
