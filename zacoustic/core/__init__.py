@@ -17,9 +17,9 @@ Nine layers; each imports only what stands below it (import-linter holds that in
 `schedule`      `queue` to `composer` and `filling` to `port` to `transmitter`; `access`,
                 `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
                 `sources` and `savings` are what a frame is composed from beside the queue
-`peers`         what is known of each other node: `peers` has a `peer` for each, `states` their tables;
-                `handshake`, `introducing`, `contact`, `ranging`, `measurements`; `doubt` is what
-                this one does not know of itself
+`peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
+                tables; `handshake`, `introducing`, `contact`, `ranging`, `measurements`; `doubt`
+                is what this one does not know of itself
 `wire`          grammar only: `envelope`, `frame`, `content`; `access`, `calls`, `goals`,
                 `numbers`, `objects`, `subscriptions` (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
