@@ -4,6 +4,7 @@ import json
 import random
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -138,9 +139,11 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     timers = Timers()
     contact = Contact(1, StreamTable(), rules, peers, timers, random.Random(1), lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
-    peer_status = PeerStatus(
-        known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s
+    knows = SimpleNamespace(
+        measurements=known, contact=contact, deadlines=engine.deadlines, address=1
     )
+    runner: Any = SimpleNamespace(engine=knows)
+    peer_status = PeerStatus(runner, clock=lambda: now, unix_s=lambda: unix_s)
     assert peer_status.documents() == {}
     delay = LinkMetrics(propagation_s=0.5)
     known.handle(PeerMeasured(address=2, measured_at=97 * NS_PER_S, metrics=delay))
