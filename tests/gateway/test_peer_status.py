@@ -19,6 +19,7 @@ from tests.gateway.islands import (
     get,
     hear,
     run,
+    until,
     zenoh_config,
 )
 from zacoustic.core.base.timers import Timers
@@ -31,7 +32,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import RangingFailed
+from zacoustic.zenoh.gateway.notices import EngineLost, RangingFailed
 from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
 from zacoustic_sim.link import SimConfig, SimLink
 
@@ -110,6 +111,35 @@ def test_fixes_and_readings_are_put_as_they_come_and_metrics_come_from_all_of_th
                 assert (told["modem"]["firmware"], told["modem"]["battery_v"]) == ("1.9", 24.1)
                 metrics_of_2 = told["peers"]["2"]["metrics"]
                 assert (metrics_of_2["east_m"], metrics_of_2["integrity"]) == (30.0, 140.0)
+
+    run(main())
+
+
+def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An engine that raises is replaced by the next one, and its report with it."""
+
+    def fail(*_: object) -> None:
+        raise ValueError("a bug")
+
+    async def main() -> None:
+        water = Water()
+        link = water.medium.link(1)
+        async with island_on(link, 1) as shore:
+            with shore.client() as client:
+                heard = await hear(client, "@acoustic/1/modem")
+                receiver = link._receiver
+                assert receiver is not None
+                with monkeypatch.context() as broken:
+                    broken.setattr(Engine, "handle_carrier", fail)
+                    receiver.carrier_changed(True)
+                await until(
+                    lambda: any(isinstance(each, EngineLost) for each in shore.notices),
+                    shore.changed,
+                )
+                now = water.medium.clock()
+                receiver.measured(ModemRead(read_at=now, firmware="1.9"))
+                modem = await document(heard, "@acoustic/1/modem")
+                assert modem["firmware"] == "1.9"
 
     run(main())
 

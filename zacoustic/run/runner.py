@@ -102,8 +102,7 @@ class LinkRunner:
         self._is_servicing = False
         self._is_closing = False
         self._is_deaf = False
-        self._ended = asyncio.Event()
-        self._closed = asyncio.Event()
+        self._ended, self._closed = asyncio.Event(), asyncio.Event()
         self._inbox: Inbox[Command] = Inbox(self._take_submitted)
         self._permit_log = permit_log
         self._on_air: Transmission | None = None

@@ -22,7 +22,7 @@ from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.zenoh.gateway.commands.desks import Desks
-from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
+from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
@@ -58,7 +58,7 @@ class EventDispatcher:
         self._status = status
         self._notices = notices
         self._takers: dict[type[Any], tuple[Take, ...]] = {
-            **dict.fromkeys(get_args(Event), (self._tell,)),
+            **dict.fromkeys(TOLD, (self._tell,)),
             **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
             **dict.fromkeys(_HEARD_ELSEWHERE, ()),
             SampleReceived: (streams.topics.deliver, status.note_sample),
@@ -75,6 +75,8 @@ class EventDispatcher:
             PeerFound: (self._tell, network.note_peer),
             EngineRestarted: (self._tell, network.go_on),
         }
+        forgotten = set(get_args(Event)) - self._takers.keys()
+        assert not forgotten, f"nobody takes {forgotten}"
 
     def deliver(self, event: Event) -> None:
         """Take an event of the engine."""

@@ -165,3 +165,5 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     RangeFailed: EventNotices._ranging,
     RosEntitySeen: EventNotices._entity,
 }
+TOLD: Final = tuple(_MAKERS)
+"""The types of events that are worth a notice."""
