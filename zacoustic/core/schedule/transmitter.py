@@ -205,8 +205,10 @@ class Transmitter:
         granted = self._silence.granted(now)
         if granted is not None:
             return self._last_word_at(granted, now)
-        instants = (self._transmit_at(now), self._speak_at(now))
-        return min((at for at in instants if at is not None), default=None)
+        transmit_at, speak_at = self._transmit_at(now), self._speak_at(now)
+        if transmit_at is None or speak_at is None:
+            return speak_at if transmit_at is None else transmit_at
+        return min(transmit_at, speak_at)
 
     # Below the methods above
 
@@ -226,7 +228,7 @@ class Transmitter:
 
     def _transmit_at(self, now: int) -> int | None:
         """Return when a frame of what waits goes."""
-        if self.link_state is not LinkState.UP or self.port is None:
+        if self.link_state is not LinkState.UP or self.port is None or self.port.is_full:
             return None
         if not self._source.may_speak:
             return None
