@@ -148,7 +148,7 @@ class Engine:
         )
         """Orders to be silent: `begin` and `resume`."""
         ledger = Ledger(stored, journal)
-        peers.on_forget(ledger.peer_forgotten)
+        peers.forgotten.connect(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
@@ -190,7 +190,7 @@ class Engine:
             make_port,
             emit,
         )
-        peers.on_forget(self._transmitter.peer_forgotten)
+        peers.forgotten.connect(self._transmitter.peer_forgotten)
         for stream in table:
             self._transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
         protocols.recover(stored)
@@ -214,12 +214,12 @@ class Engine:
                     self.measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, len(frame.frame_bytes), now)
                 if reason is None:
-                    streams = self._protocols.receive(opened, frame, now)
+                    streams = self._protocols.receive(opened, frame, port, now)
                     self._trace.note(
                         now, "receive", peer=opened.source, frame=frame.frame_bytes, streams=streams
                     )
                     continue
-                self._protocols.overhear(opened, frame, now)
+                self._protocols.overhear(opened, frame, port, now)
             assert reason is not None
             self.stats.drop(reason)
             self._trace.note(now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason)

@@ -19,14 +19,18 @@ from zacoustic.core.peers.doubt import Doubt
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
+from zacoustic.core.peers.reception import Reception
+from zacoustic.core.peers.statements import Statements
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.schedule.hearing import hear_medium
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
@@ -44,9 +48,12 @@ from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.topics import Topics
+from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import TAG_BYTES
+from zacoustic.core.wire.frame import DenseAck, DenseString
+from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
+from zacoustic.core.wire.subscriptions import Subscribe
 
 ProtocolEvent = (
     SampleReceived
@@ -176,6 +183,7 @@ class Protocols:
             receiving=self.receiving,
             large=self.large,
             demand=self.demand,
+            dense=self.dense,
             emit=self._hand_on,
         )
         self.services = Services(
@@ -204,18 +212,7 @@ class Protocols:
             stats=stats,
             emit=emit,
         )
-        self.receiver = Receiver(
-            table,
-            handshake,
-            self.topics,
-            self.dense,
-            self.services,
-            self.actions,
-            self.sending,
-            self.large,
-            self.demand,
-            stats,
-        )
+        self.receiver = Receiver(table, peers, handshake, self._reception(peers), stats)
         self.composer = Composer(
             queue,
             handshake,
@@ -226,12 +223,18 @@ class Protocols:
             stats,
         )
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
-            peers.on_restart(each.peer_restarted)
+            peers.restarted.connect(each.peer_restarted)
+        for told in (self.sending.peer_asked, self.dense.peer_asked):
+            peers.asked.connect(told)
+        for stopped in (self.services.stream_differs, self.actions.stream_differs):
+            peers.differs.connect(stopped)
+        peers.heard.connect(self.sending.heard)
+        peers.heard.connect(lambda address, now: self.repeater.heard(address))
         for one in (
             self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
             self.objects, self.copied, self.deadlines, self.ranging, self.queue,
         ):  # fmt: skip
-            peers.on_forget(one.peer_forgotten)
+            peers.forgotten.connect(one.peer_forgotten)
         self._write_epoch()
 
     @property
@@ -324,14 +327,16 @@ class Protocols:
         """Make a frame of what medium access has to say, or return None."""
         return self.composer.speak(port, now)
 
-    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+    def receive(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
         self._doubt.settle(now)
-        return self.receiver.handle(opened, frame, now)
+        return self.receiver.handle(opened, frame, port, now)
 
-    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
-        self.receiver.overhear(opened, frame, now)
+        self.receiver.overhear(opened, frame, port, now)
 
     # The life of the engine
 
@@ -359,10 +364,6 @@ class Protocols:
 
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
-        self.receiver.handle_access, self.receiver.handle_call = (
-            port.handle_control,
-            port.handle_call,
-        )
         capabilities = port.capabilities
         self.handshake.use_link(capabilities)
         self.ranging.use_link(capabilities)
@@ -398,6 +399,22 @@ class Protocols:
         self.copied.sweep(now)
 
     # Below the methods above
+
+    def _reception(self, peers: Peers) -> Reception:
+        """Say who takes what of a frame."""
+        reception = Reception()
+        Statements(self.handshake, peers, reception)
+        hear_medium(reception)
+        reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
+        reception.on_records(ServiceSpec, self.services.receive)
+        reception.on_records(ActionSpec, self.actions.receive)
+        reception.on(DenseString, self.topics.receive_block)
+        reception.on(DenseAck, self.dense.acknowledged)
+        reception.on(Fragment, self.large.fragment)
+        for kind in (Lacks, Complete, Refused, Headless):
+            reception.on(kind, self.large.feedback)
+        reception.on(Subscribe, self.demand.receive)
+        return reception
 
     def _renew_epoch(self, now: int) -> bool:
         """Begin a new epoch unless a call is under way, which would not survive it."""
