@@ -117,7 +117,7 @@ class Contact:
         self._said_at: dict[int, int] = {}
         self._pause_ns = 0
         self._sightings: dict[int, Sighting] = {}
-        peers.on_forget(self._forget)
+        peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""

@@ -17,6 +17,7 @@ from zacoustic.core.engine.events import (
     ResponseReceived,
     SampleReceived,
     StreamsDiffer,
+    TransportEvent,
 )
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.news import ActionEvent
@@ -30,8 +31,9 @@ from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 Take = Callable[[Any], object]
 """Takes an event of one type."""
 
-_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead)
-"""For programs on a link; of measurements the health report asks the engine."""
+_HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent)
+"""For programs on a link, and those with a transport of their own; of measurements the health report
+asks the engine."""
 
 
 class EventDispatcher:
@@ -80,7 +82,7 @@ class EventDispatcher:
 
     def deliver(self, event: Event) -> None:
         """Take an event of the engine."""
-        for take in self._takers[type(event)]:
+        for take in self._takers.get(type(event), ()):  # of a transport's own events there is none
             take(event)
 
     def _answer(self, event: ResponseReceived | CallFailed) -> None:
