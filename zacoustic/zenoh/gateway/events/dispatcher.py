@@ -32,8 +32,7 @@ Take = Callable[[Any], object]
 """Takes an event of one type."""
 
 _HEARD_ELSEWHERE = (DeliveryStored, PeerMeasured, ModemRead, TransportEvent)
-"""For programs on a link, and those with a transport of their own; of measurements the health report
-asks the engine."""
+"""For programs on a link; of measurements the health report asks the engine."""
 
 
 class EventDispatcher:
