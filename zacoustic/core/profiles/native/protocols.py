@@ -1,33 +1,32 @@
-"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+"""What an engine consists of above a link: one component for each thing that two nodes agree on.
 
-They share the transmit queue, the handshake and the journal, and know nothing of the link but its
-airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+They share the transmit queue, and know nothing of the link but its airtimes. Handshake and journal
+they share with those of other links. What concerns all of them (a link, a report, the timer) is
+passed on from here.
 
 Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Mapping, Set
+from functools import partial
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.stats import EngineStats, count
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.peers.peers import Peers
+from zacoustic.core.base.qos import Tuning
+from zacoustic.core.base.stats import count
+from zacoustic.core.peers.contact import PeerFound, PeerLost
+from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
+from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
-from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.profiles.parts import LinkParts, NodeParts
+from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
@@ -66,53 +65,34 @@ ProtocolEvent = (
 
 
 class Protocols:
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
-        address: Address of the node.
-        table: Its streams.
-        epoch: Its boot epoch.
-        peers: The other nodes.
-        rules: What the config says.
-        doubt: Whether something of former lives is forgotten.
-        journal: Keeps what is to survive.
-        timers: Call the components when something is due.
-        stats: Counts.
-        generators: One for each component that draws.
-        emit: Takes events.
+        node: What the node has once.
+        link: What the link has for itself.
     """
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        *,
-        peers: Peers,
-        rules: TransmitRules,
-        doubt: Doubt,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ProtocolEvent], None],
-    ) -> None:
+    def __init__(self, node: NodeParts, link: LinkParts) -> None:
+        address, table, handshake, emit = node.address, node.table, node.handshake, link.emit
+        peers, rules, doubt = node.peers, node.rules, node.doubt
+        journal, timers, stats, generators = link.journal, link.timers, link.stats, link.generators
+        self.link = link.name
+        """Name of the link."""
+        self._node = node
         self._address = address
-        self._journal = journal
         self._stats = stats
         self._emit = emit
-        self._doubt = doubt
-        self._epochs_to_keep = 0
         self.queue = queue = TransmitQueue()
-        self.handshake = handshake = Handshake(
-            address, epoch, table, peers, generators.of("handshake")
-        )
-        self.contact = Contact(
-            address, table, rules.contact, peers, timers, generators.of("contact"), emit
+        self.heartbeats = Heartbeats(
+            address, table, rules.contact.heartbeat_s, generators.of("contact")
         )
         self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
         self.repeater = Repeater(
-            queue, peers, timers, generators.of("repeater"), handshake.introduce
+            queue,
+            peers,
+            timers,
+            generators.of("repeater"),
+            partial(handshake.introduce, link.name),
         )
         self.demand = Demand(
             address,
@@ -185,7 +165,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self.begin_epoch,
+            begin_epoch=node.epoch.begin,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -198,7 +178,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=self._renew_epoch,
+            begin_epoch=node.epoch.renew,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -216,15 +196,14 @@ class Protocols:
             self.demand,
             stats,
         )
-        self.composer = Composer(
-            queue,
-            handshake,
-            self.dense,
-            self.ranging,
-            self.large.objects,
-            self.contact,
-            stats,
+        made_of = Ingredients(
+            queue=queue,
+            dense=self.dense,
+            ranging=self.ranging,
+            objects=self.large.objects,
+            heartbeats=self.heartbeats,
         )
+        self.composer = Composer(link.name, handshake, made_of, stats)
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
             peers.on_restart(each.peer_restarted)
         for one in (
@@ -232,15 +211,12 @@ class Protocols:
             self.objects, self.copied, self.deadlines, self.ranging, self.queue,
         ):  # fmt: skip
             peers.on_forget(one.peer_forgotten)
-        self._write_epoch()
+        node.epoch.on_begin(self._epoch_changed, lambda: self.services.is_calling)
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it.
-
-        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
-        """
-        return not self._epochs_to_keep or bool(self._journal.failure)
+        """The boot epoch is written down: no other life of the node will have it."""
+        return self._node.epoch.may_speak
 
     @property
     def objects(self) -> Objects:
@@ -302,6 +278,12 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
+    def tune(self, stream: Stream, tuning: Tuning) -> None:
+        """Lay an override over the QoS of what waits of a topic."""
+        for lane in SAMPLE_LANES:
+            self.queue.tune((stream.stream_id, lane), tuning)
+        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
@@ -326,7 +308,8 @@ class Protocols:
 
     def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
-        self._doubt.settle(now)
+        self._node.doubt.settle(now)
+        self._node.peers[opened.source].link = self.link
         return self.receiver.handle(opened, frame, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
@@ -337,8 +320,7 @@ class Protocols:
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
-        self.contact.begin(now)
-        self.handshake.begin(now)
+        self.heartbeats.begin(now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Go on with what a former life has left."""
@@ -349,14 +331,6 @@ class Protocols:
         self.services.recover(stored)
         self.actions.recover(stored)
 
-    def begin_epoch(self, now: int) -> None:
-        """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed(now)
-        self.dense.epoch_changed()
-        self._write_epoch()
-        self.services.epoch_changed()
-        self.actions.epoch_changed(now)
-
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
         self.receiver.handle_access, self.receiver.handle_call = (
@@ -364,10 +338,10 @@ class Protocols:
             port.handle_call,
         )
         capabilities = port.capabilities
-        self.handshake.use_link(capabilities)
+        self._node.handshake.use_link(self.link, capabilities, now)
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
-        settling_ns = self.handshake.settling_ns
+        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
         self.copied.use_link(times)
         self.sending.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
@@ -384,7 +358,7 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
-        self._doubt.link_up(now)
+        self._node.doubt.link_up(now)
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
@@ -399,23 +373,13 @@ class Protocols:
 
     # Below the methods above
 
-    def _renew_epoch(self, now: int) -> bool:
-        """Begin a new epoch unless a call is under way, which would not survive it."""
-        if self.services.is_calling:
-            return False
-        self.begin_epoch(now)
-        return True
+    def _epoch_changed(self, now: int) -> None:
+        self.dense.epoch_changed()
+        self.services.epoch_changed()
+        self.actions.epoch_changed(now)
 
     def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         self.topics.audience_changed(stream, newcomers, now)
-
-    def _write_epoch(self) -> None:
-        self._epochs_to_keep += 1
-        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
-        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
-
-    def _epoch_kept(self, now: int) -> None:
-        self._epochs_to_keep -= 1
 
     def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
         self.large.unsubscribed(stream_id, sources, now)

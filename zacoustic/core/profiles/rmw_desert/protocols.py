@@ -15,13 +15,11 @@ What is dropped is counted under the words of `zacoustic.core.profiles.native.re
 and ``no_packet`` for bytes of the stream that belong to none.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import (
     BROADCAST,
     UNKNOWN_SOURCE,
@@ -31,22 +29,19 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.parts import Part
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
-from zacoustic.core.base.timers import Timers
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.peers import Peers
+from zacoustic.core.base.stats import NO_STREAM, Cause, count
 from zacoustic.core.profiles.entities import DiscoverySpec
-from zacoustic.core.profiles.native.protocols import ProtocolEvent, Protocols
+from zacoustic.core.profiles.native.protocols import Protocols
+from zacoustic.core.profiles.parts import LinkParts, NodeParts
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.profiles.rmw_desert.discovery import Discovery
 from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
-from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
-from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.topics.topics import NO_DELIVERY
 from zacoustic.core.values.payload import PayloadError
@@ -59,34 +54,10 @@ from zacoustic.errors import PayloadInvalidError
 class RmwDesertProtocols(Protocols):
     """The components of one engine; arguments as those of `Protocols`."""
 
-    def __init__(
-        self,
-        address: int,
-        table: StreamTable,
-        epoch: int,
-        *,
-        peers: Peers,
-        rules: TransmitRules,
-        doubt: Doubt,
-        journal: JournalPort,
-        timers: Timers,
-        stats: EngineStats,
-        generators: Generators,
-        emit: Callable[[ProtocolEvent], None],
-    ) -> None:
-        super().__init__(
-            address,
-            table,
-            epoch,
-            peers=peers,
-            rules=rules,
-            doubt=doubt,
-            journal=journal,
-            timers=timers,
-            stats=stats,
-            generators=generators,
-            emit=emit,
-        )
+    def __init__(self, node: NodeParts, link: LinkParts) -> None:
+        super().__init__(node, link)
+        address, table, emit = node.address, node.table, link.emit
+        timers, stats, generators = link.timers, link.stats, link.generators
         self._table = table
         self._timers = timers
         self._calls = DesertCalls(
@@ -99,7 +70,7 @@ class RmwDesertProtocols(Protocols):
             emit=emit,
         )
         self._discovery = Discovery(
-            address, table, rules.discovery or DiscoverySpec(), self.queue, emit
+            address, table, node.rules.discovery or DiscoverySpec(), self.queue, emit
         )
         self._port: LinkPort | None = None
         self._pieces: list[bytes] = []
