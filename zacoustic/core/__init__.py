@@ -8,9 +8,11 @@ Nine layers; each imports only what stands below it (import-linter holds that in
 
 ==============  ====================================================================================
 `engine`        the contract for whoever drives a node, and the wiring: `engine`, `makeengine`;
+                `linkstack` is a node on one link, `commands` go by the link of their stream;
                 `events` is what it tells, `tap` every call of it, for whoever records it
 `profiles`      which transports a node speaks, and how a frame is taken apart: `native`,
-                `rmw_desert`; `rules` is what the config says, `entities` what discovery speaks of
+                `rmw_desert`; `parts` of a node and of each of its links, `rules` is what the config
+                says, `entities` what discovery speaks of
 `transport`     what two nodes do with each other, end to end: `topics`, `reliable`, `objects`,
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
                 answer, `deliveries` is what becomes of samples
@@ -18,7 +20,8 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
                 `sources` and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
-                tables; `handshake`, `introducing`, `contact`, `ranging`, `measurements`; `doubt`
+                tables; `handshake`, `introducing`, `contact`, `heartbeats`, `ranging`,
+                `measurements`; `doubt`
                 is what this one does not know of itself
 `wire`          grammar only: `envelope`, `frame`, `content`; `access`, `calls`, `goals`,
                 `numbers`, `objects`, `subscriptions` (docs/wire.md is normative)
