@@ -194,7 +194,7 @@ def test_another_process_finds_the_same(tmp_path: Path) -> None:
                                  build=recorder.make)  # fmt: skip
         recorder.network = network
         run_survey(network, until_s=1300)
-    command = [sys.executable, "-m", "zacoustic.app.cli", "replay", str(path), "--check", "--json"]
+    command = [sys.executable, "-m", "zacoustic", "replay", str(path), "--check", "--json"]
     found = subprocess.run(command, capture_output=True, check=False, timeout=120)
     assert found.returncode == 0, found.stderr
     said = msgspec.json.decode(found.stdout)

@@ -18,19 +18,21 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 answer, `deliveries` is what becomes of samples
 `schedule`      `queue` to `composer` and `filling` to `port` to `transmitter`; `access`,
                 `airtime`, `silence` and `hosttime` say when; `timing` and `copies` how often;
-                `sources` and `savings` are what a frame is composed from beside the queue
+                `hearing` is what frames say of the medium; `sources` and `savings` are what a
+                frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `introducing`, `contact`, `heartbeats`, `ranging`,
-                `measurements`; `doubt`
-                is what this one does not know of itself
-`wire`          grammar only: `envelope`, `frame`, `content`; `access`, `calls`, `goals`,
-                `numbers`, `objects`, `subscriptions` (docs/wire.md is normative)
+                `measurements`; `doubt` is what this one does not know of itself; `statements` are
+                what a frame says of its sender, `reception` knows who takes the rest of it
+`wire`          grammar only: `envelope`, `frame`, `content`, the table of `controls`; `access`,
+                `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions` (docs/wire.md
+                is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
                 `commands` are in every table, `rmwdesert` says what streams can be there
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `parts` of frames,
-                `qos`, `journal`, `stats`, `trace`
+                `qos`, `journal`, `signals`, `stats`, `trace`
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

@@ -168,7 +168,7 @@ class Engine:
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
         ledger = Ledger(stored, journal)
-        peers.on_forget(ledger.peer_forgotten)
+        peers.forgotten.connect(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
@@ -182,7 +182,7 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         for stack in self._stacks.values():
-            peers.on_forget(stack.transmitter.peer_forgotten)
+            peers.forgotten.connect(stack.transmitter.peer_forgotten)
             stack.recover(stored, is_first=stack is self._first)
 
     # Inputs

@@ -155,7 +155,7 @@ class LinkStack:
                     self._measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, len(frame.frame_bytes), now)
                 if reason is None:
-                    streams = self.protocols.receive(opened, frame, now)
+                    streams = self.protocols.receive(opened, frame, port, now)
                     self._trace.note(
                         now,
                         "receive",
@@ -165,7 +165,7 @@ class LinkStack:
                         link=self.name,
                     )
                     continue
-                self.protocols.overhear(opened, frame, now)
+                self.protocols.overhear(opened, frame, port, now)
             assert reason is not None
             self.stats.drop(reason)
             self._trace.note(

@@ -103,7 +103,7 @@ class Contact:
         self._emit = emit
         self._has_begun = False
         self._sightings: dict[int, Sighting] = {}
-        peers.on_forget(self._forget)
+        peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""

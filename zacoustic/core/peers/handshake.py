@@ -62,10 +62,9 @@ from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.states import Agreement, Change, Life
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import (
+from zacoustic.core.wire.agreement import (
     ABSENT_DIGEST,
     ASSURED,
-    LAST_STREAM_ID,
     PROVISIONAL,
     WIRE_VERSION,
     Ask,
@@ -73,6 +72,7 @@ from zacoustic.core.wire.frame import (
     Hello,
     TableRow,
 )
+from zacoustic.core.wire.frame import LAST_STREAM_ID
 
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the water makes arrives within this many units. A few is what modems
@@ -146,6 +146,11 @@ class Handshake:
         """The present boot epoch of this node."""
         return self.introductions.epoch
 
+    @property
+    def digest(self) -> bytes:
+        """Digest of the table of this epoch."""
+        return self.introductions.digest
+
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
         if self._began_at is None:
@@ -180,7 +185,7 @@ class Handshake:
         peer = self._peers[address]
         peer.link = link
         peer.owes_hello = True
-        if peer.digest != self._digest:
+        if peer.digest != self.digest:
             peer.owed_rows[stream_id] = None
 
     def owed(
@@ -273,7 +278,7 @@ class Handshake:
             peer.begin_life(Change.NEW_LIFE)
             peer.epoch, peer.digest = hello.epoch, digest
             peer.settled_at = now + self.settling_ns
-            same = digest == self._digest
+            same = digest == self.digest
             self.news.append(
                 PeerSeen(
                     address=source,
@@ -344,7 +349,7 @@ class Handshake:
         if unicast and confirm.address == ASSURED:
             if now >= peer.settled_at:
                 peer.is_assured, peer.owes_confirm = True, False
-        elif unicast and peer.shares(self._digest):
+        elif unicast and peer.shares(self.digest):
             # It has not heard our own CONFIRM; that rides, since it may have nothing to say.
             peer.owes_confirm = True
 
@@ -394,7 +399,7 @@ class Handshake:
         """
         peer = self._peers[source]
         peer.ripen(now)
-        if peer.shares(self._digest):
+        if peer.shares(self.digest):
             if epoch == peer.epoch:
                 return None
             if epoch is None and peer.life(now) is Life.SETTLED:
@@ -425,14 +430,14 @@ class Handshake:
         Args and returns as `verdict`.
         """
         peer = self._peers[source]
-        if peer.differs_from(self._digest) and epoch == peer.epoch:
+        if peer.differs_from(self.digest) and epoch == peer.epoch:
             return "differs"
         return self.verdict(source, epoch, _ASK_HELLO, now)
 
     def knows_difference(self, address: int) -> bool:
         """Tell whether a node is known to hold another table."""
         peer = self._peers.get(address)
-        return peer is not None and peer.differs_from(self._digest)
+        return peer is not None and peer.differs_from(self.digest)
 
     def peer(self, address: int) -> Peer:
         """Return what is known of a node, and what is owed to it."""
@@ -443,10 +448,6 @@ class Handshake:
         return dict(self._peers)
 
     # Below the methods above
-
-    @property
-    def _digest(self) -> bytes:
-        return self.introductions.digest
 
     def _is_present(self, confirm: Confirm) -> bool:
         """Tell whether a CONFIRM is of this life; one before has perhaps had the same epoch."""
@@ -463,7 +464,7 @@ class Handshake:
         if is_old and peer.agreement is Agreement.UNCONFIRMED:
             peer.take(Change.EARLY_CONFIRM)
             peer.holds_at = now + self.settling_ns
-            if peer.shares(self._digest):
+            if peer.shares(self.digest):
                 # It introduces itself in every frame until it is told.
                 peer.owes_confirm = True
                 self._speak_soon(peer, max(peer.holds_at, peer.confirm_at))
@@ -473,7 +474,7 @@ class Handshake:
         return stream.digest if stream else ABSENT_DIGEST
 
     def _answer_introduction(self, peer: Peer, now: int) -> None:
-        if peer.digest == self._digest:
+        if peer.digest == self.digest:
             peer.owes_confirm = True
             earliest = now if peer.confirm_at <= now else peer.confirm_at + self.patience_ns
             self._speak_soon(peer, earliest)

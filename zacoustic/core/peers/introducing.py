@@ -24,7 +24,7 @@ from zacoustic.core.peers.peer import Peer
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.peers.states import Agreement
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.frame import (
+from zacoustic.core.wire.agreement import (
     ASSURED,
     HELLO_BYTES,
     PROVISIONAL,

@@ -12,6 +12,7 @@ import msgspec
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.base.stats import LinkStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.contact import Contact
@@ -34,7 +35,8 @@ class BootEpoch:
         self._handshake = handshake
         self._journal = journal
         self._to_keep = 0
-        self._told: list[Callable[[int], None]] = []
+        self.began = Signal[int]()
+        """``(now)``: a new one has begun."""
         self._is_calling: list[Callable[[], bool]] = []
         self._write()
 
@@ -46,25 +48,22 @@ class BootEpoch:
         """
         return not self._to_keep or bool(self._journal.failure)
 
-    def on_begin(self, told: Callable[[int], None], is_calling: Callable[[], bool]) -> None:
-        """Tell somebody of each new epoch.
-
-        Args:
-            told: Takes the instant at which it begins.
-            is_calling: Returns whether a call is under way, which would not survive it.
-        """
-        self._told.append(told)
+    def outlast(self, is_calling: Callable[[], bool]) -> None:
+        """Have somebody asked before it is renewed whether a call is under way."""
         self._is_calling.append(is_calling)
 
     def begin(self, now: int) -> None:
         """Begin a new one: what peers have confirmed is over."""
         self._handshake.table_changed(now)
         self._write()
-        for told in self._told:
-            told(now)
+        self.began(now)
 
     def renew(self, now: int) -> bool:
-        """Begin a new one unless a call is under way; returns whether it has begun."""
+        """Begin a new one unless a call is under way, which would not survive it.
+
+        Returns:
+            Whether it has begun.
+        """
         if any(is_calling() for is_calling in self._is_calling):
             return False
         self.begin(now)

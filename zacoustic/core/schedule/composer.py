@@ -34,7 +34,8 @@ from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.sources import DenseSource, ObjectSource, Source
-from zacoustic.core.wire.frame import HELLO_BYTES, PADDING, TAG_BYTES
+from zacoustic.core.wire.agreement import HELLO_BYTES, TAG_BYTES
+from zacoustic.core.wire.frame import PADDING
 
 _GIVE_WAY_PERIODS: Final = 2
 """For so many runs and pauses ranges wait behind what presses: it goes again in a pause."""

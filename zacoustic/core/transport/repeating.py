@@ -122,7 +122,7 @@ class Repeater:
         self._times: LinkTimes | None = None
         self._timings = PerPeer(peers, PeerTiming)
         self._repetitions: dict[Repetition, None] = {}
-        peers.on_forget(lambda address, now: self._changed())
+        peers.forgotten.connect(lambda address, now: self._changed())
 
     def use_link(self, times: LinkTimes) -> None:
         """Take the airtimes of a link."""

@@ -18,14 +18,18 @@ from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
+from zacoustic.core.peers.reception import Reception
+from zacoustic.core.peers.statements import Statements
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.parts import LinkParts, NodeParts
 from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
+from zacoustic.core.schedule.hearing import hear_medium
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
@@ -43,9 +47,12 @@ from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.topics import Topics
+from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import TAG_BYTES
+from zacoustic.core.wire.frame import DenseAck, DenseString
+from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
+from zacoustic.core.wire.subscriptions import Subscribe
 
 ProtocolEvent = (
     SampleReceived
@@ -156,6 +163,7 @@ class Protocols:
             receiving=self.receiving,
             large=self.large,
             demand=self.demand,
+            dense=self.dense,
             emit=self._hand_on,
         )
         self.services = Services(
@@ -184,18 +192,8 @@ class Protocols:
             stats=stats,
             emit=emit,
         )
-        self.receiver = Receiver(
-            table,
-            handshake,
-            self.topics,
-            self.dense,
-            self.services,
-            self.actions,
-            self.sending,
-            self.large,
-            self.demand,
-            stats,
-        )
+        reception = self._reception()
+        self.receiver = Receiver(table, handshake, reception, stats)
         made_of = Ingredients(
             queue=queue,
             dense=self.dense,
@@ -205,13 +203,20 @@ class Protocols:
         )
         self.composer = Composer(link.name, handshake, made_of, stats)
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
-            peers.on_restart(each.peer_restarted)
+            peers.restarted.connect(each.peer_restarted)
+        for told in (self.sending.peer_asked, self.dense.peer_asked):
+            peers.asked.connect(told)
+        for stopped in (self.services.stream_differs, self.actions.stream_differs):
+            peers.differs.connect(stopped)
+        reception.heard.connect(self.sending.heard)
+        reception.heard.connect(lambda address, now: self.repeater.heard(address))
         for one in (
             self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
             self.objects, self.copied, self.deadlines, self.ranging, self.queue,
         ):  # fmt: skip
-            peers.on_forget(one.peer_forgotten)
-        node.epoch.on_begin(self._epoch_changed, lambda: self.services.is_calling)
+            peers.forgotten.connect(one.peer_forgotten)
+        node.epoch.began.connect(self._epoch_changed)
+        node.epoch.outlast(lambda: self.services.is_calling)
 
     @property
     def may_speak(self) -> bool:
@@ -306,15 +311,17 @@ class Protocols:
         """Make a frame of what medium access has to say, or return None."""
         return self.composer.speak(port, now)
 
-    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+    def receive(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
         self._node.doubt.settle(now)
         self._node.peers[opened.source].link = self.link
-        return self.receiver.handle(opened, frame, now)
+        return self.receiver.handle(opened, frame, port, now)
 
-    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn from a frame for somebody else when its sender listens."""
-        self.receiver.overhear(opened, frame, now)
+        self.receiver.overhear(opened, frame, port, now)
 
     # The life of the engine
 
@@ -333,10 +340,6 @@ class Protocols:
 
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
-        self.receiver.handle_access, self.receiver.handle_call = (
-            port.handle_control,
-            port.handle_call,
-        )
         capabilities = port.capabilities
         self._node.handshake.use_link(self.link, capabilities, now)
         self.ranging.use_link(capabilities)
@@ -377,6 +380,22 @@ class Protocols:
         self.dense.epoch_changed()
         self.services.epoch_changed()
         self.actions.epoch_changed(now)
+
+    def _reception(self) -> Reception:
+        """Say who takes what of a frame."""
+        reception = Reception()
+        Statements(self._node.handshake, self._node.peers, reception)
+        hear_medium(reception)
+        reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
+        reception.on_records(ServiceSpec, self.services.receive)
+        reception.on_records(ActionSpec, self.actions.receive)
+        reception.on(DenseString, self.topics.receive_block)
+        reception.on(DenseAck, self.dense.acknowledged)
+        reception.on(Fragment, self.large.fragment)
+        for kind in (Lacks, Complete, Refused, Headless):
+            reception.on(kind, self.large.feedback)
+        reception.on(Subscribe, self.demand.receive)
+        return reception
 
     def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         self.topics.audience_changed(stream, newcomers, now)

@@ -166,20 +166,14 @@ class RmwDesertProtocols(Protocols):
         """Return None: medium access has no words on this wire."""
         return None
 
-    def overhear(self, opened: Opened, frame: ReceivedFrame, now: int) -> None:
+    def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Learn nothing: nobody says on this wire when it listens."""
 
-    def receive(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+    def receive(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> tuple[int, ...]:
         """Take a message apart; returns its stream."""
-        try:
-            message = decode_message(opened.records)
-        except PayloadError:
-            self._stats.drop("payload")
-            return ()
-        reason = self._receive(opened.source, message, frame, now)
-        if reason is not None:
-            self._stats.drop(reason)
-        return (message.stream_id,)
+        return self._take(opened, frame, now)
 
     # The life of the engine
 
@@ -223,7 +217,18 @@ class RmwDesertProtocols(Protocols):
                 self._stats.drop(opened.reason)
             else:
                 frame = ReceivedFrame(frame_bytes=opened.records, received_at=now)
-                self.receive(opened, frame, now)
+                self._take(opened, frame, now)
+
+    def _take(self, opened: Opened, frame: ReceivedFrame, now: int) -> tuple[int, ...]:
+        try:
+            message = decode_message(opened.records)
+        except PayloadError:
+            self._stats.drop("payload")
+            return ()
+        reason = self._receive(opened.source, message, frame, now)
+        if reason is not None:
+            self._stats.drop(reason)
+        return (message.stream_id,)
 
     @property
     def _packets(self) -> PacketEnvelope | None:

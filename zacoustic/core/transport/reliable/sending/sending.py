@@ -193,15 +193,15 @@ class ReliableSending:
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
         """A node has begun a new life."""
-        self.lost_sync(source, now)
+        self.peer_asked(source, now)
 
     def peer_forgotten(self, source: int, now: int) -> None:
         """Nothing is to be kept of a node; what it lacks goes with SYNC if it is there again."""
         self._pacing.forget(source)
         self._changed()
-        self.lost_sync(source, now)
+        self.peer_asked(source, now)
 
-    def lost_sync(self, source: int, now: int) -> None:
+    def peer_asked(self, source: int, now: int) -> None:
         """A node does not know us, or has begun a new life: what it lacks goes with SYNC."""
         for lane in self._lanes:
             reception = lane.receptions.get(source)
