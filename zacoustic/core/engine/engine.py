@@ -33,12 +33,11 @@ rest, when a frame may go and what is booked for it, does not.
 
 import random
 from collections import Counter, deque
-from collections.abc import Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+from typing import TypeVar
 
-from zacoustic.core.base.generators import Generators
-from zacoustic.core.base.journal import BOOT_KEY, JournalPort, JournalWrite
+from zacoustic.core.base.journal import BOOT_KEY, JournalWrite
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
@@ -49,19 +48,14 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.qos import Tuning
-from zacoustic.core.base.stats import EngineStats
-from zacoustic.core.base.timers import Timers
 from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, Subscriptions
 from zacoustic.core.engine.events import Event, JournalStateChanged, LinkStateChanged
-from zacoustic.core.engine.linkstack import LinkStack, OuterIds
-from zacoustic.core.peers.contact import Contact
-from zacoustic.core.peers.doubt import Doubt
-from zacoustic.core.peers.handshake import Handshake, PeerSeen, StreamsDiffer
-from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.peers.peers import Peers
-from zacoustic.core.profiles.parts import BootEpoch, LinkParts, NodeParts
+from zacoustic.core.engine.linkstack import LinkStack
+from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
+from zacoustic.core.profiles.native.protocols import MakeTransport
 from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.keys import Instance
@@ -70,9 +64,11 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.commands.ledger import Ledger
 from zacoustic.core.transport.commands.orders import Orders
 from zacoustic.core.transport.commands.tunings import Tunings
+from zacoustic.core.transport.contract import Transport
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 
+OtherTransport = TypeVar("OtherTransport", bound=Transport)
 _NO_RULES = TransmitRules()
 
 
@@ -87,6 +83,8 @@ class Engine:
         stored: What the journal has kept from earlier lives.
         rules: What the config says of transmitting.
         trace: Takes a record of each thing done, or None.
+        transports: Make transports of somebody else, one for each link
+            (`zacoustic.core.transport.contract`).
     """
 
     def __init__(
@@ -99,32 +97,27 @@ class Engine:
         stored: Mapping[str, bytes] = MappingProxyType({}),
         rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
+        transports: Sequence[MakeTransport] = (),
     ) -> None:
         self.address = address
         self.table = table
         self.stored = {key: each for key, each in stored.items() if key != BOOT_KEY}
         self.journal_failure = ""
         """Why the journal cannot be written now; empty: it can. To be read only."""
-        self.stats = EngineStats()
-        self._peers = peers = Peers()
-        self.measurements = Measurements(peers)
-        """What was measured of peers and modem; to be read only."""
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
         emit = self._events.append
-        generators = Generators(rng)
-        self._journal = journal = JournalPort()
-        self._timers = timers = Timers()
-        self.doubt = Doubt(address, table, stored, journal, emit)
+        node = NodeContext(address, table, epoch, rng, stored, rules.contact, emit)
+        self.stats = node.stats
+        self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
+        self._journal, self._timers = journal, timers = node.journal, node.timers
+        self.measurements = node.measurements
+        """What was measured of peers and modem; to be read only."""
+        self.doubt = node.doubt
         """Whether something of former lives is forgotten; to be read only."""
-        self._handshake = handshake = Handshake(
-            address, epoch, table, peers, generators.of("handshake")
-        )
-        self.contact = Contact(address, rules.contact, peers, timers, emit)
+        self.contact = node.contact
         """Who is lost; to be read only."""
-        self._epoch = BootEpoch(handshake, journal)
-        links = rules.of_links
         self.clock = HostTime(
             rules.schedule, bool(rules.quiet), stored, journal=journal, timers=timers, emit=emit
         )
@@ -133,30 +126,12 @@ class Engine:
             rules.quiet, stored, host=self.clock, journal=journal, timers=timers, emit=emit
         )
         """Orders to be silent: `begin` and `resume`."""
-        node = NodeParts(
-            address=address,
-            table=table,
-            rules=rules,
-            peers=peers,
-            handshake=handshake,
-            epoch=self._epoch,
-            contact=self.contact,
-            doubt=self.doubt,
-        )
         self._routes = rules.routes
         self._stacks: dict[str, LinkStack] = {}
-        for index, each in enumerate(links):
-            ids = OuterIds(each.name, index)
-            link = LinkParts(
-                name=each.name,
-                journal=journal.apart(each.name) if index else journal,
-                timers=timers.apart(each.name) if index else timers,
-                stats=self.stats.on(each.name),
-                generators=generators.apart(each.name) if index else generators,
-                emit=partial(self._tell, ids),
-            )
-            self._stacks[each.name] = LinkStack(
-                node, link, each, self.silence, self.measurements, ids, self._trace
+        for index, own in enumerate(rules.of_links):
+            context = Context(node, own.name, index)
+            self._stacks[own.name] = LinkStack(
+                context, rules, own, self.silence, self._trace, transports
             )
         self._first = next(iter(self._stacks.values()))
         self.ranging = self._first.protocols.ranging
@@ -168,12 +143,12 @@ class Engine:
         self.deadlines = AwaitedSamples(self._stacks.values())
         """Of what a sample is awaited; to be read only."""
         ledger = Ledger(stored, journal)
-        peers.forgotten.connect(ledger.peer_forgotten)
+        self._peers.forgotten.connect(ledger.peer_forgotten)
         self.orders = Orders(
             address,
             table,
             self._first.protocols.services,
-            handshake,
+            self._handshake,
             Tunings(address, table, tune=self._tune, stored=stored, journal=journal),
             ledger,
             self.silence,
@@ -182,8 +157,7 @@ class Engine:
         )
         """Orders to other nodes, and to this one: `send`, `obey`."""
         for stack in self._stacks.values():
-            peers.forgotten.connect(stack.transmitter.peer_forgotten)
-            stack.recover(stored, is_first=stack is self._first)
+            stack.protocols.recover()
 
     # Inputs
 
@@ -468,6 +442,19 @@ class Engine:
             for stack in self._stacks.values()
         )
 
+    def transport(self, kind: type[OtherTransport], link: str | None = None) -> OtherTransport:
+        """Return the transport of somebody else that is of a class; each link has its own.
+
+        Raises:
+            LocalError: This engine was made without it.
+        """
+        made = self._stack(link).protocols.transports
+        for each in made.values():
+            if isinstance(each, kind):
+                return each
+        names = ", ".join(made) or "none"
+        raise LocalError(f"no transport {kind.name}; this engine has: {names}")
+
     def delivering(self, stream_id: int) -> int:
         """Count the reliable samples of a stream that have not ended."""
         return self._stack_of(stream_id).protocols.sending.delivering(stream_id)
@@ -523,9 +510,6 @@ class Engine:
         self._handshake.begin(now)
         for stack in self._stacks.values():
             stack.protocols.begin(now)
-
-    def _tell(self, ids: OuterIds, event: Event) -> None:
-        self._events.append(ids.of_event(event))
 
     def _stack(self, link: str | None) -> LinkStack:
         if link is None:

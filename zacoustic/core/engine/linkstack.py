@@ -2,18 +2,14 @@
 
 Each link has transports of its own: airtimes, pauses, windows and runs of two links have nothing to
 do with each other, so the loss of one disturbs nothing on the other one. What is agreed with other
-nodes is common to all links (`zacoustic.core.profiles.parts`). Which of them a stream goes by, says
-the engine.
+nodes is common to all links (`zacoustic.core.schedule.context`). The engine knows which of them a
+stream goes by.
 """
 
-from collections.abc import Mapping
-from typing import Final, TypeVar
+from collections.abc import Sequence
+from typing import Final
 
-import msgspec
-
-from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, stored_apart
 from zacoustic.core.base.linktypes import (
-    ONE_LINK,
     UNKNOWN_SOURCE,
     LinkCapabilities,
     LinkState,
@@ -22,12 +18,11 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.trace import Tracer
-from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.profiles.native.protocols import Protocols
-from zacoustic.core.profiles.parts import LinkParts, NodeParts
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
-from zacoustic.core.profiles.rules import LinkRules
+from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.schedule.transmitter import Transmitter
@@ -36,107 +31,59 @@ from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.envelope import Envelope, Opened
 
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
-_IDS: Final = ("delivery_id", "call_id", "object_id")
-"""Fields of events with what a command has returned."""
-_ID_BITS: Final = 60
-"""Of an id, what the link has given; above that stands which link it is."""
-_ID_MASK: Final = (1 << _ID_BITS) - 1
-EventT = TypeVar("EventT", bound=msgspec.Struct)
-
-
-class OuterIds:
-    """The ids that one link gives away, as the application sees them: no two links give the same.
-
-    Args:
-        link: Name of the link.
-        index: Which link it is, from 0.
-    """
-
-    def __init__(self, link: str, index: int) -> None:
-        self._link = link
-        self._index = index
-
-    def outer(self, inner: int) -> int:
-        """Return the id for the application; 0 names nothing, and stays 0."""
-        return inner | self._index << _ID_BITS if inner else 0
-
-    def inner(self, outer: int) -> int | None:
-        """Return the id of the link; None: another link has given it away."""
-        return outer & _ID_MASK if outer >> _ID_BITS == self._index else None
-
-    def of_event(self, event: EventT) -> EventT:
-        """Return an event as the application sees it, with the name of its link if it has one."""
-        if self._link == ONE_LINK and self._index == 0:
-            return event
-        told: dict[str, int | str] = {
-            name: self.outer(getattr(event, name))
-            for name in _IDS
-            if getattr(event, name, None) is not None
-        }
-        if "link" in event.__struct_fields__:
-            told["link"] = self._link
-        return msgspec.structs.replace(event, **told) if told else event
 
 
 class LinkStack:
     """One link of an engine.
 
     Args:
-        node: What the engine has once.
-        link: What the link has for itself.
-        rules: What the config says of the link.
+        context: The node on this link.
+        rules: What the config says of the node.
+        own: What it says of the link.
         silence: When nothing may be transmitted.
-        measurements: What was measured of the others.
-        ids: The ids that the application sees.
         trace: Takes what is done.
+        transports: Make transports of somebody else.
     """
 
     def __init__(
         self,
-        node: NodeParts,
-        link: LinkParts,
-        rules: LinkRules,
+        context: Context,
+        rules: TransmitRules,
+        own: LinkRules,
         silence: Silence,
-        measurements: Measurements,
-        ids: OuterIds,
         trace: Tracer,
+        transports: Sequence[MakeTransport],
     ) -> None:
-        self.name = link.name
+        self.name = context.link
         """Name of the link."""
-        self.ids = ids
+        self.ids = context.ids
         """The ids that the application sees."""
-        self.stats = link.stats
+        self.stats = context.stats
         """Counts on this link."""
-        self._node = node
-        self._measurements = measurements
+        self._context = context
         self._silence = silence
         self._trace = trace
-        self.protocols = _PROTOCOLS[node.table.wire](node, link)
+        self.protocols = _PROTOCOLS[context.table.wire](context, rules, transports)
         """The transports."""
-        self._access_rng = link.generators.of("access")
-        self._access = rules.access
+        self._access_rng = context.generators.of("access")
+        self._access = own.access
         self.transmitter = Transmitter(
-            link.name,
+            context.link,
             self.protocols,
             silence,
-            AirtimeCaps(rules.max_airtime),
-            link.stats,
+            AirtimeCaps(own.max_airtime),
+            context.stats,
             self._make_port,
-            link.emit,
+            context.emit,
         )
         """What goes when."""
-        for stream in node.table:
+        context.peers.forgotten.connect(self.transmitter.peer_forgotten)
+        for stream in context.table:
             self.declared(stream)
 
     def declared(self, stream: Stream) -> None:
         """A stream is in the table."""
         self.transmitter.airtime.limit(stream.stream_id, stream.qos.max_airtime)
-
-    def recover(self, stored: Mapping[str, bytes], *, is_first: bool) -> None:
-        """Go on with what a former life has left of this link."""
-        mine = stored_apart(stored, None if is_first else self.name)
-        common = {key: stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in stored}
-        self.protocols.recover({**mine, **common})
 
     # Inputs
 
@@ -151,8 +98,9 @@ class LinkStack:
             reason = port.refuse(opened, frame)
             if isinstance(opened, Opened) and reason in (None, "not_for_us"):
                 if opened.source != UNKNOWN_SOURCE:
-                    self._node.contact.heard(opened.source, now)
-                    self._measurements.note(opened.source, frame.metrics, frame.received_at)
+                    self._context.node.contact.heard(opened.source, now)
+                    measurements = self._context.node.measurements
+                    measurements.note(opened.source, frame.metrics, frame.received_at)
                 port.heard(opened.source, len(frame.frame_bytes), now)
                 if reason is None:
                     streams = self.protocols.receive(opened, frame, port, now)
@@ -236,9 +184,9 @@ class LinkStack:
     def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
         return LinkPort(
             capabilities,
-            self._node.address,
+            self._context.address,
             self._access_rng,
             self._access,
             envelope=envelope,
-            measurements=self._measurements,
+            measurements=self._context.node.measurements,
         )

@@ -8,7 +8,7 @@ Here the native wire is spoken. Another wire profile overrides what is said and 
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Sequence, Set
 from functools import partial
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
@@ -19,14 +19,13 @@ from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
 from zacoustic.core.peers.reception import Reception
-from zacoustic.core.peers.statements import Statements
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
-from zacoustic.core.profiles.parts import LinkParts, NodeParts
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
-from zacoustic.core.schedule.hearing import hear_medium
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
@@ -35,6 +34,7 @@ from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
 from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.contract import Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.objects import Objects
@@ -53,6 +53,10 @@ from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.core.wire.frame import DenseAck, DenseString
 from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
 from zacoustic.core.wire.subscriptions import Subscribe
+from zacoustic.errors import ConfigError
+
+MakeTransport = Callable[[Context], Transport]
+"""Makes a transport of somebody else; a subclass of `Transport` itself is one."""
 
 ProtocolEvent = (
     SampleReceived
@@ -75,21 +79,27 @@ class Protocols:
     """The components of one engine on one link.
 
     Args:
-        node: What the node has once.
-        link: What the link has for itself.
+        context: What they share.
+        rules: What the config says.
+        transports: Make transports of somebody else.
+
+    Raises:
+        ConfigError: Two of them have the same name, or one has none.
     """
 
-    def __init__(self, node: NodeParts, link: LinkParts) -> None:
-        address, table, handshake, emit = node.address, node.table, node.handshake, link.emit
-        peers, rules, doubt = node.peers, node.rules, node.doubt
-        journal, timers, stats, generators = link.journal, link.timers, link.stats, link.generators
-        self.link = link.name
-        """Name of the link."""
-        self._node = node
-        self._address = address
+    def __init__(
+        self,
+        context: Context,
+        rules: TransmitRules,
+        transports: Sequence[MakeTransport] = (),
+    ) -> None:
+        address, table, emit = context.address, context.table, context.emit
+        peers, handshake, queue = context.peers, context.handshake, context.queue
+        timers, generators, stats = context.timers, context.generators, context.stats
+        journal, doubt = context.journal, context.doubt
+        self._context = context
         self._stats = stats
-        self._emit = emit
-        self.queue = queue = TransmitQueue()
+        self.queue = queue
         self.heartbeats = Heartbeats(
             address, table, rules.contact.heartbeat_s, generators.of("contact")
         )
@@ -99,7 +109,7 @@ class Protocols:
             peers,
             timers,
             generators.of("repeater"),
-            partial(handshake.introduce, link.name),
+            partial(handshake.introduce, context.link),
         )
         self.demand = Demand(
             address,
@@ -173,7 +183,7 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=node.epoch.begin,
+            begin_epoch=context.node.epoch.begin,
             doubt=doubt,
             timers=timers,
             stats=stats,
@@ -186,42 +196,44 @@ class Protocols:
             repeater=self.repeater,
             journal=journal,
             handshake=handshake,
-            begin_epoch=node.epoch.renew,
+            begin_epoch=context.node.epoch.renew,
             doubt=doubt,
             timers=timers,
             stats=stats,
             emit=emit,
         )
-        reception = self._reception()
-        self.receiver = Receiver(table, handshake, reception, stats)
+        self._register(context.reception)
+        self.receiver = Receiver(table, handshake, context.reception, stats)
+        self.transports = self._transports(context, transports)
         made_of = Ingredients(
             queue=queue,
             dense=self.dense,
             ranging=self.ranging,
             objects=self.large.objects,
             heartbeats=self.heartbeats,
+            extensions=tuple(self.transports.values()),
         )
-        self.composer = Composer(link.name, handshake, made_of, stats)
+        self.composer = Composer(context.link, handshake, made_of, stats)
         for each in (self.services, self.actions, self.sending, self.demand, self.dense):
             peers.restarted.connect(each.peer_restarted)
         for told in (self.sending.peer_asked, self.dense.peer_asked):
             peers.asked.connect(told)
         for stopped in (self.services.stream_differs, self.actions.stream_differs):
             peers.differs.connect(stopped)
-        reception.heard.connect(self.sending.heard)
-        reception.heard.connect(lambda address, now: self.repeater.heard(address))
+        context.reception.read.connect(self.sending.heard)
+        context.reception.read.connect(lambda address, now: self.repeater.heard(address))
         for one in (
             self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
-            self.objects, self.copied, self.deadlines, self.ranging, self.queue,
+            self.objects, self.copied, self.deadlines, self.ranging,
         ):  # fmt: skip
             peers.forgotten.connect(one.peer_forgotten)
-        node.epoch.began.connect(self._epoch_changed)
-        node.epoch.outlast(lambda: self.services.is_calling)
+        context.node.epoch.began.connect(self._epoch_changed)
+        context.node.epoch.outlast(lambda: self.services.is_calling)
 
     @property
     def may_speak(self) -> bool:
         """The boot epoch is written down: no other life of the node will have it."""
-        return self._node.epoch.may_speak
+        return self._context.node.epoch.may_speak
 
     @property
     def objects(self) -> Objects:
@@ -293,7 +305,7 @@ class Protocols:
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._address)
+        return Envelope(capabilities, self._context.address)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -315,8 +327,8 @@ class Protocols:
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
-        self._node.doubt.settle(now)
-        self._node.peers[opened.source].link = self.link
+        self._context.doubt.settle(now)
+        self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
@@ -329,8 +341,9 @@ class Protocols:
         """This is the first instant of the life; no effect later on."""
         self.heartbeats.begin(now)
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
-        """Go on with what a former life has left."""
+    def recover(self) -> None:
+        """Go on with what a former life has left of this link."""
+        stored = self._context.stored
         self.demand.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
@@ -341,7 +354,7 @@ class Protocols:
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
         capabilities = port.capabilities
-        self._node.handshake.use_link(self.link, capabilities, now)
+        self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
         settling_ns = SETTLING_UNITS * unit_ns(capabilities)
@@ -351,6 +364,8 @@ class Protocols:
         self.actions.use_link(times, settling_ns)
         self.repeater.use_link(times)
         self.receiving.use_link(times)
+        for each in self.transports.values():
+            each.use_link(capabilities, now)
         self.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
         )
@@ -361,13 +376,15 @@ class Protocols:
 
     def link_up(self, now: int) -> None:
         """The link is up."""
-        self._node.doubt.link_up(now)
+        self._context.doubt.link_up(now)
         self.receiving.link_up(now)
         self.sending.link_up(now)
         self.large.link_up(now)
         self.repeater.link_up()
         self.services.link_up(now)
         self.actions.link_up(now)
+        for each in self.transports.values():
+            each.link_up(now)
 
     def handle_timeout(self, now: int) -> None:
         """The node is awake, and timers may be due: do what has no instant of its own."""
@@ -376,16 +393,19 @@ class Protocols:
 
     # Below the methods above
 
-    def _epoch_changed(self, now: int) -> None:
-        self.dense.epoch_changed()
-        self.services.epoch_changed()
-        self.actions.epoch_changed(now)
+    def _transports(
+        self, context: Context, makers: Sequence[MakeTransport]
+    ) -> dict[str, Transport]:
+        made: dict[str, Transport] = {}
+        for make in makers:
+            each = make(context)
+            if not each.name or each.name in made:
+                raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
+            made[each.name] = each
+        return made
 
-    def _reception(self) -> Reception:
+    def _register(self, reception: Reception) -> None:
         """Say who takes what of a frame."""
-        reception = Reception()
-        Statements(self._node.handshake, self._node.peers, reception)
-        hear_medium(reception)
         reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
         reception.on_records(ServiceSpec, self.services.receive)
         reception.on_records(ActionSpec, self.actions.receive)
@@ -395,7 +415,11 @@ class Protocols:
         for kind in (Lacks, Complete, Refused, Headless):
             reception.on(kind, self.large.feedback)
         reception.on(Subscribe, self.demand.receive)
-        return reception
+
+    def _epoch_changed(self, now: int) -> None:
+        self.dense.epoch_changed()
+        self.services.epoch_changed()
+        self.actions.epoch_changed(now)
 
     def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         self.topics.audience_changed(stream, newcomers, now)
@@ -406,4 +430,4 @@ class Protocols:
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
         count(self._stats.received, sample.stream_id)
         self.deadlines.handed_on(sample, now)
-        self._emit(sample)
+        self._context.emit(sample)

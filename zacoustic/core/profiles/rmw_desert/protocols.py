@@ -15,7 +15,7 @@ What is dropped is counted under the words of `zacoustic.core.profiles.native.re
 and ``no_packet`` for bytes of the stream that belong to none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import msgspec
 
@@ -31,12 +31,13 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.stats import NO_STREAM, Cause, count
 from zacoustic.core.profiles.entities import DiscoverySpec
-from zacoustic.core.profiles.native.protocols import Protocols
-from zacoustic.core.profiles.parts import LinkParts, NodeParts
+from zacoustic.core.profiles.native.protocols import MakeTransport, Protocols
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.profiles.rmw_desert.discovery import Discovery
 from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, LaneKey, Waiting
 from zacoustic.core.streams.keys import Instance
@@ -48,29 +49,45 @@ from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, decode_message, encode_head
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
-from zacoustic.errors import PayloadInvalidError
+from zacoustic.errors import ConfigError, PayloadInvalidError
 
 
 class RmwDesertProtocols(Protocols):
-    """The components of one engine; arguments as those of `Protocols`."""
+    """The components of one engine.
 
-    def __init__(self, node: NodeParts, link: LinkParts) -> None:
-        super().__init__(node, link)
-        address, table, emit = node.address, node.table, link.emit
-        timers, stats, generators = link.timers, link.stats, link.generators
-        self._table = table
-        self._timers = timers
+    Args:
+        context: What they share.
+        rules: What the config says.
+        transports: None can be spoken on this wire.
+
+    Raises:
+        ConfigError: There are some.
+    """
+
+    def __init__(
+        self,
+        context: Context,
+        rules: TransmitRules,
+        transports: Sequence[MakeTransport] = (),
+    ) -> None:
+        if transports:
+            raise ConfigError("wire rmw_desert has no extensions; allowed: no other transports")
+        super().__init__(context, rules)
+        self._address = context.address
+        self._table = context.table
+        self._timers = context.timers
         self._calls = DesertCalls(
-            address,
-            table,
-            queue=self.queue,
-            timers=timers,
-            stats=stats,
-            rng=generators.of("rmw_desert calls"),
-            emit=emit,
+            context.address,
+            context.table,
+            queue=context.queue,
+            timers=context.timers,
+            stats=context.stats,
+            rng=context.generators.of("rmw_desert calls"),
+            emit=context.emit,
         )
+        discovery = rules.discovery or DiscoverySpec()
         self._discovery = Discovery(
-            address, table, node.rules.discovery or DiscoverySpec(), self.queue, emit
+            context.address, context.table, discovery, context.queue, context.emit
         )
         self._port: LinkPort | None = None
         self._pieces: list[bytes] = []
@@ -182,7 +199,7 @@ class RmwDesertProtocols(Protocols):
         """Nothing waits."""
         return super().is_idle and not self._pieces
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
+    def recover(self) -> None:
         """Nothing of a former life is gone on with but its boot epoch."""
 
     def use_link(self, port: LinkPort, now: int) -> None:
