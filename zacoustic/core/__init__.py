@@ -16,13 +16,13 @@ Nine layers; each imports only what stands below it (import-linter holds that in
                 `subscriptions`, `calls`, `actions`, `commands`; `repeating` until there is an
                 answer, `deliveries` is what becomes of samples; `contract` for a transport of
                 somebody else
-`schedule`      `context` is what a node has once, and on each link; `queue` to `composer` and `filling` to
-                `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime` say when;
-                `timing` and `copies` how often; `hearing` is what frames say of the medium;
-                `sources` and `savings` are what a frame is composed from beside the queue
+`schedule`      `context` is what a node has once, and on each link; `queue` to `composer` and
+                `filling` to `port` to `transmitter`; `access`, `airtime`, `silence` and `hosttime`
+                say when; `timing` and `copies` how often; `hearing` is what frames say of the
+                medium; `sources` and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
-                tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`,
-                `ranging`, `measurements`; `doubt` is what this one does not know of itself; `statements` are
+                tables; `handshake`, `introducing`, `contact`, `heartbeats`, `bootepoch`, `ranging`,
+                `measurements`; `doubt` is what this one does not know of itself; `statements` are
                 what a frame says of its sender, `reception` knows who takes the rest of it
 `wire`          grammar only: `envelope`, `frame`, `content`, the table of `controls`; `access`,
                 `agreement`, `calls`, `goals`, `numbers`, `objects`, `subscriptions` (docs/wire.md
