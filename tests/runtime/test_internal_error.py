@@ -35,7 +35,7 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.peers.ranging import RangeFailed
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.actions.news import GoalAnswered, GoalFailed, GoalRecovered
+from zacoustic.core.transport.actions.events import GoalAnswered, GoalFailed, GoalRecovered
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.replacement.faults import FREE, REPORT
@@ -59,8 +59,8 @@ POISON = b"\xbf\xff"
 class BrittleEngine(Engine):
     """Has a bug: it raises at certain frames."""
 
-    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
-        super().handle_frame(frame, now)
+    def handle_frame(self, frame: ReceivedFrame, now: int, link: str | None = None) -> None:
+        super().handle_frame(frame, now, link)
         if frame.frame_bytes.startswith(POISON):
             raise KeyError("a bug")
 
@@ -144,9 +144,9 @@ class Bench:
 
         state = self.journal.recover()
         first = Intact(renew, state.boot_epoch, state.entries)
-        self.runner = LinkRunner(first, self.link, self._take, renew=renew, journal=self.journal)
+        self.runner = LinkRunner(first, self.link, journal=self.journal)
 
-    def _take(self, event: Event) -> None:
+    def take(self, event: Event) -> None:
         self.events.append(event)
         self.changed.set()
         if self.fails:
@@ -166,7 +166,7 @@ def on_a_bench(
 ) -> None:
     async def whole() -> None:
         bench = Bench(engine_type, journal)
-        await bench.runner.start()
+        await bench.runner.start(bench.take)
         await main(bench)
         assert bench.runner.failure is None
         await bench.runner.close()
@@ -261,10 +261,10 @@ def test_what_was_not_written_down_is_told() -> None:
 
 def test_what_is_wanted_is_asked_for_anew() -> None:
     async def main(bench: Bench) -> None:
-        bench.runner.apply(lambda engine, now: engine.demand.want(13, now, {2}))
+        bench.runner.apply(lambda engine, now: engine.subscriptions.want(13, now, {2}))
         bench.link.hear(POISON)
         await bench.restarted()
-        assert bench.runner.engine.demand.wanted(13) == {2}
+        assert bench.runner.engine.subscriptions.wanted(13) == {2}
 
     on_a_bench(main)
 
@@ -332,9 +332,13 @@ class ReadingEngine(BrittleEngine):
             raise KeyError("a bug: an entry cannot be read")
 
     def handle_link_state(
-        self, state: LinkState, now: int, capabilities: LinkCapabilities | None = None
+        self,
+        state: LinkState,
+        now: int,
+        capabilities: LinkCapabilities | None = None,
+        link: str | None = None,
     ) -> None:
-        super().handle_link_state(state, now, capabilities)
+        super().handle_link_state(state, now, capabilities, link)
         if self.has_late:
             raise KeyError("a bug: an entry cannot be used")
 

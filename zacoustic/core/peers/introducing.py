@@ -15,6 +15,7 @@ confirm* has not waited: it holds for the frame that it is in, and only a hearer
 for long may make more of it.
 """
 
+from collections import Counter
 from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -52,7 +53,8 @@ class Introductions:
         self._address = address
         self._table = table
         self._peers = peers
-        self._since_hello = PerPeer(peers, int)
+        self._since_hello = PerPeer(peers, Counter[str])
+        """Frames since the last HELLO, by destination and link."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -73,22 +75,23 @@ class Introductions:
             self._peers[destination].is_being_confirmed = False
 
     def introduction(
-        self, destination: int, room_bytes: int, now: int, *, urgent: bool = False
+        self, link: str, destination: int, room_bytes: int, now: int, *, urgent: bool = False
     ) -> bytes:
         """Return what a frame to `destination` begins with.
 
         Args:
+            link: Name of the link that it goes by.
             destination: Address, or `BROADCAST`.
             room_bytes: What the frame has left beside its first record; a HELLO that does not fit
                 is sent without it.
             now: The instant.
             urgent: The record must be in this frame: never displace it by a HELLO.
         """
-        audience = self._audience(destination, now)
-        silent = [peer for peer in audience if not peer.confirmed_us]
-        asked = self.introduces(destination)
+        receivers = self._receivers(destination, now)
+        silent = [peer for peer in receivers if not peer.confirmed_us]
+        asked = self.introduces(link, destination)
         # Without a list nobody knows who hears a broadcast, whoever has confirmed.
-        is_known = bool(audience) and (destination != BROADCAST or bool(self._table.nodes))
+        is_known = bool(receivers) and (destination != BROADCAST or bool(self._table.nodes))
         if is_known and not silent and not asked:
             return b""
         tag = Tag(self.epoch).encode()
@@ -101,33 +104,33 @@ class Introductions:
         ):
             wanted = False
         else:
-            turn = self._since_hello[destination] % HELLO_EVERY == 0
+            turn = self._since_hello[destination][link] % HELLO_EVERY == 0
             wanted = (fits and (turn or destination != BROADCAST)) or (turn and not urgent)
         if not wanted:
-            self._since_hello[destination] += 1
+            self._since_hello[destination][link] += 1
             return tag
-        self._since_hello[destination] = 1
+        self._since_hello[destination][link] = 1
         self.is_told = True
-        if destination != BROADCAST and not asked and audience[0].shares(self.digest):
-            return tag + self._early_confirm(destination, audience[0], now)
-        for peer in self._peers.values() if destination == BROADCAST else audience:
-            if peer.owes_hello:
+        if destination != BROADCAST and not asked and receivers[0].shares(self.digest):
+            return tag + self._early_confirm(destination, receivers[0], now)
+        for peer in self._peers.values() if destination == BROADCAST else receivers:
+            if peer.owes_hello and (destination != BROADCAST or peer.link == link):
                 peer.owes_hello = False
                 peer.answer_pause.use(now, self.unit_ns)
         return Hello(WIRE_VERSION, self.epoch, self.digest).encode()
 
-    def introduces(self, destination: int) -> bool:
+    def introduces(self, link: str, destination: int) -> bool:
         """Tell whether a hearer of frames to `destination` waits for a HELLO, records or not."""
         if destination == BROADCAST:
-            return any(peer.owes_hello for peer in self._peers.values())
+            return any(peer.owes_hello and peer.link == link for peer in self._peers.values())
         return self._peers[destination].owes_hello
 
     def is_unconfirmed(self, destination: int, now: int) -> bool:
         """Tell whether somebody who hears frames to `destination` may yet confirm our table."""
-        audience = self._audience(destination, now)
-        return not audience or any(
+        receivers = self._receivers(destination, now)
+        return not receivers or any(
             peer.agreement is Agreement.UNCONFIRMED and not peer.differs_from(self.digest)
-            for peer in audience
+            for peer in receivers
         )
 
     def concerns_others(self, destination: int) -> bool:
@@ -148,17 +151,17 @@ class Introductions:
             peer.said(Cause.CONFIRM, now, self.unit_ns)
         return Confirm(named, peer.present_epoch).encode()
 
-    def _audience(self, destination: int, now: int) -> list[Peer]:
+    def _receivers(self, destination: int, now: int) -> list[Peer]:
         if destination != BROADCAST:
-            audience = [self._peers[destination]]
+            receivers = [self._peers[destination]]
         else:
-            audience = [self._peers[each] for each in self._table.nodes if each != self._address]
+            receivers = [self._peers[each] for each in self._table.nodes if each != self._address]
             # Whoever has introduced itself is in the water, listed or not.
-            audience += [
+            receivers += [
                 peer
                 for address, peer in self._peers.items()
                 if address not in self._table.nodes and peer.epoch is not None
             ]
-        for peer in audience:
+        for peer in receivers:
             peer.ripen(now)
-        return audience
+        return receivers

@@ -17,7 +17,7 @@ from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
-from zacoustic.core.streams.commands import Order
+from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.core.values.encoding import JSON
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.runner import LinkRunner
@@ -35,7 +35,7 @@ RANGE_LIMIT_S: Final = 10.0
 """How much longer an answer waits for the range, s: three exchanges over 1500 m."""
 
 
-class PingDesk:
+class PingHandler:
     """Takes pings of the local network; for the loop.
 
     Args:
@@ -78,17 +78,27 @@ class PingDesk:
             return
         self._runner.apply(partial(self._begin, held, node, within_s))
 
-    def has_sent(self, call_id: int) -> bool:
-        """Tell whether a call is a ping."""
-        return call_id in self._by_call
+    def answered(self, event: ResponseReceived | CallFailed) -> bool:
+        """The node has answered, or not; False: it was asked nothing by this call."""
+        ping = self._by_call.pop(event.call_id, None)
+        if ping is not None:
+            self._take_answer(ping, event)
+        return ping is not None
 
-    def has_asked(self, range_id: int | None) -> bool:
-        """Tell whether a range belongs to a ping."""
-        return range_id in self._by_range
+    def ranged(self, event: RangeMeasured | RangeFailed) -> bool:
+        """A range is there, or will not come; False: it belongs to no ping."""
+        ping = None if event.range_id is None else self._by_range.pop(event.range_id, None)
+        if ping is None:
+            return False
+        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
+            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
+        else:
+            self._answer(ping)
+        return True
 
-    def answered(self, event: ResponseReceived | CallFailed) -> None:
-        """The node has answered, or not."""
-        ping = self._by_call.pop(event.call_id)
+    # Below the methods above
+
+    def _take_answer(self, ping: "_Ping", event: ResponseReceived | CallFailed) -> None:
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
             text = event.text
             if event.failure is CallFailure.TIMED_OUT:
@@ -103,17 +113,6 @@ class PingDesk:
         if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
             self._answer(ping)
 
-    def ranged(self, event: RangeMeasured | RangeFailed) -> None:
-        """A range is there, or will not come."""
-        assert event.range_id is not None
-        ping = self._by_range.pop(event.range_id)
-        if isinstance(event, RangeFailed) and ping.round_trip_s is None:
-            ping.held.refuse(CallFailure.TIMED_OUT, event.text)
-        else:
-            self._answer(ping)
-
-    # Below the methods above
-
     def _is_ours(self, node: int) -> bool:
         """Tell whether this gateway asks, of the local ones."""
         nodes = self._runner.engine.table.nodes
@@ -123,7 +122,7 @@ class PingDesk:
     def _begin(self, held: HeldQuery, node: int, within_s: float, engine: Engine, now: int) -> None:
         ping = _Ping(held, node, within_s, now)
         try:
-            call_id = engine.orders.send(node, Order(), now, timeout_s=within_s)
+            call_id = engine.commands.send(node, RemoteCommand(), now, timeout_s=within_s)
         except LocalError as error:
             if not self._range(ping, within_s, engine, now):
                 held.refuse(CallFailure.BAD_REQUEST, f"{error}, and the modem measures no range")

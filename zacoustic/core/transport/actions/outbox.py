@@ -1,0 +1,267 @@
+"""Gets what is said about goals onto the queue: once, or again and again."""
+
+import enum
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import Cause
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.timing import LinkTimes
+from zacoustic.core.streams.table import Stream
+from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.values.payload import PayloadCodec
+from zacoustic.core.wire.goals import (
+    FORMER_BYTES,
+    GOAL_NUMBERS,
+    REMINDER,
+    GoalKey,
+    Operation,
+    decode_refusal,
+    encode_head,
+)
+
+
+class GoalLane(enum.IntEnum):
+    """The lanes of a stream; other numbers are those of topics and calls."""
+
+    GOAL = 11
+    CANCEL = 12
+    CLAIM = 13
+    ANSWER = 14
+    """CONFIRM, ACCEPTED and REFUSED: of each goal the newest."""
+    CANCEL_ANSWER = 15
+    FEEDBACK = 16
+    RESULT = 17
+
+
+_SHARED: Final = (GoalLane.GOAL, GoalLane.RESULT)
+"""Lanes in which the goals between two nodes wait in their order; else each goal has its own."""
+_HEADER_BYTES: Final = 2 + FORMER_BYTES
+_URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
+
+
+class _Said(Waiting):
+    """What is said once about a goal; whether with its epoch is decided when the frame goes."""
+
+    __slots__ = ("heading",)
+    heading: Callable[[], bytes]
+
+    def head_at(self, now: int) -> bytes:
+        """Return the head, as short as the other end understands it by now."""
+        return self.heading()
+
+
+class _Repeated(Waiting):
+    """What is repeated about a goal; as `_Said`."""
+
+    __slots__ = ("heading",)
+    heading: Callable[[], bytes]
+
+    def head_at(self, now: int) -> bytes:
+        """Return the head, as short as the other end understands it by now."""
+        return self.heading()
+
+
+class GoalOutbox:
+    """Writes records about goals.
+
+    Args:
+        address: Address of this node.
+        queue: Takes what is said once.
+        repeater: Takes what is repeated.
+        handshake: Knows the present epoch of each node.
+    """
+
+    def __init__(
+        self, address: int, queue: TransmitQueue, repeater: Repeater, handshake: Handshake
+    ) -> None:
+        self._address = address
+        self._queue = queue
+        self._repeater = repeater
+        self._handshake = handshake
+        self._linger_s = 0.0
+
+    def use_link(self, times: LinkTimes) -> None:
+        """Take the airtimes of a link."""
+        self._linger_s = times.confirm_linger_s
+
+    def say(
+        self,
+        goal: GoalKey,
+        stream: Stream,
+        peer: int,
+        operation: Operation,
+        lane: GoalLane,
+        now: int,
+        payload: bytes = b"",
+    ) -> None:
+        """Say something once; it takes the place of what waits in its lane."""
+        qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
+        if lane in _URGENT:
+            qos = Qos(priority=Priority.REAL_TIME)
+        record = _Said(
+            stream_id=stream.stream_id,
+            destination=peer,
+            head=_longest_head(goal, operation),
+            payload=payload,
+            delimits_itself=operation is not Operation.REFUSED,
+            for_one_node=True,
+            cause=Cause.ACK,
+            queued_at=now,
+        )
+        if not self._queue.fits(record):
+            if operation is not Operation.REFUSED:
+                return
+            record = self._shortened(record)
+        record.heading = partial(self._head, goal, operation)
+        self._queue.replace(_lane_key(goal, peer, lane), record, qos)
+
+    def feed(
+        self, goal: GoalKey, stream: Stream, peer: int, payload: bytes, interval_s: float, now: int
+    ) -> None:
+        """Send feedback; it takes the place of what waits, and keeps its age."""
+        qos = msgspec.structs.replace(
+            stream.qos, depth=1, lifespan_s=None, min_interval_s=interval_s
+        )
+        record = _Said(
+            stream_id=stream.stream_id,
+            destination=peer,
+            head=_longest_head(goal, Operation.FEEDBACK),
+            payload=payload,
+            delimits_itself=stream.feedback_codec.delimits_itself,
+            for_one_node=True,
+            queued_at=now,
+        )
+        record.heading = partial(self._head, goal, Operation.FEEDBACK)
+        self._queue.replace(_lane_key(goal, peer, GoalLane.FEEDBACK), record, qos)
+
+    def repeat(
+        self,
+        goal: GoalKey,
+        stream: Stream,
+        peer: int,
+        operation: Operation,
+        lane: GoalLane,
+        now: int,
+        *,
+        payload: bytes = b"",
+        codec: PayloadCodec | None = None,
+        until: int,
+        is_reminded: bool = False,
+    ) -> Repetition:
+        """Say something until it is stopped, or until an instant, ns.
+
+        Args:
+            goal: What it is about.
+            stream: The action's stream.
+            peer: Address of the other end.
+            operation: What is said.
+            lane: Where it waits.
+            now: The instant.
+            payload: What follows.
+            codec: Codec at the end of the payload; None: there is none.
+            until: End, ns.
+            is_reminded: It is a result, and said twice; then a reminder of it is repeated.
+        """
+        qos = msgspec.structs.replace(
+            stream.qos, depth=2 * GOAL_NUMBERS, lifespan_s=None, min_interval_s=0.0
+        )
+        if lane in _URGENT:
+            qos = Qos(priority=Priority.REAL_TIME, depth=2 * GOAL_NUMBERS)
+
+        def written(operation: Operation, payload: bytes, shows_end: bool) -> _Repeated:
+            record = _Repeated(
+                stream_id=stream.stream_id,
+                destination=peer,
+                head=_longest_head(goal, operation),
+                payload=payload,
+                delimits_itself=shows_end,
+                # Whoever hears what a client says knows who the server is.
+                for_one_node=goal.client != self._address,
+                queued_at=now,
+            )
+            record.heading = partial(self._head, goal, operation)
+            return record
+
+        return self._repeater.start(
+            _lane_key(goal, peer, lane),
+            written(operation, payload, codec is None or codec.delimits_itself),
+            qos,
+            until=until,
+            reminder=written(Operation.RESULT, REMINDER, True) if is_reminded else None,
+        )
+
+    def stop(self, repetition: Repetition | None, now: int, *, answered: bool = False) -> None:
+        """End a repetition, if there is one."""
+        if repetition is not None:
+            self._repeater.stop(repetition, now, answered=answered)
+
+    def again(self, repetition: Repetition) -> None:
+        """Repeat at once: the other end has shown that it lacks the record."""
+        self._repeater.again(repetition)
+
+    def withdraw(self, goal: GoalKey, peer: int, *lanes: GoalLane) -> None:
+        """Take back what waits to be said of a goal."""
+        for lane in lanes:
+            self._queue.drop_lane(_lane_key(goal, peer, lane))
+
+    def check_size(self, stream: Stream, payload: bytes, *, status: bool = False) -> None:
+        """Refuse a payload that fits no frame, whichever epoch its goal is of.
+
+        Raises:
+            PayloadTooLargeError: Says how large it is and how much fits.
+        """
+        self._queue.check_size(stream.name, _HEADER_BYTES + status + len(payload))
+
+    def fits(self, payload: bytes) -> bool:
+        """Tell whether the link has room for a record about a goal with this payload."""
+        largest_bytes = self._queue.largest_bytes
+        return largest_bytes is None or _HEADER_BYTES + len(payload) <= largest_bytes
+
+    def needs_no_epoch(self, goal: GoalKey) -> bool:
+        """Tell whether the other end takes a record without an epoch for one about this goal.
+
+        A client takes such a record only when it has been told that its epoch is known to the
+        server, in the same frame or before: else the record might be meant for another life.
+        """
+        if goal.client == self._address:
+            return goal.epoch == self._handshake.epoch
+        client = self._handshake.peer(goal.client)
+        is_told = client.is_assured or client.is_being_confirmed
+        return goal.epoch == client.epoch and is_told
+
+    def _head(self, goal: GoalKey, operation: Operation) -> bytes:
+        epoch = None if self.needs_no_epoch(goal) else goal.epoch
+        return encode_head(operation, goal.number, epoch)
+
+    def _shortened(self, refusal: _Said) -> _Said:
+        """Cut the text of a refusal, to fit the link."""
+        assert self._queue.largest_bytes is not None
+        room_bytes = self._queue.largest_bytes - (refusal.size_bytes - len(refusal.payload))
+        said = decode_refusal(refusal.payload)
+        assert said is not None
+        return _Said(
+            stream_id=refusal.stream_id,
+            destination=refusal.destination,
+            head=refusal.head,
+            payload=said.encode(room_bytes),
+            for_one_node=True,
+            cause=Cause.ACK,
+            queued_at=refusal.queued_at,
+        )
+
+
+def _longest_head(goal: GoalKey, operation: Operation) -> bytes:
+    return encode_head(operation, goal.number, goal.epoch)
+
+
+def _lane_key(goal: GoalKey, peer: int, lane: GoalLane) -> LaneKey:
+    if lane in _SHARED:
+        return (goal.stream_id, lane, peer)
+    # Of two epochs never both: a client avoids the numbers that are taken by its former goals.
+    return (goal.stream_id, lane, peer, goal.number)

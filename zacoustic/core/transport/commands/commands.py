@@ -1,0 +1,259 @@
+"""The commands of one node: those that it gives, and those that it executes."""
+
+from collections.abc import Callable
+from typing import Final, assert_never
+
+import msgspec
+
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.qos import Priority
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.streams.commands import (
+    COMMANDS_STREAM_ID,
+    SERIALS,
+    CommandKind,
+    CommandState,
+    RemoteCommand,
+    check_timeout,
+)
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.calls.answering import ANSWER_LANE
+from zacoustic.core.transport.calls.calls import RequestReceived
+from zacoustic.core.transport.calls.services import Services
+from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
+from zacoustic.core.transport.commands.overrides import Overrides
+from zacoustic.core.wire.calls import CallFailure, CallKey
+from zacoustic.errors import LocalError
+
+NOBODY: Final = 0
+"""In place of an address: a command of the node's own network, or program."""
+
+
+class StreamOverridden(msgspec.Struct, frozen=True, kw_only=True):
+    """A command has overridden how a topic of this node is sent, and the journal has it."""
+
+    stream_id: int
+    """The topic's stream."""
+    on: bool
+    """Its samples go; otherwise they wait, expire and are superseded."""
+    min_interval_s: float
+    """Minimum time between two transmitted samples of one key, s."""
+    priority: Priority
+    """Zenoh's priority."""
+    commanded_by: int
+    """Address of the commanding node; 0: commanded here."""
+    changed_at: int
+    """Instant, ns."""
+
+
+class Commands:
+    """What a node commands others to do, and does for them.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        services: They carry commands.
+        handshake: Knows how long an answer may take.
+        overrides: The overrides of topics.
+        deduplication: The executed commands.
+        silence: The gate in front of all transmissions.
+        executes: Addresses of the nodes whose commands it executes; None: those of the table's
+            list.
+        emit: Takes `StreamOverridden`.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        services: Services,
+        handshake: Handshake,
+        overrides: Overrides,
+        deduplication: DeduplicationTable,
+        silence: Silence,
+        executes: frozenset[int] | None,
+        emit: Callable[[StreamOverridden], None],
+    ) -> None:
+        self.overrides = overrides
+        """The overrides of topics; read only."""
+        self._address = address
+        self._table = table
+        self._executes = executes
+        self._services = services
+        self._handshake = handshake
+        self._silence = silence
+        self._deduplication = deduplication
+        self._emit = emit
+        self._serial = 0
+        stream = table.get(COMMANDS_STREAM_ID)
+        if stream is not None and stream.is_built_in:  # else the id is another service's
+            self._services.serve_here(COMMANDS_STREAM_ID, self._receive)
+
+    def send(
+        self, node: int, command: RemoteCommand, now: int, *, timeout_s: float | None = None
+    ) -> int:
+        """Give a command to another node; return the call id of its answer.
+
+        The answer is a `ResponseReceived` of stream `COMMANDS_STREAM_ID`, to be read by
+        `CommandState.from_wire`, or a `CallFailed`: HANDLER when it is refused, with the reason.
+
+        Args:
+            node: Address of the node.
+            command: The command.
+            now: The instant.
+            timeout_s: How long to try, s, at most 600; None: 600.
+
+        Raises:
+            LocalError: No such node, this one itself, a longer time, or the table has no remote
+                commands.
+            QueueFullError: Too many commands to that node are under way.
+        """
+        if not 1 <= node <= 254:
+            raise LocalError(f"node {node}; allowed: 1..254")
+        if timeout_s is not None:
+            check_timeout(timeout_s)
+        rival = self._table.get(COMMANDS_STREAM_ID)
+        if rival is None:
+            raise LocalError(f"no commands cross a link with wire: {self._table.wire.value}")
+        if not rival.is_built_in:
+            raise LocalError(
+                f"stream {COMMANDS_STREAM_ID} is {rival.name}, so no commands cross the water",
+                hint="give that stream another id",
+            )
+        if command.changes:
+            self._serial = (self._serial + 1) % SERIALS
+        return self._services.call(
+            COMMANDS_STREAM_ID, command.to_wire(self._serial), now, timeout_s=timeout_s, server=node
+        )
+
+    def execute(
+        self, command: RemoteCommand, now: int, then: Callable[[CommandState], None]
+    ) -> None:
+        """Execute a local command.
+
+        Args:
+            command: The command.
+            now: The instant.
+            then: Takes what holds, when it is written down.
+
+        Raises:
+            LocalError: It speaks of a topic that this node does not publish.
+        """
+
+        def kept(at: int) -> None:
+            self._tell(command, NOBODY, at)
+            then(self.state(command, at))
+
+        self._do(command, now, kept)
+
+    def state(self, command: RemoteCommand, now: int) -> CommandState:
+        """Return the state of the objects of a command.
+
+        Raises:
+            LocalError: It speaks of a topic that this node does not publish.
+        """
+        silence = self._silence.state(now)
+        state = CommandState(
+            silent=silence.is_silent,
+            commanded=silence.is_commanded,
+            left_s=None if silence.ends_at is None else ns_to_seconds(silence.ends_at - now),
+        )
+        if command.stream_id is None:
+            return state
+        on, qos = self.overrides.effective(self.overrides.check(command.stream_id))
+        return msgspec.structs.replace(
+            state, on=on, min_interval_s=qos.min_interval_s, priority=qos.priority
+        )
+
+    # For the channel
+
+    def _receive(self, request: RequestReceived, now: int) -> None:
+        """Take a command of another node."""
+        call, age_s = request.call, request.age_s or 0.0
+        executes = self._table.nodes if self._executes is None else self._executes
+        if call.client not in executes:
+            self._refuse(call, f"node {self._address} takes no orders of node {call.client}", now)
+            return
+        try:
+            serial, command = RemoteCommand.from_wire(request.value)
+            if command.for_s is not None:
+                command = _for_the_rest(command, age_s)
+            if command.changes:
+                self._execute_once(call, serial, command, now)
+            else:
+                self._answer(call, command, now)
+        except (ValueError, LocalError) as error:
+            self._refuse(call, str(error), now)
+
+    def _execute_once(self, call: CallKey, serial: int, command: RemoteCommand, now: int) -> None:
+        """Execute a command, unless it or a later one has been executed."""
+        freshness = self._deduplication.freshness(call.client, command.subject, call.epoch, serial)
+        if freshness is Freshness.OVERTAKEN:
+            raise LocalError("overtaken by a later order")
+        if freshness is Freshness.SAME:
+            self._answer(call, command, now)
+            return
+        begins_silence = command.kind is CommandKind.SILENCE and not self._silence.is_silent(now)
+        self._do(command, now, lambda at: self._tell(command, call.client, at))
+
+        def kept(at: int) -> None:
+            self._answer(call, command, at)
+            if begins_silence:
+                lane = (COMMANDS_STREAM_ID, ANSWER_LANE, call.client)
+                self._silence.grant(lane, until=at + self._handshake.patience_ns)
+
+        # Behind what it did, so that both are there when this is.
+        self._deduplication.enter(call.client, command.subject, call.epoch, serial, kept)
+
+    def _answer(self, call: CallKey, command: RemoteCommand, now: int) -> None:
+        self._services.reply(call, self.state(command, now).to_wire(), now)
+
+    def _refuse(self, call: CallKey, reason: str, now: int) -> None:
+        self._services.reply_error(call, CallFailure.HANDLER, reason, now)
+
+    # Below the methods above
+
+    def _do(self, command: RemoteCommand, now: int, then: Callable[[int], None]) -> None:
+        match command.kind:
+            case CommandKind.ASK:
+                self.state(command, now)  # raises here what it would raise later
+                then(now)
+            case CommandKind.SILENCE:
+                self._silence.begin(now, duration_s=command.for_s, then=then)
+            case CommandKind.RESUME:
+                self._silence.resume(now, then=then)
+            case CommandKind.OVERRIDE | CommandKind.RESET:
+                self.overrides.change(command, then)
+            case _:
+                assert_never(command.kind)
+
+    def _tell(self, command: RemoteCommand, by: int, now: int) -> None:
+        """Report a changed topic to the application; `Silence` reports itself."""
+        if command.kind not in (CommandKind.OVERRIDE, CommandKind.RESET):
+            return
+        assert command.stream_id is not None
+        on, qos = self.overrides.effective(self._table.by_id(command.stream_id))
+        self._emit(
+            StreamOverridden(
+                stream_id=command.stream_id,
+                on=on,
+                min_interval_s=qos.min_interval_s,
+                priority=qos.priority,
+                commanded_by=by,
+                changed_at=now,
+            )
+        )
+
+
+def _for_the_rest(command: RemoteCommand, age_s: float) -> RemoteCommand:
+    """Return a silence that ends on time, however long the command took.
+
+    Raises:
+        LocalError: That is over.
+    """
+    assert command.for_s is not None
+    try:
+        return RemoteCommand(kind=command.kind, for_s=command.for_s - age_s)
+    except ValueError:
+        raise LocalError("it came when its time was over") from None

@@ -1,0 +1,161 @@
+"""What this node wants of the publishers of on-demand topics, and who of them knows it."""
+
+from collections.abc import Callable, Iterable
+
+from zacoustic.core.base.qos import Priority, Qos
+from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
+
+SUBSCRIBE_LANE = 0
+ANSWER_LANE = 1
+SUBSCRIBE_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
+"""Somebody waits for what a letter asks for."""
+VERSIONS = 256
+
+
+class _Message:
+    """The subscribe messages to one node about one page."""
+
+    __slots__ = (
+        "bits", "known_at", "known_bits", "known_version", "repetition", "said_version", "version",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.bits = 0
+        """What is wanted."""
+        self.version = 0
+        """The version under `repetition`."""
+        self.said_version: int | None = None
+        """The last version that the node may have heard of; None: of none."""
+        self.repetition: Repetition | None = None
+        """Says it, until it is answered."""
+        self.known_version: int | None = None
+        """The last version that the node has answered in its present boot epoch."""
+        self.known_bits = 0
+        self.known_at = 0
+
+    @property
+    def is_known(self) -> bool:
+        """The node has answered the last message, and that is the present state."""
+        return self.known_version is not None and (self.known_version, self.known_bits) == (
+            self.said_version,
+            self.bits,
+        )
+
+    @property
+    def next_version(self) -> int:
+        """The version for a new message."""
+        return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
+
+
+class Own:
+    """What one node wants.
+
+    Args:
+        repeater: Repeats letters.
+        settling_ns: Returns the time within which a frame has arrived, ns.
+    """
+
+    def __init__(self, repeater: Repeater, settling_ns: Callable[[], int]) -> None:
+        self._repeater = repeater
+        self._settling_ns = settling_ns
+        self._wanted: dict[int, frozenset[int]] = {}
+        self._messages: dict[tuple[int, int], _Message] = {}
+
+    def wanted(self, stream_id: int) -> frozenset[int]:
+        """Return the publishers at which this node subscribes to a topic."""
+        return self._wanted.get(stream_id, frozenset())
+
+    def want(self, stream_id: int, sources: Iterable[int], now: int) -> None:
+        """Want a topic of these publishers, and of no others."""
+        before, after = self.wanted(stream_id), frozenset(sources)
+        self._wanted[stream_id] = after
+        for source in sorted(before ^ after):
+            self._write(source, page_of(stream_id), now)
+
+    def answered(self, source: int, answer: Subscribe, now: int) -> str | None:
+        """Take an answer; returns why it is dropped, or None."""
+        message = self._messages.get((source, answer.page))
+        if message is None or message.repetition is None or not message.repetition.tries:
+            return "unexpected_ack"  # an answer to an unsent message is of a former boot epoch
+        if (answer.version, answer.streams) != (message.version, message.bits):
+            return "unexpected_ack"
+        self._stop(message, message.repetition, now, answered=True)
+        message.known_version, message.known_bits = answer.version, answer.streams
+        message.known_at = now
+        return None
+
+    def sample_received(self, source: int, stream_id: int, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, maybe for this node alone: unsubscribe if needed."""
+        if source in self.wanted(stream_id):
+            return
+        key = (source, page_of(stream_id))
+        message = self._messages.setdefault(key, _Message())
+        if message.repetition is not None or (message.said_version is not None and not is_alone):
+            return
+        if message.is_known and now < message.known_at + self._settling_ns():
+            return  # it was sent before the node knew
+        self._say(key, message, message.next_version, now)
+
+    def publisher_restarted(self, source: int, now: int) -> None:
+        """A node has begun a new epoch, and may have forgotten the messages."""
+        for key, message in self._messages.items():
+            if key[0] == source:
+                message.known_version = None
+                if message.repetition is None and message.bits:
+                    assert message.said_version is not None
+                    self._say(key, message, message.said_version, now)
+
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor what it was told."""
+        for place in [place for place in self._messages if place[0] == source]:
+            message = self._messages.pop(place)
+            if message.repetition is not None:
+                self._stop(message, message.repetition, now)
+
+    # Below the methods above
+
+    def _write(self, source: int, page: int, now: int) -> None:
+        """Set the message to a node to the present state."""
+        bits = bits_of(
+            stream_id
+            for stream_id, sources in self._wanted.items()
+            if page_of(stream_id) == page and source in sources
+        )
+        key = (source, page)
+        message = self._messages.get(key)
+        if message is None:
+            message = self._messages[key] = _Message()
+        elif message.bits == bits:
+            return
+        if message.repetition is not None:
+            self._stop(message, message.repetition, now)
+        message.bits = bits
+        if not message.is_known and (bits or message.said_version is not None):
+            self._say(key, message, message.next_version, now)
+
+    def _say(self, key: tuple[int, int], message: _Message, version: int, now: int) -> None:
+        source, page = key
+        message.version = version
+        record = Waiting(
+            stream_id=NO_STREAM,
+            code=SUBSCRIBE_CODE,
+            destination=source,
+            payload=Subscribe(page, version, message.bits).body,
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.SUBSCRIBE,
+            queued_at=now,
+        )
+        lane = (NO_STREAM, SUBSCRIBE_LANE, source, page)
+        message.repetition = self._repeater.start(lane, record, SUBSCRIBE_QOS, until=None)
+
+    def _stop(
+        self, message: _Message, repetition: Repetition, now: int, *, answered: bool = False
+    ) -> None:
+        if repetition.tries:
+            message.said_version = message.version
+        self._repeater.stop(repetition, now, answered=answered)
+        message.repetition = None

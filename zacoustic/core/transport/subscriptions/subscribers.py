@@ -1,0 +1,199 @@
+"""What others want of this node: the letters that came, and the audience of each topic."""
+
+from collections.abc import Callable, Mapping, Set
+from typing import Final
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.subscriptions.own import VERSIONS
+from zacoustic.core.wire.subscriptions import Subscribe, page_of, streams_of
+
+_KEY: Final = "demand"
+"""Keys in the journal are ``demand/PEER/PAGE``; the value is epoch (2), version (1), streams (1)
+and the digest of the table by which it was read (4)."""
+_KEPT_BYTES: Final = 8
+
+
+class _Held:
+    """The letter of one node about one page."""
+
+    __slots__ = ("epoch", "is_journalled", "read_at", "streams", "version")
+
+    def __init__(self, epoch: int, version: int, streams: int, read_at: int | None) -> None:
+        self.epoch = epoch
+        self.is_journalled = read_at is None
+        """The journal has it."""
+        self.version = version
+        self.streams = streams
+        self.read_at = read_at
+        """Instant at which it came first, ns; None: in a former boot epoch."""
+
+    def is_same(self, epoch: int, message: Subscribe) -> bool:
+        """Tell whether it is this letter."""
+        known = (self.epoch, self.version, self.streams)
+        return known == (epoch, message.version, message.streams)
+
+
+Changed = Callable[[Stream, Set[int], int], None]
+"""``(topic, newcomers, now)``: the audience of a topic has changed."""
+
+
+class Subscribers:
+    """Who wants what of one node.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        handshake: Knows the boot epochs and tables of others.
+        journal: Keeps the letters.
+        changed: Told when an audience has changed.
+        answer: Sends the answer to a letter: ``(address, letter, now)``.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        handshake: Handshake,
+        journal: JournalPort,
+        changed: Changed,
+        answer: Callable[[int, Subscribe, int], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._handshake = handshake
+        self._journal = journal
+        self._changed = changed
+        self._answer = answer
+        self._held: dict[tuple[int, int], _Held] = {}
+        self._subscribers: dict[int, set[int]] = {}
+
+    def of(self, stream: Stream) -> Set[int]:
+        """Return the nodes that have subscribed to an on-demand topic; it changes as they do."""
+        return self._subscribers.setdefault(stream.stream_id, set())
+
+    def receive(self, source: int, message: Subscribe, readable: Set[int], now: int) -> str | None:
+        """Take a letter.
+
+        Args:
+            source: Who wants.
+            message: What it wants.
+            readable: The streams that both ends are known to define in the same way.
+            now: The instant.
+
+        Returns:
+            Why it is dropped, or None.
+        """
+        life = self._handshake.peer(source).epoch
+        if life is None:
+            return "unconfirmed"
+        if not self._is_listed(source):
+            return "not_subscriber"
+        if not self._is_of_use(source, message.page):
+            self._answer(source, message, now)  # nothing is kept of it, but its writer can stop
+            return None
+        held = self._held.get((source, message.page))
+        if held is None or not held.is_same(life, message):
+            if held is not None and self._is_older(held, life, message.version, now):
+                return "stale_subscribe"
+            held = self._held[source, message.page] = _Held(
+                life, message.version, message.streams, now
+            )
+            self._keep(source, held, message)
+        elif held.is_journalled:
+            self._answer(source, message, now)
+        # Also of one that came before: its streams may be readable only now.
+        self._settle(source, message, readable, now)
+        return None
+
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node, nor what it has subscribed to."""
+        for place in [place for place in self._held if place[0] == source]:
+            del self._held[place]
+            self._journal.write(_name(*place), None)
+        for stream_id, subscribers in self._subscribers.items():
+            if source in subscribers:
+                subscribers.discard(source)
+                self._changed(self._table.by_id(stream_id), set(), now)
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Restore the entries of a former boot epoch."""
+        for key, kept in stored.items():
+            name, _, rest = key.partition("/")
+            if name != _KEY or len(kept) != _KEPT_BYTES or kept[4:] != self._table.digest:
+                continue
+            source, page = map(int, rest.split("/"))
+            if not (self._is_listed(source) and self._is_of_use(source, page)):
+                self._journal.write(key, None)
+                continue
+            version, streams = kept[2], kept[3]
+            epoch = int.from_bytes(kept[:2], "big")
+            self._held[source, page] = _Held(epoch, version, streams, None)
+            for stream_id in streams_of(page, streams):
+                if self._is_possible(source, stream_id):
+                    self.of(self._table.by_id(stream_id))
+                    self._subscribers[stream_id].add(source)
+
+    # Below the methods above
+
+    def _keep(self, source: int, held: _Held, message: Subscribe) -> None:
+        """Write a letter down, and answer it then."""
+
+        def kept(at: int) -> None:
+            held.is_journalled = True
+            if self._held[source, message.page] is held:
+                self._answer(source, message, at)
+
+        value = held.epoch.to_bytes(2, "big") + bytes((held.version, held.streams))
+        self._journal.write(_name(source, message.page), value + self._table.digest, kept)
+
+    def _is_older(self, held: _Held, life: int, version: int, now: int) -> bool:
+        """Tell whether a message was sent before the held one."""
+        if held.epoch != life or held.read_at is None:
+            return False
+        if now >= held.read_at + self._handshake.settling_ns:
+            return False  # it would have arrived by now
+        return (version - held.version) % VERSIONS > VERSIONS // 2
+
+    def _is_listed(self, source: int) -> bool:
+        """Tell whether a node is one of the fleet, as far as its nodes are listed."""
+        return not self._table.nodes or source in self._table.nodes
+
+    def _is_of_use(self, source: int, page: int) -> bool:
+        """Tell whether a node may subscribe to anything of a page here."""
+        return any(
+            page_of(stream.stream_id) == page and self._is_possible(source, stream.stream_id)
+            for stream in self._table
+        )
+
+    def _is_possible(self, source: int, stream_id: int) -> bool:
+        stream = self._table.get(stream_id)
+        return (
+            stream is not None
+            and isinstance(stream.spec, TopicSpec)
+            and stream.is_on_demand
+            and stream.may_publish(self._address)
+            and stream.may_subscribe(source)
+        )
+
+    def _settle(self, source: int, message: Subscribe, readable: Set[int], now: int) -> None:
+        """Set the subscribers by a message."""
+        wanted = set(streams_of(message.page, message.streams)) & readable
+        for stream in self._table:
+            stream_id = stream.stream_id
+            if page_of(stream_id) != message.page or not self._is_possible(source, stream_id):
+                continue
+            subscribers = self._subscribers.setdefault(stream_id, set())
+            if stream_id in wanted and source not in subscribers:
+                subscribers.add(source)
+                self._changed(stream, {source}, now)
+            elif stream_id not in wanted and source in subscribers:
+                subscribers.discard(source)
+                self._changed(stream, set(), now)
+
+
+def _name(source: int, page: int) -> str:
+    return f"{_KEY}/{source}/{page}"

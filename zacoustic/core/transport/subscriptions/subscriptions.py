@@ -1,0 +1,231 @@
+"""On-demand topics of one node: what it wants of others, and what others want of it."""
+
+from collections.abc import Callable, Collection, Mapping, Set
+from typing import Final
+
+import msgspec
+
+from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.stats import NO_STREAM, Cause
+from zacoustic.core.peers.handshake import Handshake
+from zacoustic.core.peers.reception import Heard
+from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
+from zacoustic.core.streams.table import Stream, StreamTable
+from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.subscriptions.own import ANSWER_LANE, SUBSCRIBE_QOS, Own
+from zacoustic.core.transport.subscriptions.subscribers import Changed, Subscribers
+from zacoustic.core.wire.subscriptions import (
+    PAGE_STREAMS,
+    SUBSCRIBE_CODE,
+    Subscribe,
+    page_of,
+    streams_of,
+)
+from zacoustic.errors import LocalError
+
+NOBODY: Final = "nobody subscribes"
+"""Why a reliable sample of an on-demand topic has ended."""
+
+
+class SubscribersChanged(msgspec.Struct, frozen=True, kw_only=True):
+    """Others subscribe to an on-demand topic of this node than before."""
+
+    stream_id: int
+    """The topic's stream."""
+    subscribers: tuple[int, ...]
+    """Addresses of those who do; none: its samples are not sent."""
+    changed_at: int
+    """Instant of the change, ns."""
+
+
+class Subscriptions:
+    """The on-demand topics of one node.
+
+    Args:
+        address: Address of the node.
+        table: Its streams.
+        queue: Takes answers.
+        repeater: Repeats letters.
+        handshake: Knows the boot epochs and tables of others.
+        journal: Keeps what others want.
+        changed: Told when the audience of a topic has changed.
+        unsubscribed: Told when this node wants a topic no longer: stream, sources, instant.
+        emit: Takes events.
+    """
+
+    def __init__(
+        self,
+        address: int,
+        table: StreamTable,
+        *,
+        queue: TransmitQueue,
+        repeater: Repeater,
+        handshake: Handshake,
+        journal: JournalPort,
+        changed: Changed,
+        unsubscribed: Callable[[int, Set[int], int], None],
+        emit: Callable[[SubscribersChanged | DeliveryEnded], None],
+    ) -> None:
+        self._address = address
+        self._table = table
+        self._queue = queue
+        self._handshake = handshake
+        self._pass_on = changed
+        self._unsubscribed = unsubscribed
+        self._emit = emit
+        self._own = Own(repeater, lambda: handshake.settling_ns)
+        self._subscribers = Subscribers(
+            address,
+            table,
+            handshake=handshake,
+            journal=journal,
+            changed=self._changed,
+            answer=self._answer,
+        )
+
+    # Commands
+
+    def want(self, stream_id: int, now: int, sources: Collection[int] | None = None) -> None:
+        """Subscribe to an on-demand topic at some of its publishers, and at no others.
+
+        Nothing happens for a topic that always crosses.
+
+        Args:
+            stream_id: The topic.
+            now: The instant.
+            sources: Addresses of the publishers; others than those of the topic, and this node,
+                are left out. None: all of them. Empty: unsubscribe.
+
+        Raises:
+            UnknownStreamError: No such topic.
+            LocalError: This node may not listen to it.
+        """
+        stream, spec = self._table.topic(stream_id)
+        if not stream.may_subscribe(self._address):
+            raise LocalError(
+                f"node {self._address} is not a subscriber of {stream.name}; "
+                f"subscribers: {spec.subscribers}"
+            )
+        if stream.is_on_demand:
+            publishers = self.publishers(stream)
+            wanted = publishers if sources is None else publishers & frozenset(sources)
+            before = self._own.wanted(stream_id)
+            self._own.want(stream_id, wanted, now)
+            if before - wanted:
+                self._unsubscribed(stream_id, before - wanted, now)
+
+    # Getters
+
+    def publishers(self, stream: Stream) -> frozenset[int]:
+        """Return the other nodes that may publish an on-demand topic."""
+        assert isinstance(stream.spec, TopicSpec)
+        listed = stream.spec.publishers
+        return frozenset(self._table.nodes if listed is None else listed) - {self._address}
+
+    def wanted(self, stream_id: int) -> frozenset[int]:
+        """Return the publishers at which this node subscribes to an on-demand topic."""
+        return self._own.wanted(stream_id)
+
+    def subscribers(self, stream: Stream) -> Set[int] | None:
+        """Return the nodes that have subscribed to an on-demand topic; None for any other.
+
+        The set changes as they do.
+        """
+        return self._subscribers.of(stream) if stream.is_on_demand else None
+
+    def destination(self, stream: Stream) -> int:
+        """Return the one node that has subscribed to an on-demand topic, or `BROADCAST`."""
+        subscribers = self._subscribers.of(stream)
+        return next(iter(subscribers)) if len(subscribers) == 1 else BROADCAST
+
+    # For the publisher
+
+    def refuse(self, stream: Stream, delivery_id: int, now: int) -> int:
+        """Report that a reliable sample of this node has no subscribers; return its id."""
+        self._emit(
+            DeliveryEnded(
+                delivery_id=delivery_id,
+                stream_id=stream.stream_id,
+                outcome=DeliveryOutcome.REFUSED,
+                missing=(),
+                ended_at=now,
+                detail=NOBODY,
+            )
+        )
+        return delivery_id
+
+    # For the channel
+
+    def receive(self, heard: Heard, message: Subscribe) -> str | None:
+        """Take a subscribe message, or an answer; returns why it is dropped, or None."""
+        heard.streams.append(NO_STREAM)
+        if not heard.is_unicast:
+            return "not_for_us"
+        if message.page > LAST_STREAM_ID // PAGE_STREAMS:
+            return "payload"
+        readable = set()
+        for stream_id in self._named(message):
+            reason = heard.refusal(stream_id)
+            if reason == "unconfirmed":
+                return reason
+            if reason is None:
+                readable.add(stream_id)
+        if message.is_answer:
+            return self._own.answered(heard.source, message, heard.now)
+        return self._subscribers.receive(heard.source, message, readable, heard.now)
+
+    def sample_received(self, source: int, stream: Stream, now: int, *, is_alone: bool) -> None:
+        """A sample came from `source`, for this node alone or for others too."""
+        if stream.is_on_demand and source in self.publishers(stream):
+            self._own.sample_received(source, stream.stream_id, now, is_alone=is_alone)
+
+    def peer_forgotten(self, source: int, now: int) -> None:
+        """Nothing is to be kept of a node."""
+        self._own.peer_forgotten(source, now)
+        self._subscribers.peer_forgotten(source, now)
+
+    def peer_restarted(self, source: int, epoch: int, now: int) -> None:
+        """A node has begun a new epoch."""
+        self._own.publisher_restarted(source, now)
+
+    # The journal
+
+    def recover(self, stored: Mapping[str, bytes]) -> None:
+        """Restore the entries of a former boot epoch."""
+        self._subscribers.recover(stored)
+
+    # Below the methods above
+
+    def _named(self, message: Subscribe) -> list[int]:
+        """Return the streams by which a letter is judged: those it names, or all of its page."""
+        return list(streams_of(message.page, message.streams)) or [
+            stream.stream_id
+            for stream in self._table
+            if stream.is_on_demand and page_of(stream.stream_id) == message.page
+        ]
+
+    def _changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
+        subscribers = self._subscribers.of(stream)
+        self._pass_on(stream, newcomers, now)
+        self._emit(
+            SubscribersChanged(
+                stream_id=stream.stream_id, subscribers=tuple(sorted(subscribers)), changed_at=now
+            )
+        )
+
+    def _answer(self, source: int, message: Subscribe, now: int) -> None:
+        answer = Subscribe(message.page, message.version, message.streams, is_answer=True)
+        record = Waiting(
+            stream_id=NO_STREAM,
+            code=SUBSCRIBE_CODE,
+            destination=source,
+            payload=answer.body,
+            delimits_itself=True,
+            for_one_node=True,
+            cause=Cause.SUBSCRIBE,
+            queued_at=now,
+        )
+        self._queue.replace((NO_STREAM, ANSWER_LANE, source, message.page), record, SUBSCRIBE_QOS)

@@ -1,0 +1,63 @@
+"""What is asked of the gateway itself, and where: commands, pings, objects, its own health."""
+
+from functools import partial
+
+import zenoh
+
+from zacoustic.core.engine.events import CallFailed, ResponseReceived
+from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
+from zacoustic.zenoh.gateway.commands.pings import PingHandler
+from zacoustic.zenoh.gateway.commands.remote import CommandHandler
+from zacoustic.zenoh.gateway.status.health import Health
+from zacoustic.zenoh.session.asking.queries import QueryHandler, Serve
+from zacoustic.zenoh.session.session import Island
+
+
+class Handlers:
+    """The desks of one gateway; for the loop, except for `declare` and `undeclare`.
+
+    Args:
+        objects: Gives large samples up.
+        commands: Takes commands.
+        pings: Takes pings.
+        health: Answers what holds now.
+    """
+
+    def __init__(
+        self, objects: ObjectHandler, commands: CommandHandler, pings: PingHandler, health: Health
+    ) -> None:
+        self.objects = objects
+        self.commands = commands
+        self.pings = pings
+        self._health = health
+        self._declared: list[zenoh.Queryable[None]] = []
+
+    def take_answer(self, event: ResponseReceived | CallFailed) -> bool:
+        """Take the answer to a command or a ping; False: it is one of a service."""
+        return self.commands.answered(event) or self.pings.answered(event)
+
+    def declare(self, island: Island, queries: QueryHandler) -> None:
+        """Declare where the gateway is asked; in the worker."""
+        for expression, serve, complete in self._places():
+            queryable = island.session.declare_queryable(
+                zenoh.KeyExpr(expression),
+                island.callback(partial(queries.admit, serve)),
+                complete=complete,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+            self._declared.append(queryable)
+
+    def undeclare(self) -> None:
+        """Be asked no more; in the worker."""
+        while self._declared:
+            self._declared.pop().undeclare()  # type: ignore[no-untyped-call]
+
+    def _places(self) -> tuple[tuple[str, Serve, bool], ...]:
+        return (
+            (self._health.expression, self._health.answer, True),
+            (self.objects.key, self.objects.serve, True),
+            *((key, self.commands.serve, True) for key in self.commands.own_keys),
+            # Not complete: the gateway of a local node answers alone.
+            *((key, self.commands.serve_beyond, False) for key in self.commands.keys_beyond),
+            (self.pings.key, self.pings.serve, False),
+        )

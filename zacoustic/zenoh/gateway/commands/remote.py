@@ -1,0 +1,195 @@
+"""Remote commands from the local network: executed here for this node, else sent to the other one.
+
+The keys are those of `zacoustic.zenoh.session.asking.commands`. Each gateway answers for its own
+node. For a remote node the lowest local gateway asks, unless that node's own gateway is here; a
+command for an unknown node is left to others. A query with a wildcard in place of the address is
+for the local gateways only: browsing commands no remote node.
+
+A command is answered when it is in the journal of the node that executes it.
+"""
+
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Final, cast
+
+import msgspec
+
+from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
+from zacoustic.core.engine.engine import Engine
+from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived, SilenceChanged
+from zacoustic.core.streams.commands import CommandState, RemoteCommand
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.encoding import JSON
+from zacoustic.errors import LocalError
+from zacoustic.run.permitlog import utc_text
+from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.session.asking.commands import (
+    PREFIX,
+    SUBJECTS,
+    Asked,
+    SilenceState,
+    StreamState,
+    read_query,
+    read_target,
+)
+from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
+
+_EVERYWHERE: Final = tuple(f"{PREFIX}/*/{subject}" for subject in SUBJECTS)
+
+
+class CommandHandler:
+    """Takes commands of the local network; for the loop.
+
+    Args:
+        table: All streams.
+        runner: Its engine executes, or sends.
+        redundant: The local gateways.
+        clock: Where instants come from.
+        wall_clock: Tells UTC, ns since 1970.
+    """
+
+    def __init__(
+        self,
+        table: StreamTable,
+        runner: LinkRunner,
+        redundant: RedundantGateways,
+        *,
+        clock: Clock,
+        wall_clock: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._table = table
+        self._runner = runner
+        self._redundant = redundant
+        self._clock = clock
+        self._wall_clock = wall_clock
+        self._sent: dict[int, tuple[HeldQuery, int, RemoteCommand]] = {}
+
+    @property
+    def own_keys(self) -> tuple[str, ...]:
+        """Where this node is asked."""
+        return tuple(f"{PREFIX}/{self._redundant.address}/{subject}" for subject in SUBJECTS)
+
+    @property
+    def keys_beyond(self) -> tuple[str, ...]:
+        """Where other nodes are asked, among others."""
+        return _EVERYWHERE
+
+    def serve(self, held: HeldQuery) -> None:
+        """Take a query for this node."""
+        own = self._redundant.address
+        asked = self._read(held, lambda node: node in (None, own))
+        if asked is None:
+            return
+
+        def execute(engine: Engine, now: int) -> None:
+            engine.commands.execute(
+                asked.command, now, partial(self._answer, held, own, asked.command)
+            )
+
+        try:
+            self._runner.apply(execute)
+        except LocalError as error:
+            held.refuse(CallFailure.BAD_REQUEST, str(error))
+
+    def serve_beyond(self, held: HeldQuery) -> None:
+        """Take a query for any node."""
+        asked = self._read(held, self._is_ours)
+        if asked is None or asked.node is None:
+            return
+        node = asked.node
+
+        def send(engine: Engine, now: int) -> None:
+            call_id = engine.commands.send(node, asked.command, now, timeout_s=asked.within_s)
+            self._sent[call_id] = held, node, asked.command
+
+        try:
+            self._runner.apply(send)
+        except LocalError as error:
+            held.refuse(CallFailure.BAD_REQUEST, str(error))
+
+    def answered(self, event: ResponseReceived | CallFailed) -> bool:
+        """Answer the sender of a command to another node; False: it is the answer to no command."""
+        sent = self._sent.pop(event.call_id, None)
+        if sent is None:
+            return False
+        held, node, command = sent
+        if isinstance(event, ResponseReceived):
+            state = CommandState.from_wire(event.value, event.age_s or 0.0)
+            self._answer(held, node, command, state)
+            return True
+        text = event.text
+        if event.failure is CallFailure.TIMED_OUT:
+            text = f"node {node} has not answered in time"
+            text += ", and may have executed it" if command.changes else ""
+        held.refuse(event.failure, text)
+        return True
+
+    def silence(self, event: SilenceChanged) -> SilenceState:
+        """Return the engine's answer in the words of a reply."""
+        left_s = None
+        if event.ends_at is not None:
+            left_s = ns_to_seconds(event.ends_at - self._clock())
+        state = CommandState(silent=event.is_silent, commanded=event.is_commanded, left_s=left_s)
+        return self._silence(self._redundant.address, state)
+
+    # Below the methods above
+
+    def _read(self, held: HeldQuery, is_for_us: Callable[[int | None], bool]) -> Asked | None:
+        """Read a query, or end it: with an error only where it is for us to answer."""
+        key = str(held.query.key_expr)
+        target = read_target(key)
+        if target is None or not is_for_us(target[0]):
+            held.answer([])
+            return None
+        # Zenoh's stubs do not declare that they can be iterated over.
+        parameters = cast("Iterable[tuple[str, str]]", held.query.parameters)
+        try:
+            return read_query(key, dict(parameters))
+        except ValueError as error:
+            held.refuse(CallFailure.BAD_REQUEST, str(error))
+            return None
+
+    def _is_ours(self, node: int | None) -> bool:
+        """Tell whether this gateway asks a remote node."""
+        if node is None:
+            return False
+        alive = self._redundant.alive
+        is_known = 1 <= node <= 254 and (not self._table.nodes or node in self._table.nodes)
+        return is_known and node not in alive and self._redundant.address == alive[0]
+
+    def _answer(
+        self, held: HeldQuery, node: int, command: RemoteCommand, state: CommandState
+    ) -> None:
+        document: SilenceState | StreamState
+        if command.stream_id is None:
+            document = self._silence(node, state)
+        else:
+            stream = self._table.get(command.stream_id)
+            document = StreamState(
+                address=node,
+                stream=command.stream_id,
+                name="" if stream is None else stream.name,
+                on=bool(state.on),
+                min_interval_s=state.min_interval_s or 0.0,
+                priority=state.priority.name.lower() if state.priority else "",
+            )
+        key = str(held.query.key_expr).replace(f"{PREFIX}/*/", f"{PREFIX}/{node}/")
+        held.answer([Answer(key=key, payload=msgspec.json.encode(document), encoding=JSON)])
+
+    def _silence(self, node: int, state: CommandState) -> SilenceState:
+        until_utc, why = None, ""
+        if state.left_s is not None:
+            until_utc = utc_text(self._wall_clock() + seconds_to_ns(state.left_s))
+        if node == self._redundant.address:
+            engine = self._runner.engine
+            why = engine.clock.doubt or engine.silence.state(self._clock()).doubt
+        return SilenceState(
+            address=node,
+            silent=state.silent or bool(why),
+            commanded=state.commanded,
+            until_utc=until_utc,
+            left_s=state.left_s,
+            why=why,
+        )
