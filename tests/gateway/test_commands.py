@@ -1,6 +1,5 @@
 """Commands from the shore to a vehicle beyond the water: on Zenoh keys, and by the verbs."""
 
-import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -10,9 +9,9 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.gateway.islandpair import Pair, verb
 from tests.gateway.islands import (
     SECTION,
-    Island,
     Water,
     get,
     hear,
@@ -29,21 +28,6 @@ NOT_OF_SHORE = SECTION | {"commands_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
 
 
-class Pair:
-    """A gateway on the shore, one on the vehicle, a client at each."""
-
-    water: Water
-    shore_island: Island
-    auv_island: Island
-    shore: zenoh.Session
-    auv: zenoh.Session
-
-    @property
-    def where(self) -> list[str]:
-        """The arguments of a verb on the shore."""
-        return ["--connect", f"tcp/127.0.0.1:{self.shore_island.port}"]
-
-
 @asynccontextmanager
 async def pair(section: dict[str, Any] | None = None) -> AsyncIterator[Pair]:
     async with AsyncExitStack() as stack:
@@ -55,11 +39,6 @@ async def pair(section: dict[str, Any] | None = None) -> AsyncIterator[Pair]:
         found.auv = stack.enter_context(found.auv_island.client())
         await matched(found.auv, "chat")
         yield found
-
-
-async def verb(*arguments: str) -> int:
-    """Run the command line in a thread of its own."""
-    return await asyncio.to_thread(main, list(arguments))
 
 
 async def answer(client: zenoh.Session, key: str, parameters: str = "") -> dict[str, Any]:
