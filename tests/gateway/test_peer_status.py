@@ -136,7 +136,7 @@ def test_instant_is_told_once_by_the_clock_of_people_and_stays_the_same() -> Non
     known, peers = Measurements(Peers()), Peers()
     rules = ContactRules(lost_after_s={3: 50})
     timers = Timers()
-    contact = Contact(1, StreamTable(), rules, peers, timers, random.Random(1), lambda event: None)
+    contact = Contact(1, rules, peers, timers, lambda event: None)
     engine = Engine(address=1, table=StreamTable(), epoch=1, rng=random.Random(1))
     peer_status = PeerStatus(
         known, contact, engine.deadlines, address=1, clock=lambda: now, unix_s=lambda: unix_s

@@ -59,8 +59,8 @@ POISON = b"\xbf\xff"
 class BrittleEngine(Engine):
     """Has a bug: it raises at certain frames."""
 
-    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
-        super().handle_frame(frame, now)
+    def handle_frame(self, frame: ReceivedFrame, now: int, link: str | None = None) -> None:
+        super().handle_frame(frame, now, link)
         if frame.frame_bytes.startswith(POISON):
             raise KeyError("a bug")
 
@@ -332,9 +332,13 @@ class ReadingEngine(BrittleEngine):
             raise KeyError("a bug: an entry cannot be read")
 
     def handle_link_state(
-        self, state: LinkState, now: int, capabilities: LinkCapabilities | None = None
+        self,
+        state: LinkState,
+        now: int,
+        capabilities: LinkCapabilities | None = None,
+        link: str | None = None,
     ) -> None:
-        super().handle_link_state(state, now, capabilities)
+        super().handle_link_state(state, now, capabilities, link)
         if self.has_late:
             raise KeyError("a bug: an entry cannot be used")
 

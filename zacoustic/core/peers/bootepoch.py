@@ -3,11 +3,12 @@
 from collections.abc import Callable
 
 from zacoustic.core.base.journal import EPOCH_KEY, JournalPort
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.handshake import Handshake
 
 
 class BootEpoch:
-    """The boot epoch of one node.
+    """The boot epoch of one node: no frame goes before it is written down.
 
     Args:
         handshake: Says it to others.
@@ -18,8 +19,9 @@ class BootEpoch:
         self._handshake = handshake
         self._journal = journal
         self._to_keep = 0
-        self._told: list[Callable[[int], None]] = []
-        self._outlasts: list[Callable[[], bool]] = []
+        self.began = Signal[int]()
+        """``(now)``: a new one has begun."""
+        self._is_calling: list[Callable[[], bool]] = []
         self._write()
 
     @property
@@ -30,29 +32,23 @@ class BootEpoch:
         """
         return not self._to_keep or bool(self._journal.failure)
 
-    def on_begin(
-        self, told: Callable[[int], None], outlasts: Callable[[], bool] | None = None
-    ) -> None:
-        """Tell somebody of each new epoch, after those that have asked before.
-
-        Args:
-            told: Takes the instant at which it begins.
-            outlasts: Returns whether nothing is under way that would not survive it.
-        """
-        self._told.append(told)
-        if outlasts is not None:
-            self._outlasts.append(outlasts)
+    def outlast(self, is_calling: Callable[[], bool]) -> None:
+        """Have somebody asked before it is renewed whether a call is under way."""
+        self._is_calling.append(is_calling)
 
     def begin(self, now: int) -> None:
         """Begin a new one: what peers have confirmed is over."""
         self._handshake.table_changed(now)
         self._write()
-        for told in self._told:
-            told(now)
+        self.began(now)
 
     def renew(self, now: int) -> bool:
-        """Begin a new one if everything survives it; returns whether it has begun."""
-        if not all(outlasts() for outlasts in self._outlasts):
+        """Begin a new one unless a call is under way, which would not survive it.
+
+        Returns:
+            Whether it has begun.
+        """
+        if any(is_calling() for is_calling in self._is_calling):
             return False
         self.begin(now)
         return True

@@ -1,30 +1,31 @@
-"""What an engine consists of above its link: one component for each thing that two nodes agree on.
+"""What an engine consists of above a link: one component for each thing that two nodes agree on.
 
-They share the transmit queue, the handshake and the journal, and know nothing of the link but its
-airtimes. What concerns all of them (a link, a report, the timer) is passed on from here.
+They share the transmit queue, and know nothing of the link but its airtimes. Handshake and journal
+they share with those of other links. What concerns all of them (a link, a report, the timer) is
+passed on from here.
 
 Here the native wire is spoken. Another wire profile overrides what is said and heard, and leaves
 the rest asleep: `zacoustic.core.profiles.rmw_desert.protocols`.
 """
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Sequence
+from functools import partial
 
-from zacoustic.core.base.journal import EPOCH_KEY
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
-from zacoustic.core.base.stats import count
-from zacoustic.core.peers.contact import Contact, PeerFound, PeerLost
+from zacoustic.core.base.qos import Tuning
+from zacoustic.core.peers.contact import PeerFound, PeerLost
+from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
+from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured, Ranging
-from zacoustic.core.peers.reception import Reception
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed, Composer
+from zacoustic.core.schedule.composer import Composed, Composer, Ingredients
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey
+from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.actions.news import ActionEvent
@@ -32,23 +33,15 @@ from zacoustic.core.transport.calls.calls import CallEvent
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.contract import Transport
 from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
-from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress
-from zacoustic.core.transport.reliable.receiving.receiving import ReliableReceiving
-from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.transport.subscriptions.demand import Demand, SubscribersChanged
-from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed, Deadlines
-from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.topics import Topics
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.core.wire.envelope import Envelope, Opened
-from zacoustic.core.wire.frame import DenseAck, DenseString
-from zacoustic.core.wire.objects import Complete, Fragment, Headless, Lacks, Refused
-from zacoustic.core.wire.subscriptions import Subscribe
 from zacoustic.errors import ConfigError
 
 MakeTransport = Callable[[Context], Transport]
@@ -72,7 +65,7 @@ ProtocolEvent = (
 
 
 class Protocols:
-    """The components of one engine.
+    """The components of one engine on one link.
 
     Args:
         context: What they share.
@@ -84,169 +77,67 @@ class Protocols:
     """
 
     def __init__(
-        self,
-        context: Context,
-        rules: TransmitRules,
-        transports: Sequence[MakeTransport] = (),
+        self, context: Context, rules: TransmitRules, transports: Sequence[MakeTransport] = ()
     ) -> None:
-        address, table, emit = context.address, context.table, context.emit
-        peers, handshake, queue = context.peers, context.handshake, context.queue
-        timers, generators, stats = context.timers, context.generators, context.stats
-        journal, doubt = context.journal, context.doubt
-        self._address = address
-        self._journal = journal
-        self._stats = stats
-        self._emit = emit
-        self._doubt = doubt
-        self._epochs_to_keep = 0
-        self.queue, self.handshake = queue, handshake
-        self.contact = Contact(
-            address, table, rules.contact, peers, timers, generators.of("contact"), emit
+        self._context = context
+        self.queue = context.queue
+        self.heartbeats = Heartbeats(
+            context.address,
+            context.table,
+            rules.contact.heartbeat_s,
+            context.generators.of("contact"),
         )
-        self.ranging = Ranging(address, table, timers, generators.of("ranging"), emit)
-        self.repeater = Repeater(
-            queue, peers, timers, generators.of("repeater"), handshake.introduce
+        self.ranging = Ranging(
+            context.address,
+            context.table,
+            context.timers,
+            context.generators.of("ranging"),
+            context.emit,
         )
-        self.demand = Demand(
-            address,
-            table,
-            queue=queue,
-            repeater=self.repeater,
-            handshake=handshake,
-            journal=journal,
-            changed=self._audience_changed,
-            unsubscribed=self._unsubscribed,
-            emit=emit,
+        self.repeater = repeater = Repeater(
+            context.queue,
+            context.peers,
+            context.timers,
+            context.generators.of("repeater"),
+            partial(context.handshake.introduce, context.link),
         )
-        self.deadlines = Deadlines(address, table, self.demand, timers, stats, emit)
-        self.dense = DenseStreams(address, table, handshake, self.demand)
-        self.sending = ReliableSending(
-            address,
-            table,
-            queue=queue,
-            peers=peers,
-            handshake=handshake,
-            demand=self.demand,
-            journal=journal,
-            doubt=doubt,
-            timers=timers,
-            generators=generators,
-            stats=stats,
-            emit=emit,
+        self.services = Services(context, repeater)
+        self.actions = Actions(context, repeater)
+        self.demand = Demand(context, repeater)
+        self.deadlines = Deadlines(context, self.demand)
+        self.topics = Topics(context, rules.objects, self.demand, self.deadlines)
+        context.reception.heard.connect(lambda address, now: repeater.heard(address))
+        context.peers.forgotten.connect(self.ranging.peer_forgotten)
+        self.transports = make_transports(context, transports)
+        self.receiver = Receiver(context.table, context.handshake, context.reception, context.stats)
+        made_of = Ingredients(
+            queue=context.queue,
+            dense=self.topics.dense,
+            ranging=self.ranging,
+            objects=self.objects,
+            heartbeats=self.heartbeats,
+            extensions=tuple(self.transports.values()),
         )
-        self.receiving = ReliableReceiving(
-            address,
-            table,
-            queue=queue,
-            journal=journal,
-            doubt=doubt,
-            timers=timers,
-            rng=generators.of("receiving"),
-            emit=self._hand_on,
-        )
-        self.large = LargeSamples(
-            address,
-            table,
-            rules.objects,
-            handshake=handshake,
-            demand=self.demand,
-            sending=self.sending,
-            receiving=self.receiving,
-            journal=journal,
-            timers=timers,
-            stats=stats,
-            generators=generators,
-            emit=emit,
-        )
-        self.copied = CopiedSamples(queue, handshake, timers)
-        self.topics = Topics(
-            address,
-            table,
-            queue=queue,
-            copied=self.copied,
-            stats=stats,
-            sending=self.sending,
-            receiving=self.receiving,
-            large=self.large,
-            demand=self.demand,
-            dense=self.dense,
-            emit=self._hand_on,
-        )
-        self.services = Services(
-            address,
-            table,
-            queue=queue,
-            repeater=self.repeater,
-            journal=journal,
-            handshake=handshake,
-            begin_epoch=self.begin_epoch,
-            doubt=doubt,
-            timers=timers,
-            stats=stats,
-            emit=emit,
-        )
-        self.actions = Actions(
-            address,
-            table,
-            queue=queue,
-            repeater=self.repeater,
-            journal=journal,
-            handshake=handshake,
-            begin_epoch=self._renew_epoch,
-            doubt=doubt,
-            timers=timers,
-            stats=stats,
-            emit=emit,
-        )
-        self._register(context.reception)
-        self.receiver = Receiver(table, handshake, context.reception, stats)
-        self.transports = self._transports(context, transports)
-        self.composer = Composer(
-            queue,
-            handshake,
-            self.dense,
-            self.ranging,
-            self.large.objects,
-            self.contact,
-            tuple(self.transports.values()),
-            stats,
-        )
-        for each in (self.services, self.actions, self.sending, self.demand, self.dense):
-            peers.restarted.connect(each.peer_restarted)
-        for told in (self.sending.peer_asked, self.dense.peer_asked):
-            peers.asked.connect(told)
-        for stopped in (self.services.stream_differs, self.actions.stream_differs):
-            peers.differs.connect(stopped)
-        context.reception.read.connect(self.sending.heard)
-        context.reception.read.connect(lambda address, now: self.repeater.heard(address))
-        for one in (
-            self.services, self.actions, self.sending, self.receiving, self.demand, self.dense,
-            self.objects, self.copied, self.deadlines, self.ranging,
-        ):  # fmt: skip
-            peers.forgotten.connect(one.peer_forgotten)
-        self._write_epoch()
+        self.composer = Composer(context.link, context.handshake, made_of, context.stats)
 
     @property
     def may_speak(self) -> bool:
-        """The boot epoch is written down: no other life of the node will have it.
-
-        Nor will one where the store cannot be written: it has drawn this one, and draws the next.
-        """
-        return not self._epochs_to_keep or bool(self._journal.failure)
+        """The boot epoch is written down: no other life of the node will have it."""
+        return self._context.epoch.may_speak
 
     @property
     def objects(self) -> Objects:
         """Samples that are larger than a frame, on the channel."""
-        return self.large.objects
+        return self.topics.large.objects
 
     @property
     def is_idle(self) -> bool:
         """Nothing waits."""
-        return not self.queue and self.large.objects.is_idle
+        return not self.queue and self.topics.large.objects.is_idle
 
     def owes_acknowledgement(self, now: int) -> bool:
         """Tell whether something waits that says what has come."""
-        return self.queue.has_acknowledgement or self.large.objects.owes_answer(now)
+        return self.queue.has_acknowledgement or self.topics.large.objects.owes_answer(now)
 
     # Commands
 
@@ -276,7 +167,23 @@ class Protocols:
 
     def pending(self, stream_id: int) -> int:
         """Count the payloads of a stream that wait."""
-        return self.queue.pending(stream_id) + self.large.objects.pending(stream_id)
+        return self.queue.pending(stream_id) + self.topics.large.objects.pending(stream_id)
+
+    def delivering(self, stream_id: int) -> int:
+        """Count the reliable samples of a stream that have not ended."""
+        return self.topics.sending.delivering(stream_id)
+
+    def is_delivering(self, delivery_id: int) -> bool:
+        """Tell whether a reliable sample has not ended."""
+        return self.topics.sending.is_delivering(delivery_id)
+
+    def cancel_delivery(self, delivery_id: int, now: int) -> bool:
+        """Give up a reliable sample; see `Engine.cancel_delivery`."""
+        return self.topics.large.cancel(delivery_id, now)
+
+    def refuse_object(self, source: int, transfer: int, now: int) -> bool:
+        """Refuse the rest of an object; see `Engine.refuse_object`."""
+        return self.topics.large.at(now).objects.cancel_incoming(source, transfer)
 
     def call(self, stream_id: int, value: object, now: int, *, timeout_s: float | None) -> int:
         """Call a service; see `Engine.call`."""
@@ -294,11 +201,17 @@ class Protocols:
         """Answer a request with an error; see `Engine.reply_error`."""
         return self.services.reply_error(call, failure, text, now)
 
+    def tune(self, stream: Stream, tuning: Tuning) -> None:
+        """Lay an override over the QoS of what waits of a topic."""
+        for lane in SAMPLE_LANES:
+            self.queue.tune((stream.stream_id, lane), tuning)
+        self.objects.tune(stream.stream_id, tuning.over(stream.qos).priority, on=tuning.on)
+
     # What is said and heard
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make what goes around a frame on a link."""
-        return Envelope(capabilities, self._address)
+        return Envelope(capabilities, self._context.address)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame is to go, ns; None: nothing is to be said."""
@@ -320,7 +233,8 @@ class Protocols:
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> tuple[int, ...]:
         """Take a frame apart; returns the streams of what was in it."""
-        self._doubt.settle(now)
+        self._context.doubt.settle(now)
+        self._context.peers[opened.source].link = self._context.link
         return self.receiver.handle(opened, frame, port, now)
 
     def overhear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
@@ -331,113 +245,66 @@ class Protocols:
 
     def begin(self, now: int) -> None:
         """This is the first instant of the life; no effect later on."""
-        self.contact.begin(now)
-        self.handshake.begin(now)
+        self.heartbeats.begin(now)
 
-    def recover(self, stored: Mapping[str, bytes]) -> None:
+    def recover(self) -> None:
         """Go on with what a former life has left."""
+        stored = self._context.stored
         self.demand.recover(stored)
-        self.sending.recover(stored)
-        self.receiving.recover(stored)
-        self.large.recover(stored)
+        self.topics.recover(stored)
         self.services.recover(stored)
         self.actions.recover(stored)
-
-    def begin_epoch(self, now: int) -> None:
-        """Begin a new boot epoch: what peers have confirmed is over."""
-        self.handshake.table_changed(now)
-        self.dense.epoch_changed()
-        self._write_epoch()
-        self.services.epoch_changed()
-        self.actions.epoch_changed(now)
 
     def use_link(self, port: LinkPort, now: int) -> None:
         """Take the airtimes of a link, and drop what is too large for it."""
         capabilities = port.capabilities
-        self.handshake.use_link(capabilities)
+        self._context.handshake.use_link(self._context.link, capabilities, now)
         self.ranging.use_link(capabilities)
         times = LinkTimes(capabilities, None if port.access.is_scheduled else port.listening)
-        settling_ns = self.handshake.settling_ns
-        self.copied.use_link(times)
-        self.sending.use_link(times, settling_ns)
+        settling_ns = SETTLING_UNITS * unit_ns(capabilities)
+        self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.actions.use_link(times, settling_ns)
         self.repeater.use_link(times)
-        self.receiving.use_link(times)
         for each in self.transports.values():
             each.use_link(capabilities, now)
-        self.large.objects.use_link(
+        self.topics.large.objects.use_link(
             capabilities, port.envelope.room_bytes, port.listening.pause_ns, now
         )
         oversized = self.queue.limit(port.envelope.room_bytes - TAG_BYTES)
-        self.sending.dropped(oversized, now)
+        self.topics.sending.dropped(oversized, now)
         for _ in oversized:
-            self._stats.drop("oversized")
+            self._context.stats.drop("oversized")
 
     def link_up(self, now: int) -> None:
         """The link is up."""
-        self._doubt.link_up(now)
-        self.receiving.link_up(now)
-        self.sending.link_up(now)
-        self.large.link_up(now)
+        self._context.doubt.link_up(now)
+        self.topics.link_up(now)
         self.repeater.link_up()
         self.services.link_up(now)
         self.actions.link_up(now)
         for each in self.transports.values():
             each.link_up(now)
 
+    def note(self, now: int) -> None:
+        """Something is called back now that is not told the instant."""
+        self.topics.large.at(now)
+
     def handle_timeout(self, now: int) -> None:
         """The node is awake, and timers may be due: do what has no instant of its own."""
-        self.large.at(now)
-        self.copied.sweep(now)
+        self.topics.awake(now)
 
-    # Below the methods above
 
-    def _transports(
-        self, context: Context, makers: Sequence[MakeTransport]
-    ) -> dict[str, Transport]:
-        made: dict[str, Transport] = {}
-        for make in makers:
-            each = make(context)
-            if not each.name or each.name in made:
-                raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
-            made[each.name] = each
-        return made
+def make_transports(context: Context, makers: Sequence[MakeTransport]) -> dict[str, Transport]:
+    """Make transports of somebody else; returns them by name.
 
-    def _register(self, reception: Reception) -> None:
-        """Say who takes what of a frame."""
-        reception.on_records(TopicSpec, self.topics.receive, self.topics.receive_ack)
-        reception.on_records(ServiceSpec, self.services.receive)
-        reception.on_records(ActionSpec, self.actions.receive)
-        reception.on(DenseString, self.topics.receive_block)
-        reception.on(DenseAck, self.dense.acknowledged)
-        reception.on(Fragment, self.large.fragment)
-        for kind in (Lacks, Complete, Refused, Headless):
-            reception.on(kind, self.large.feedback)
-        reception.on(Subscribe, self.demand.receive)
-
-    def _renew_epoch(self, now: int) -> bool:
-        """Begin a new epoch unless a call is under way, which would not survive it."""
-        if self.services.is_calling:
-            return False
-        self.begin_epoch(now)
-        return True
-
-    def _audience_changed(self, stream: Stream, newcomers: Set[int], now: int) -> None:
-        self.topics.audience_changed(stream, newcomers, now)
-
-    def _write_epoch(self) -> None:
-        self._epochs_to_keep += 1
-        epoch_bytes = self.handshake.epoch.to_bytes(2, "big")
-        self._journal.write(EPOCH_KEY, epoch_bytes, self._epoch_kept)
-
-    def _epoch_kept(self, now: int) -> None:
-        self._epochs_to_keep -= 1
-
-    def _unsubscribed(self, stream_id: int, sources: Set[int], now: int) -> None:
-        self.large.unsubscribed(stream_id, sources, now)
-
-    def _hand_on(self, sample: SampleReceived, now: int) -> None:
-        count(self._stats.received, sample.stream_id)
-        self.deadlines.handed_on(sample, now)
-        self._emit(sample)
+    Raises:
+        ConfigError: Two have the same name, or one has none.
+    """
+    made: dict[str, Transport] = {}
+    for make in makers:
+        each = make(context)
+        if not each.name or each.name in made:
+            raise ConfigError(f"transport {each.name!r}: allowed: a name of its own")
+        made[each.name] = each
+    return made

@@ -31,12 +31,11 @@ class Actions:
     def __init__(self, context: Context, repeater: Repeater) -> None:
         self._address = context.address
         self._table = context.table
-        self._post = post = GoalPost(
-            context.address, context.queue, repeater, context.handshake
-        )
+        self._post = post = GoalPost(context.address, context.queue, repeater, context.handshake)
         self._client = GoalClient(context, post)
         self._server = GoalServer(context, post)
         context.reception.on_records(ActionSpec, self.receive)
+        context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.differs.connect(self.stream_differs)
         context.peers.forgotten.connect(self.peer_forgotten)

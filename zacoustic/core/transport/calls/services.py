@@ -70,6 +70,8 @@ class Services:
         self._clients = ClientCalls(first_number=_first_number(context.handshake.epoch))
         self._answering = Answering(context, repeater)
         context.reception.on_records(ServiceSpec, self.receive)
+        context.epoch.began.connect(self.epoch_changed)
+        context.epoch.outlast(lambda: self.is_calling)
         context.peers.restarted.connect(self._answering.peer_restarted)
         context.peers.differs.connect(self.stream_differs)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -189,7 +191,7 @@ class Services:
         self._clients.forget(address)
         self._answering.peer_forgotten(address, now)
 
-    def epoch_changed(self) -> None:
+    def epoch_changed(self, now: int) -> None:
         """This node has begun a new epoch.
 
         A CONFIRM that waits names a call by the epoch it is sent in: it would be taken for one of

@@ -61,7 +61,7 @@ class Demand:
         """``(topic, newcomers, now)``: others subscribe to a topic than before."""
         self.changed.connect(self._tell)
         self.unsubscribed = Signal[int, Set[int], int]()
-        """``(stream_id, sources, now)``: this node does not want a topic of these nodes any more."""
+        """``(stream_id, sources, now)``: this node wants a topic of these nodes no longer."""
         context.reception.on(Subscribe, self.receive)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -190,9 +190,7 @@ class Demand:
     def _tell(self, stream: Stream, newcomers: Set[int], now: int) -> None:
         subscribers = tuple(sorted(self._audiences.of(stream)))
         self._emit(
-            SubscribersChanged(
-                stream_id=stream.stream_id, subscribers=subscribers, changed_at=now
-            )
+            SubscribersChanged(stream_id=stream.stream_id, subscribers=subscribers, changed_at=now)
         )
 
     def _answer(self, source: int, letter: Subscribe, now: int) -> None:

@@ -80,6 +80,7 @@ class DenseStreams:
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
         context.reception.on(DenseAck, self.acknowledged)
+        context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.asked.connect(self.peer_asked)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -194,7 +195,7 @@ class DenseStreams:
         if self._speaker is not None:
             self._speaker.forget(address)
 
-    def epoch_changed(self) -> None:
+    def epoch_changed(self, now: int) -> None:
         """This node begins a new epoch: all blocks, sent and received, were in the old one."""
         self._speaker = None
         self._heard.clear()

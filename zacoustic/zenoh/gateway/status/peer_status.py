@@ -19,9 +19,9 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.engine.commands import AwaitedSamples
 from zacoustic.core.peers.contact import Contact
 from zacoustic.core.peers.measurements import Measurements
-from zacoustic.core.transport.topics.deadlines import Deadlines
 
 
 class PeerStatus:
@@ -40,7 +40,7 @@ class PeerStatus:
         self,
         measurements: Measurements,
         contact: Contact,
-        deadlines: Deadlines,
+        deadlines: AwaitedSamples,
         *,
         address: int,
         clock: Clock,

@@ -87,9 +87,7 @@ class ReliableReceiving:
         hand_on: Takes the samples in their order, and the instant.
     """
 
-    def __init__(
-        self, context: Context, hand_on: Callable[[SampleReceived, int], None]
-    ) -> None:
+    def __init__(self, context: Context, hand_on: Callable[[SampleReceived, int], None]) -> None:
         self._address = context.address
         self._table = context.table
         self._queue = context.queue
